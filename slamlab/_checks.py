@@ -1,0 +1,164 @@
+"""Checks at the door: the few helpers by which public functions refuse bad input.
+
+Every message names the argument, what was expected and what came.
+Floor 0 of the house: everything may import this, it imports nothing of ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def as_array(
+    name: str, value: ArrayLike, shape: Sequence[int | str | None] | None = None
+) -> Array:
+    """Return `value` as a finite array of floats of the given trailing shape.
+
+    A float32 array stays float32, everything else becomes float64.
+
+    Parameters
+    ----------
+    name : str
+        The argument's name, for the message.
+    value : array_like
+        What the caller gave.
+    shape : sequence of int, str or None, optional
+        Expected shape. An int is an exact length, a str or None stands for any length. If the
+        first entry is ``"..."``, any leading axes may come before the rest.
+
+    Raises
+    ------
+    ValueError
+        If `value` is no numeric array, has another shape, or holds NaN or infinity.
+    """
+    array = as_shaped(name, value, shape)
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"{name}: expected finite numbers, got {array[where]} at index {where}")
+    return array
+
+
+def as_shaped(
+    name: str, value: ArrayLike, shape: Sequence[int | str | None] | None = None
+) -> Array:
+    """Like `as_array`, but NaN and infinity may pass (a missing measurement, a lost beam)."""
+    try:
+        array = np.asarray(value)
+        if array.dtype != np.float32:
+            array = array.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: expected an array of numbers, got {value!r}") from error
+    if shape is not None and not _shape_fits(array.shape, tuple(shape)):
+        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
+        raise ValueError(f"{name}: expected shape {wanted}, got {array.shape}")
+    return array
+
+
+def _shape_fits(shape: tuple[int, ...], wanted: tuple[int | str | None, ...]) -> bool:
+    if wanted and wanted[0] == "...":
+        wanted = wanted[1:]
+        shape = shape[len(shape) - len(wanted) :] if len(shape) >= len(wanted) else (-1,)
+    if len(shape) != len(wanted):
+        return False
+    return all(not isinstance(w, int) or w == s for s, w in zip(shape, wanted, strict=True))
+
+
+def as_covariance(name: str, value: ArrayLike, dim: int | None = None) -> Array:
+    """Return `value` as a symmetric positive semi-definite matrix (..., dim, dim).
+
+    Asymmetry and negative eigenvalues within rounding (1e-9 of the largest entry) pass, and the
+    returned matrix is exactly symmetric.
+
+    Raises
+    ------
+    ValueError
+        If the matrix is not square of size `dim`, not finite, not symmetric or has a negative
+        eigenvalue; the message gives the offending figure.
+    """
+    size: int | str = "n" if dim is None else dim
+    cov = as_array(name, value, ("...", size, size))
+    if cov.shape[-1] != cov.shape[-2]:
+        raise ValueError(f"{name}: expected a square matrix, got shape {cov.shape}")
+    transposed = np.swapaxes(cov, -1, -2)
+    scale = np.abs(cov).max(axis=(-2, -1), initial=0.0)
+    asymmetry = np.abs(cov - transposed).max(axis=(-2, -1), initial=0.0)
+    if (asymmetry > 1e-9 * scale).any():
+        raise ValueError(
+            f"{name}: expected a symmetric matrix, asymmetry is {asymmetry.max():.3g}"
+        )
+    cov = 0.5 * (cov + transposed)
+    if cov.size:
+        smallest = np.linalg.eigvalsh(cov)[..., 0]
+        if (smallest < -1e-9 * scale).any():
+            raise ValueError(
+                f"{name}: expected a positive semi-definite matrix, "
+                f"smallest eigenvalue is {smallest.min():.3g}"
+            )
+    return cov
+
+
+def as_scalar(name: str, value: Any, low: float = -np.inf, high: float = np.inf) -> float:
+    """Return `value` as a float in the closed interval [low, high] (infinite only if a bound is).
+
+    Raises
+    ------
+    ValueError
+        If it is no number, is NaN, or lies outside.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: expected a number, got {value!r}") from error
+    if not low <= number <= high:
+        raise ValueError(f"{name}: expected a number in [{low:g}, {high:g}], got {number:g}")
+    return number
+
+
+def as_count(name: str, value: Any, low: int = 0) -> int:
+    """Return `value` as an int of at least `low`.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number or too small.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise ValueError(f"{name}: expected a whole number, got {value!r}")
+    if value < low:
+        raise ValueError(f"{name}: expected at least {low}, got {value}")
+    return int(value)
+
+
+def as_choice(name: str, value: Any, choices: Sequence[str]) -> str:
+    """Return `value` if it is one of `choices`.
+
+    Raises
+    ------
+    ValueError
+        If it is not; the message lists the choices.
+    """
+    if value not in choices:
+        raise ValueError(f"{name}: expected one of {', '.join(map(repr, choices))}, got {value!r}")
+    return str(value)
+
+
+def as_rng(name: str, value: Any) -> np.random.Generator:
+    """Return `value` if it is a NumPy random generator (randomness is always passed in).
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, a bare seed included.
+    """
+    if not isinstance(value, np.random.Generator):
+        raise ValueError(
+            f"{name}: expected a numpy.random.Generator such as np.random.default_rng(1), "
+            f"got {value!r}"
+        )
+    return value

@@ -1,0 +1,163 @@
+"""Gaussian beliefs: mean and covariance, distance, ellipse.
+
+The common currency of all filters (P5 section 1.4, P1 (5)). Floor 0 of the house.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gammaincinv
+
+from slamlab._checks import Array, as_array, as_covariance, as_scalar
+
+__all__ = ["Ellipse", "Gaussian", "confidence_ellipse", "mahalanobis_squared"]
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussian:
+    """A normal belief; leading axes are a batch of beliefs.
+
+    Parameters
+    ----------
+    mean : array_like, shape (..., n)
+    cov : array_like, shape (..., n, n)
+        Covariance; symmetric and positive semi-definite.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, a number is not finite, or `cov` is no covariance.
+    """
+
+    mean: Array
+    cov: Array
+
+    def __post_init__(self) -> None:
+        """Check and store both as float64 arrays."""
+        mean = as_array("mean", self.mean, ("...", "n"))
+        cov = as_covariance("cov", self.cov, mean.shape[-1])
+        object.__setattr__(self, "mean", mean)
+        object.__setattr__(self, "cov", cov)
+
+    @property
+    def dim(self) -> int:
+        """Dimension n of the state."""
+        return int(self.mean.shape[-1])
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations, shape (..., n)."""
+        return np.sqrt(np.diagonal(self.cov, axis1=-2, axis2=-1))
+
+    def sample(self, rng: np.random.Generator, size: int | tuple[int, ...] = ()) -> Array:
+        """Draw samples, shape (*size, ..., n); a singular covariance is allowed."""
+        size = (size,) if isinstance(size, int) else size
+        values, vectors = np.linalg.eigh(self.cov)
+        root = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
+        noise = rng.standard_normal((*size, *self.mean.shape))
+        return self.mean + (root @ noise[..., None])[..., 0]
+
+
+def mahalanobis_squared(residual: ArrayLike, cov: ArrayLike) -> Array:
+    """Squared Mahalanobis distance r^T C^-1 r, the number that a gate compares.
+
+    Parameters
+    ----------
+    residual : array_like, shape (..., n)
+    cov : array_like, shape (..., n, n)
+        Positive definite; leading axes broadcast with those of `residual`.
+
+    Returns
+    -------
+    ndarray, shape (...)
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a number is not finite, or `cov` is not positive definite.
+
+    Examples
+    --------
+    >>> float(mahalanobis_squared([2.0, 0.0], [[4.0, 0.0], [0.0, 1.0]]))
+    1.0
+    """
+    residual = as_array("residual", residual, ("...", "n"))
+    n = residual.shape[-1]
+    cov = as_array("cov", cov, ("...", n, n))
+    try:
+        root = np.linalg.cholesky(cov)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("cov: expected a positive definite matrix, Cholesky failed") from error
+    white = np.linalg.solve(root, residual[..., None])[..., 0]
+    return (white * white).sum(-1)
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """Confidence ellipse of a planar Gaussian.
+
+    Attributes
+    ----------
+    center : ndarray, shape (..., 2)
+        Centre (m).
+    half_axes : ndarray, shape (..., 2)
+        Half lengths (m), the longer first.
+    angle : ndarray, shape (...)
+        Direction of the longer axis (rad), in (-pi/2, pi/2].
+    """
+
+    center: Array
+    half_axes: Array
+    angle: Array
+
+    def points(self, n: int = 60) -> Array:
+        """Return a closed polygon of n + 1 points on the ellipse, shape (..., n + 1, 2)."""
+        t = np.linspace(0.0, 2 * np.pi, n + 1)
+        a = self.half_axes[..., 0, None] * np.cos(t)
+        b = self.half_axes[..., 1, None] * np.sin(t)
+        angle = np.asarray(self.angle)
+        c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
+        return self.center[..., None, :] + np.stack([c * a - s * b, s * a + c * b], -1)
+
+
+def confidence_ellipse(mean: ArrayLike, cov: ArrayLike, probability: float = 0.95) -> Ellipse:
+    """Ellipse that holds a planar Gaussian with the given probability.
+
+    Parameters
+    ----------
+    mean : array_like, shape (..., 2)
+        Centre (m).
+    cov : array_like, shape (..., 2, 2)
+        Covariance (m^2); may be singular.
+    probability : float, default 0.95
+        In [0, 1). The half axes are sqrt(q lambda), q the chi-square quantile of 2 degrees.
+
+    Returns
+    -------
+    Ellipse
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, `cov` is no covariance, or `probability` is outside [0, 1).
+
+    Examples
+    --------
+    >>> confidence_ellipse([0, 0], [[4.0, 0.0], [0.0, 1.0]]).half_axes.round(3).tolist()
+    [4.895, 2.448]
+    """
+    mean = as_array("mean", mean, ("...", 2))
+    cov = as_covariance("cov", cov, 2)
+    probability = as_scalar("probability", probability, 0.0, np.nextafter(1.0, 0.0))
+    values, vectors = np.linalg.eigh(cov)
+    quantile = 2 * gammaincinv(1.0, probability)
+    half_axes = np.sqrt(quantile * np.clip(values[..., ::-1], 0.0, None))
+    major = vectors[..., :, 1]
+    angle = np.arctan2(major[..., 1], major[..., 0])
+    angle = np.where(angle <= -np.pi / 2, angle + np.pi, angle)
+    angle = np.where(angle > np.pi / 2, angle - np.pi, angle)
+    center = np.broadcast_to(mean, half_axes.shape)
+    return Ellipse(center, half_axes, angle[()])
