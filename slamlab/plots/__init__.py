@@ -1,0 +1,32 @@
+"""Figures in the course's one encoding (STYLE: colours, tables, helpers). Floor 6 of the house."""
+
+from slamlab.plots._draw import (
+    ellipse,
+    error_band,
+    floor,
+    landmarks,
+    lidar_points,
+    occupancy,
+    particles,
+    path,
+    walls,
+)
+from slamlab.plots._style import COLOURS, line_style, use_style
+from slamlab.plots._table import Table, claims
+
+__all__ = [
+    "COLOURS",
+    "Table",
+    "claims",
+    "ellipse",
+    "error_band",
+    "floor",
+    "landmarks",
+    "lidar_points",
+    "line_style",
+    "occupancy",
+    "particles",
+    "path",
+    "use_style",
+    "walls",
+]

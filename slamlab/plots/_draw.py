@@ -1,0 +1,166 @@
+"""Drawing helpers: each takes the axes first and draws one thing in the course's encoding."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+from numpy.typing import ArrayLike
+
+from slamlab._checks import as_array, as_shaped
+from slamlab.gaussian import confidence_ellipse
+from slamlab.plots._style import COLOURS, line_style
+
+__all__ = [
+    "ellipse",
+    "error_band",
+    "floor",
+    "landmarks",
+    "lidar_points",
+    "occupancy",
+    "particles",
+    "path",
+    "walls",
+]
+
+
+def path(
+    ax: Axes, poses: ArrayLike, kind: str = "estimate", label: str | None = None, **style: Any
+) -> Line2D:
+    """Draw a path of poses (n, 3) or points (n, 2), in metres, as a line of the given kind."""
+    poses = as_shaped("poses", poses, ("n", None))
+    return ax.plot(poses[:, 0], poses[:, 1], label=label, **(line_style(kind) | style))[0]
+
+
+def ellipse(
+    ax: Axes, mean: ArrayLike, cov: ArrayLike, kind: str = "estimate", probability: float = 0.95
+) -> Polygon:
+    """Draw the confidence ellipse of a planar belief, filled at 20 %.
+
+    Parameters
+    ----------
+    ax : Axes
+    mean : array_like, shape (2,) or (3,)
+        Only x and y are drawn (m).
+    cov : array_like, shape (2, 2) or (3, 3)
+    kind : str
+        A key of `COLOURS`.
+    probability : float
+    """
+    mean = as_array("mean", mean, ("n",))[:2]
+    cov = as_array("cov", cov, ("n", "n"))[:2, :2]
+    outline = confidence_ellipse(mean, cov, probability).points()
+    patch = Polygon(outline, closed=True, facecolor=COLOURS[kind] + "33", edgecolor=COLOURS[kind])
+    ax.add_patch(patch)
+    ax.update_datalim(outline)
+    return patch
+
+
+def landmarks(
+    ax: Axes, points: ArrayLike, estimated: bool = False, label: str | None = None
+) -> Line2D:
+    """Draw landmarks (n, 2): true ones as black star outlines, estimated ones as blue crosses."""
+    points = as_shaped("points", points, ("n", 2))
+    if estimated:
+        style: dict[str, Any] = {"marker": "x", "color": COLOURS["estimate"], "markersize": 7}
+    else:
+        style = {"marker": "*", "color": COLOURS["landmark"], "markersize": 11, "mfc": "none"}
+    return ax.plot(*points.T, linestyle="none", label=label, **style)[0]
+
+
+def particles(ax: Axes, poses: ArrayLike, label: str | None = None) -> Line2D:
+    """Draw particles (n, 2) or (n, 3) as blue dots at 25 %."""
+    poses = as_array("poses", poses, ("n", None))
+    style: dict[str, Any] = {"marker": ".", "alpha": 0.25, "color": COLOURS["particle"]}
+    return ax.plot(
+        poses[:, 0], poses[:, 1], linestyle="none", rasterized=True, label=label, **style
+    )[0]
+
+
+def lidar_points(ax: Axes, points: ArrayLike, s: float = 0.5, label: str | None = None) -> Line2D:
+    """Draw lidar end points (..., 2), in metres; NaN (no echo) is left out."""
+    points = as_shaped("points", points, ("...", 2)).reshape(-1, 2)
+    return ax.plot(
+        *points.T,
+        linestyle="none",
+        marker="o",
+        markersize=s,
+        markeredgewidth=0,
+        color=COLOURS["lidar"],
+        rasterized=True,
+        label=label,
+    )[0]
+
+
+def walls(ax: Axes, segments: ArrayLike, label: str | None = None) -> LineCollection:
+    """Draw walls (k, 2, 2), two end points each, in metres."""
+    segments = as_array("segments", segments, ("k", 2, 2))
+    style = line_style("wall")
+    lines = LineCollection(list(segments), colors=style["color"], linewidths=style["linewidth"])
+    lines.set_label(label or "_nolegend_")
+    ax.add_collection(lines)
+    ax.autoscale_view()
+    return lines
+
+
+def floor(ax: Axes) -> None:
+    """Make the axes a floor plan: equal scale, metres."""
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel("x (m)")
+    ax.set_ylabel("y (m)")
+
+
+def error_band(
+    ax: Axes, t: ArrayLike, error: ArrayLike, sigma: ArrayLike, label: str, kind: str = "estimate"
+) -> Line2D:
+    """Draw an error over time with the +-2 sigma tube that the filter claims.
+
+    Parameters
+    ----------
+    ax : Axes
+    t, error, sigma : array_like, shape (n,)
+        Time (s), error and claimed standard deviation, in one unit.
+    label : str
+    kind : str
+        A key of `COLOURS`.
+    """
+    t = as_array("t", t, ("n",))
+    error = as_shaped("error", error, (len(t),))
+    sigma = as_shaped("sigma", sigma, (len(t),))
+    ax.fill_between(
+        t, -2 * sigma, 2 * sigma, color=COLOURS[kind], alpha=0.2, lw=0, label="±2σ claimed"
+    )
+    ax.axhline(0.0, color="0.3", lw=0.8)
+    return ax.plot(t, error, label=label, **line_style(kind))[0]
+
+
+def occupancy(ax: Axes, probability: ArrayLike, extent: ArrayLike) -> AxesImage:
+    """Draw an occupancy map: white free, grey unknown, black occupied.
+
+    Parameters
+    ----------
+    ax : Axes
+    probability : array_like, shape (rows, columns)
+        Probability that a cell is occupied; row 0 at the bottom.
+    extent : array_like, shape (4,)
+        Left, right, bottom, top (m).
+    """
+    probability = as_array("probability", probability, ("rows", "columns"))
+    left, right, bottom, top = np.asarray(extent, dtype=float)
+    image = ax.imshow(
+        probability,
+        cmap="gray_r",
+        vmin=0.0,
+        vmax=1.0,
+        origin="lower",
+        extent=(left, right, bottom, top),
+        interpolation="nearest",
+    )
+    ax.grid(False)
+    floor(ax)
+    return image

@@ -1,0 +1,78 @@
+"""Tables of results: a Markdown table in the notebook and in the book, plain text in a terminal.
+
+The entries come from computed values, so that nbval compares what the prose claims.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Table", "claims"]
+
+
+class Table:
+    """A table that displays itself.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Column heads; Markdown and ``$math$`` may be used.
+    rows : iterable of sequences
+        One entry a column. Floats are shown with four significant digits.
+    caption : str, optional
+        One line above the table.
+
+    Raises
+    ------
+    ValueError
+        If a row has another number of entries than there are columns.
+    """
+
+    def __init__(
+        self, columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = ""
+    ) -> None:
+        self.columns = [str(c) for c in columns]
+        self.rows = [[_text(entry) for entry in row] for row in rows]
+        self.caption = caption
+        for number, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ValueError(
+                    f"rows: expected {len(self.columns)} entries in row {number}, got {len(row)}"
+                )
+
+    def __repr__(self) -> str:
+        """Return the same table as plain text."""
+        lines = [self.columns, *self.rows]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
+        text = ["  ".join(e.ljust(w) for e, w in zip(line, widths, strict=True)) for line in lines]
+        text.insert(1, "  ".join("-" * w for w in widths))
+        return "\n".join([*([self.caption] if self.caption else []), *(t.rstrip() for t in text)])
+
+    def _repr_markdown_(self) -> str:
+        head = [f"**{self.caption}**", ""] if self.caption else []
+        rule = "|" + " --- |" * len(self.columns)
+        rows = ["| " + " | ".join(row) + " |" for row in self.rows]
+        return "\n".join([*head, "| " + " | ".join(self.columns) + " |", rule, *rows])
+
+
+def claims(rows: Iterable[Sequence[Any]]) -> Table:
+    """Return the table *paper's claim | paper's number | ours | verdict* of every chapter.
+
+    Parameters
+    ----------
+    rows : iterable of sequences of 4
+        Claim, the paper's number ("none given" where there is none), ours, and the verdict
+        (confirmed, refuted, overclaim, typo, wrong ...).
+    """
+    return Table(("paper's claim", "paper's number", "ours", "verdict"), rows)
+
+
+def _text(entry: Any) -> str:
+    if isinstance(entry, bool | np.bool_):
+        return "yes" if entry else "no"
+    if isinstance(entry, float | np.floating):
+        return f"{entry:.4g}"
+    return str(entry).replace("\n", " ")

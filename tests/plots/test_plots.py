@@ -1,0 +1,70 @@
+"""Figures: the encoding of the course, tables that show what they are given."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+from slamlab import plots
+
+
+@pytest.fixture
+def ax():
+    plots.use_style()
+    figure, ax = plt.subplots()
+    yield ax
+    plt.close(figure)
+
+
+@pytest.mark.parametrize(
+    ("kind", "colour", "style"),
+    [
+        ("truth", "#000000", "-"),
+        ("dead_reckoning", "#D55E00", "--"),
+        ("estimate", "#0072B2", "-"),
+        ("wrong", "#AA4488", "-."),
+    ],
+)
+def test_a_path_has_its_colour_and_a_line_style_beside_it(ax, kind, colour, style):
+    line = plots.path(ax, np.zeros((3, 3)), kind, label="robot")
+    assert (line.get_color(), line.get_linestyle()) == (colour, style)
+
+
+def test_an_unknown_kind_is_named(ax):
+    with pytest.raises(ValueError, match="kind: expected one of 'truth'"):
+        plots.path(ax, np.zeros((3, 3)), "guess")
+
+
+def test_an_ellipse_stays_inside_the_view_and_takes_poses(ax):
+    patch = plots.ellipse(ax, [10.0, 5.0, 0.3], np.diag([4.0, 1.0, 0.1]))
+    ax.autoscale_view()
+    assert ax.get_xlim()[0] < 10 - 4.8
+    assert patch.get_facecolor()[3] == pytest.approx(0.2)
+
+
+def test_every_helper_draws(ax):
+    plots.landmarks(ax, [[0, 0], [1, 1]])
+    plots.landmarks(ax, [[np.nan, 0], [1, 1]], estimated=True)
+    plots.particles(ax, np.zeros((4, 3)))
+    plots.lidar_points(ax, np.full((2, 3, 2), np.nan))
+    plots.walls(ax, [[[0, 0], [1, 0]]])
+    plots.error_band(ax, [0, 1], [0.1, 0.2], [0.2, 0.2], "x")
+    image = plots.occupancy(ax, np.array([[0.0, 1.0], [0.5, 0.5]]), (0, 2, 0, 2))
+    assert image.origin == "lower"
+    assert ax.get_xlabel() == "x (m)"
+    ax.figure.canvas.draw()
+
+
+def test_a_table_shows_the_same_numbers_as_text_and_as_markdown():
+    table = plots.Table(("what", "value"), [("pi", np.pi), ("fine", True)], caption="Numbers")
+    assert "3.142" in repr(table)
+    assert "| pi | 3.142 |" in table._repr_markdown_()
+    assert "yes" in repr(table)
+    with pytest.raises(ValueError, match="rows: expected 2 entries in row 0, got 1"):
+        plots.Table(("a", "b"), [(1,)])
+
+
+def test_claims_have_four_columns():
+    assert plots.claims([("fast", "1 ms", 0.5, "confirmed")]).columns[-1] == "verdict"
