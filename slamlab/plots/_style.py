@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib import resources
 from typing import Any
 
-import matplotlib as mpl
+import matplotlib.style
 
 from slamlab._checks import as_choice
 
@@ -23,7 +23,7 @@ COLOURS = {
     "particle": "#0072B2",
     "lidar": "#009E73",
     "wall": "#555555",
-    "wrong": "#AA4488",
+    "wrong": "#CC79A7",
 }
 
 _LINES: dict[str, dict[str, Any]] = {
@@ -42,7 +42,7 @@ def use_style() -> None:
     """Use the course's style sheet, and in a notebook draw at twice the density."""
     sheet = resources.files("slamlab.plots") / "slamlab.mplstyle"
     with resources.as_file(sheet) as path:
-        mpl.style.use(path)
+        matplotlib.style.use(path)
     try:
         from IPython import get_ipython
         from matplotlib_inline.backend_inline import set_matplotlib_formats

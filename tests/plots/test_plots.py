@@ -24,7 +24,7 @@ def ax():
         ("truth", "#000000", "-"),
         ("dead_reckoning", "#D55E00", "--"),
         ("estimate", "#0072B2", "-"),
-        ("wrong", "#AA4488", "-."),
+        ("wrong", "#CC79A7", "-."),
     ],
 )
 def test_a_path_has_its_colour_and_a_line_style_beside_it(ax, kind, colour, style):
