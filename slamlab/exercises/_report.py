@@ -98,64 +98,76 @@ def run_checks(
     Report
         Also printed.
     """
-    lines: list[str] = []
-    messages: list[str] = []
-    held = 0
-    for item in properties:
-        ok, said, message = _try(student, item, mistakes)
-        held += ok
-        lines += said
-        if message == NOTHING_YET:
-            lines = [f"  {NOTHING_YET}"]
-            messages = [NOTHING_YET]
-            break
-        if message and message not in messages:
-            messages.append(message)
-            lines.append(f"       -> {message}")
-    passed = held == len(properties)
-    head = f"{title}: {held} of {len(properties)} properties hold"
-    text = "\n".join([head + (". Well done" if passed else ""), *lines])
+    outcomes = [_try(student, item) for item in properties]
+    if any(outcome.nothing for outcome in outcomes):
+        return _print(title, 0, len(properties), [f"  {NOTHING_YET}"], (NOTHING_YET,))
+    failed = [o for o in outcomes if not o.ok]
+    messages = _name_mistakes(failed, mistakes)
+    lines = [line for outcome in outcomes for line in outcome.lines]
+    lines += [f"  -> {message}" for message in messages]
+    return _print(title, len(outcomes) - len(failed), len(outcomes), lines, messages)
+
+
+def _print(
+    title: str, held: int, total: int, lines: list[str], messages: tuple[str, ...]
+) -> Report:
+    passed = held == total
+    head = f"{title}: {held} of {total} properties hold" + (". Well done" if passed else "")
+    text = "\n".join([head, *lines])
     print(text)
-    return Report(passed, text, tuple(messages))
+    return Report(passed, text, messages)
 
 
-def _try(
-    student: Callable[..., Any], item: Property, mistakes: Sequence[Mistake]
-) -> tuple[bool, list[str], str]:
-    """Return whether the property holds, the lines to print, and the mistake's message."""
+@dataclass(frozen=True)
+class _Outcome:
+    """What a student's function did on one property; `came` is None where it raised."""
+
+    item: Property
+    ok: bool
+    lines: tuple[str, ...] = ()
+    came: Any = None
+    nothing: bool = False
+
+
+def _try(student: Callable[..., Any], item: Property) -> _Outcome:
+    tried = f"       tried {_show(item.arguments)}"
     try:
         came = student(*_copies(item.arguments))
+    except NotImplementedError:
+        return _Outcome(item, False, nothing=True)
     except Exception as error:  # a student's exception is shown, not raised
-        if isinstance(error, NotImplementedError):
-            return False, [], NOTHING_YET
-        lines = [
-            f"  NO   {item.name}",
-            f"       tried {_show(item.arguments)}",
-            f"       your function raised {type(error).__name__}: {error}",
-        ]
-        return False, lines, ""
+        raised = f"       your function raised {type(error).__name__}: {error}"
+        return _Outcome(item, False, (f"  NO   {item.name}", tried, raised))
     if came is None or came is Ellipsis:
-        return False, [], NOTHING_YET
+        return _Outcome(item, False, nothing=True)
     if _agree(came, item.expected, item.tolerance):
-        return True, [f"  ok   {item.name}"], ""
-    lines = [
-        f"  NO   {item.name}",
-        f"       tried {_show(item.arguments)}",
-        f"       came  {_show(came)}",
-        f"       due   {_show(item.expected)}",
-    ]
-    return False, lines, _name_mistake(came, item, mistakes)
+        return _Outcome(item, True, (f"  ok   {item.name}",), came)
+    both = (f"       came  {_show(came)}", f"       due   {_show(item.expected)}")
+    return _Outcome(item, False, (f"  NO   {item.name}", tried, *both), came)
+
+
+def _name_mistakes(failed: Sequence[_Outcome], mistakes: Sequence[Mistake]) -> tuple[str, ...]:
+    """Name the one mistake that explains every failure, or else one for each failure."""
+    wrong = [outcome for outcome in failed if outcome.came is not None]
+    for mistake in mistakes:
+        if wrong and all(_explains(mistake, outcome) for outcome in wrong):
+            return (mistake.message,)
+    found = [_name_mistake(o.came, o.item, mistakes) for o in wrong]
+    return tuple(dict.fromkeys(message for message in found if message))
+
+
+def _explains(mistake: Mistake, outcome: _Outcome) -> bool:
+    try:
+        wrong = mistake.function(*_copies(outcome.item.arguments))
+    except Exception:  # a known mistake may be undefined on these arguments
+        return False
+    return _agree(outcome.came, wrong, max(outcome.item.tolerance, 1e-9))
 
 
 def _name_mistake(came: Any, item: Property, mistakes: Sequence[Mistake]) -> str:
-    for mistake in mistakes:
-        try:
-            wrong = mistake.function(*_copies(item.arguments))
-        except Exception:  # a known mistake may be undefined on these arguments
-            continue
-        if _agree(came, wrong, max(item.tolerance, 1e-9)):
-            return mistake.message
-    return _shape_hint(came, item.expected)
+    outcome = _Outcome(item, False, came=came)
+    named = (mistake.message for mistake in mistakes if _explains(mistake, outcome))
+    return next(named, _shape_hint(came, item.expected))
 
 
 def _shape_hint(came: Any, expected: Any) -> str:
