@@ -1,0 +1,602 @@
+"""Pose graphs: a trajectory from relative measurements, by nonlinear least squares.
+
+Grisetti et al. 2010, "A tutorial on graph-based SLAM"; error as in g2o. P5 cites the method.
+Chapter 00 uses it on real data, chapter 13 derives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from slamlab._checks import Array, as_array, as_choice, as_count, as_covariance, as_scalar
+from slamlab.geometry import wrap_angle
+from slamlab.slam import _g2o
+from slamlab.slam._g2o import Scans
+from slamlab.slam._sparse import BlockSystem, SingularError
+
+__all__ = ["PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
+
+# 95 % of honest errors (three degrees of freedom) lie within this Mahalanobis distance.
+_KERNEL_WIDTH = 2.7955
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What an optimisation ended with.
+
+    Attributes
+    ----------
+    poses : ndarray, shape (n, 3)
+        Optimised poses: x, y (m), theta (rad) in the world.
+    chi2 : float
+        Sum of e^T Omega e at `poses`, without any kernel.
+    history : ndarray, shape (iterations + 1,)
+        What was minimised, before the first step and after every step: chi2 itself, or with a
+        robust kernel the kernel's cost.
+    iterations : int
+        Number of steps taken.
+    converged : bool
+        True only if the last step changed the cost by less than the tolerance.
+    weights : ndarray, shape (m,)
+        Weight of every edge in the last step, in [0, 1]; all 1 without a kernel.
+    message : str
+        Why it stopped, in words.
+    """
+
+    poses: Array
+    chi2: float
+    history: Array
+    iterations: int
+    converged: bool
+    weights: Array
+    message: str
+
+
+def edge_error(pose_i: ArrayLike, pose_j: ArrayLike, measurement: ArrayLike) -> Array:
+    """Error of measured relative poses, in the frame of the measurement (Grisetti 2010 (30)).
+
+    Parameters
+    ----------
+    pose_i, pose_j : array_like, shape (..., 3)
+        Poses x, y (m), theta (rad) in one common frame.
+    measurement : array_like, shape (..., 3)
+        Pose of j seen from i, as measured.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        Zero where the measurement fits; angle in (-pi, pi].
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong or a number is not finite.
+
+    Examples
+    --------
+    >>> edge_error([0, 0, 0], [1, 0, 0], [1, 0, 3.0]).round(3).tolist()
+    [0.0, 0.0, -3.0]
+    """
+    pose_i = as_array("pose_i", pose_i, ("...", 3))
+    pose_j = as_array("pose_j", pose_j, ("...", 3))
+    measurement = as_array("measurement", measurement, ("...", 3))
+    return _error(pose_i, pose_j, measurement)
+
+
+def edge_jacobians(
+    pose_i: ArrayLike, pose_j: ArrayLike, measurement: ArrayLike
+) -> tuple[Array, Array]:
+    """Jacobians of `edge_error` by both poses (Grisetti 2010 (32), (33)).
+
+    Parameters
+    ----------
+    pose_i, pose_j, measurement : array_like, shape (..., 3)
+        As in `edge_error`.
+
+    Returns
+    -------
+    A, B : ndarray, shape (..., 3, 3)
+        d e / d pose_i and d e / d pose_j.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong or a number is not finite.
+    """
+    pose_i = as_array("pose_i", pose_i, ("...", 3))
+    pose_j = as_array("pose_j", pose_j, ("...", 3))
+    measurement = as_array("measurement", measurement, ("...", 3))
+    phi = pose_i[..., 2] + measurement[..., 2]
+    d = pose_j[..., :2] - pose_i[..., :2]
+    shape = np.broadcast_shapes(phi.shape, d.shape[:-1])
+    c, s = np.cos(phi), np.sin(phi)
+    B = np.zeros((*shape, 3, 3))
+    # d e / d t_j = R_z^T R_i^T
+    B[..., 0, 0], B[..., 0, 1] = c, s
+    B[..., 1, 0], B[..., 1, 1] = -s, c
+    B[..., 2, 2] = 1.0
+    A = -B
+    # d e / d theta_i = R_z^T (d R_i / d theta)^T (t_j - t_i)
+    A[..., 0, 2] = -s * d[..., 0] + c * d[..., 1]
+    A[..., 1, 2] = -c * d[..., 0] - s * d[..., 1]
+    return A, B
+
+
+def _error(pose_i: Array, pose_j: Array, z: Array) -> Array:
+    phi = pose_i[..., 2] + z[..., 2]
+    c, s = np.cos(phi), np.sin(phi)
+    cz, sz = np.cos(z[..., 2]), np.sin(z[..., 2])
+    dx, dy = pose_j[..., 0] - pose_i[..., 0], pose_j[..., 1] - pose_i[..., 1]
+    # R_z^T R_i^T (t_j - t_i) - R_z^T t_z
+    ex = c * dx + s * dy - (cz * z[..., 0] + sz * z[..., 1])
+    ey = -s * dx + c * dy - (-sz * z[..., 0] + cz * z[..., 1])
+    return np.stack([ex, ey, wrap_angle(pose_j[..., 2] - phi)], -1)
+
+
+# Robust kernels: cost and weight of an edge as functions of its x = e^T Omega e.
+
+
+def _no_kernel(x: Array, width: float) -> tuple[Array, Array]:
+    return x, np.ones_like(x)
+
+
+def _huber(x: Array, width: float) -> tuple[Array, Array]:
+    # rho = x within the width k, 2 k sqrt(x) - k^2 beyond; weight = d rho / d x
+    distance = np.sqrt(x)
+    beyond = distance > width
+    weight = np.where(beyond, width / np.where(beyond, distance, 1.0), 1.0)
+    return np.where(beyond, 2 * width * distance - width**2, x), weight
+
+
+def _dcs(x: Array, width: float) -> tuple[Array, Array]:
+    # Agarwal et al. 2013: weight = s^2 with s = min(1, 2 Phi / (Phi + x)); rho is its integral.
+    phi = width**2
+    weight = np.minimum(1.0, 2 * phi / (phi + x)) ** 2
+    return np.where(x > phi, phi * (3 * x - phi) / (phi + x), x), weight
+
+
+_KERNELS: dict[str | None, Callable[[Array, float], tuple[Array, Array]]] = {
+    None: _no_kernel,
+    "huber": _huber,
+    "dcs": _dcs,
+}
+
+
+class PoseGraph:
+    """Poses joined by measured relative poses.
+
+    Parameters
+    ----------
+    poses : array_like, shape (n, 3)
+        Initial poses x, y (m), theta (rad) in the world.
+    edges : array_like of int, shape (m, 2)
+        Rows (i, j) of the poses that each measurement joins.
+    measurements : array_like, shape (m, 3)
+        Pose of j seen from i, as measured.
+    information : array_like, shape (m, 3, 3) or (3, 3)
+        Inverse covariances Omega of the measurements; one matrix serves all edges.
+    ids : sequence of int, optional
+        Names of the poses, for messages and files; 0, 1, ... by default.
+    fixed : sequence of int, default (0,)
+        Rows of the poses that stay where they are.
+    scans : Scans, optional
+        Lidar scans taken from the poses.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a number is not finite, an edge names no pose or joins a pose with
+        itself, an id stands twice, or an information matrix is not positive semi-definite.
+
+    Examples
+    --------
+    Three poses, measured in a circle whose measurements do not quite close:
+
+    >>> graph = PoseGraph(
+    ...     [[0, 0, 0], [1, 0, 0], [2, 0, 0]],
+    ...     [[0, 1], [1, 2], [0, 2]],
+    ...     [[1, 0, 0], [1, 0, 0], [2.3, 0, 0]],
+    ...     np.eye(3),
+    ... )
+    >>> result = graph.optimize()
+    >>> result.poses.round(3)[:, 0].tolist(), round(result.chi2, 4), result.converged
+    ([0.0, 1.1, 2.2], 0.03, True)
+    """
+
+    def __init__(
+        self,
+        poses: ArrayLike,
+        edges: ArrayLike,
+        measurements: ArrayLike,
+        information: ArrayLike,
+        ids: Sequence[int] | None = None,
+        fixed: Sequence[int] = (0,),
+        scans: Scans | None = None,
+    ) -> None:
+        self.poses = as_array("poses", poses, ("n", 3)).astype(np.float64)
+        n = len(self.poses)
+        if n == 0:
+            raise ValueError("poses: expected at least one pose, got none")
+        self.ids = _checked_ids(ids, n)
+        self.edges = _checked_edges(edges, n)
+        m = len(self.edges)
+        self.measurements = as_array("measurements", measurements, (m, 3)).astype(np.float64)
+        self.information = _checked_information(information, m)
+        self.fixed = tuple(sorted({_checked_row("fixed", row, n) for row in fixed}))
+        if not self.fixed:
+            raise ValueError("fixed: expected at least one pose, got none")
+        self.scans = scans
+
+    def __repr__(self) -> str:
+        return f"PoseGraph({len(self.poses)} poses, {len(self.edges)} edges)"
+
+    @classmethod
+    def read_g2o(cls, path: str | Path) -> PoseGraph:
+        """Read a g2o or TORO file, plain, ``.gz`` or alone in a ``.zip``.
+
+        VERTEX_SE2, EDGE_SE2, FIX, TORO's VERTEX2 and EDGE2 (whose information entries stand in
+        another order) and ROBOTLASER1 (scan of the vertex before it) are read, in any order of
+        lines; ``#`` begins a comment. Poses keep the order of the file. Without a FIX line the
+        first pose is fixed.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        PoseGraph
+            With `ids` as in the file and `scans` if it holds any.
+
+        Raises
+        ------
+        ValueError
+            For anything else in the file, with the number of the line: an unknown tag, a missing
+            or extra field, no finite number, a vertex defined twice or not at all, a vertex that
+            no edge reaches, information that is not positive semi-definite.
+        FileNotFoundError
+            If there is no such file.
+        """
+        content = _g2o.read(path)
+        row = {identity: k for k, identity in enumerate(content.ids)}
+        return cls(
+            content.poses,
+            [(row[i], row[j]) for i, j in content.edges],
+            content.measurements,
+            content.information,
+            ids=content.ids,
+            fixed=[row[identity] for identity in content.fixed] or (0,),
+            scans=content.scans,
+        )
+
+    def write_g2o(self, path: str | Path) -> None:
+        """Write the graph as g2o text; `read_g2o` gives back exactly this graph.
+
+        Parameters
+        ----------
+        path : str or Path
+        """
+        ids = self.ids.tolist()
+        content = _g2o.Content(
+            ids=ids,
+            poses=self.poses.tolist(),
+            edges=[(ids[i], ids[j]) for i, j in self.edges.tolist()],
+            measurements=self.measurements.tolist(),
+            information=self.information.tolist(),
+            fixed=[] if self.fixed == (0,) else [ids[row] for row in self.fixed],
+            scans=self.scans,
+        )
+        _g2o.write(path, content)
+
+    def with_poses(self, poses: ArrayLike) -> PoseGraph:
+        """Return the same graph at other poses (n, 3), for example those of a `Result`."""
+        other = object.__new__(PoseGraph)
+        other.__dict__.update(self.__dict__)
+        other.poses = self._poses_or_own(poses).copy()
+        return other
+
+    def residuals(self, poses: ArrayLike | None = None) -> Array:
+        """Errors e of all edges, shape (m, 3), at `poses` (n, 3) or at the graph's own poses."""
+        x = self._poses_or_own(poses)
+        i, j = self.edges.T
+        return _error(x[i], x[j], self.measurements)
+
+    def chi2(self, poses: ArrayLike | None = None) -> float:
+        """Sum of e^T Omega e over all edges (no factor 1/2).
+
+        Parameters
+        ----------
+        poses : array_like, shape (n, 3), optional
+            The graph's own poses by default.
+
+        Returns
+        -------
+        float
+        """
+        return float(self._squared(self.residuals(poses)).sum())
+
+    def optimize(
+        self,
+        method: str = "gauss-newton",
+        *,
+        kernel: str | None = None,
+        kernel_width: float = _KERNEL_WIDTH,
+        max_iterations: int = 50,
+        tolerance: float = 1e-7,
+    ) -> Result:
+        """Move the free poses to the least cost; the graph itself stays as it is.
+
+        Parameters
+        ----------
+        method : {"gauss-newton", "levenberg-marquardt"}
+            Gauss-Newton takes every step, also one that raises the cost for a moment.
+            Levenberg-Marquardt takes only steps that lower it.
+        kernel : {None, "huber", "dcs"}
+            Robust cost against false loop closures.
+        kernel_width : float
+            Mahalanobis distance of an edge from which the kernel begins to doubt it. (For DCS
+            its square is the Phi of the paper.)
+        max_iterations : int
+            Steps at most.
+        tolerance : float
+            Converged when a step changes the cost by less than this part of it.
+
+        Returns
+        -------
+        Result
+
+        Raises
+        ------
+        ValueError
+            If an argument is out of range, or if the measurements do not hold every pose: the
+            graph is not connected to a fixed pose, or is singular. The message names the poses.
+        """
+        as_choice("method", method, ["gauss-newton", "levenberg-marquardt"])
+        if kernel is not None:
+            as_choice("kernel", kernel, ["huber", "dcs"])
+        kernel_width = as_scalar("kernel_width", kernel_width, np.finfo(float).tiny, 1e150)
+        max_iterations = as_count("max_iterations", max_iterations)
+        tolerance = as_scalar("tolerance", tolerance, 0.0, 1.0)
+        run = _Optimization(self, kernel, kernel_width, max_iterations, tolerance)
+        return run.gauss_newton() if method == "gauss-newton" else run.levenberg_marquardt()
+
+    def marginal_cov(self, i: Any, poses: ArrayLike | None = None) -> Array:
+        """Covariance of single poses, given all measurements: blocks of the inverse of H.
+
+        Parameters
+        ----------
+        i : int or sequence of int
+            Row or rows of poses.
+        poses : array_like, shape (n, 3), optional
+            Where to linearise, usually ``result.poses``; the graph's own poses by default.
+
+        Returns
+        -------
+        ndarray, shape (3, 3) or (k, 3, 3)
+            Covariance of x, y (m^2), theta (rad^2) in the world; zero for a fixed pose.
+
+        Raises
+        ------
+        ValueError
+            If a row is unknown or the graph is disconnected or singular.
+        """
+        n = len(self.poses)
+        rows = np.array([_checked_row("i", row, n) for row in np.atleast_1d(i).tolist()])
+        system = self._system()
+        place = np.full(n, -1)
+        place[system.free] = np.arange(system.n)
+        wanted = np.flatnonzero(place[rows] >= 0)
+        covs = np.zeros((len(rows), 3, 3))
+        solve, _ = self._normal_equations(system, self._poses_or_own(poses))
+        for start in range(0, len(wanted), 32):
+            part = wanted[start : start + 32]
+            at = place[rows[part]]
+            unit = np.zeros((system.n, 3, len(part), 3))
+            unit[at, :, np.arange(len(part)), :] = np.eye(3)
+            columns = solve(unit.reshape(system.n, 3, -1)).reshape(unit.shape)
+            covs[part] = columns[at, :, np.arange(len(part)), :]
+        covs = 0.5 * (covs + np.swapaxes(covs, 1, 2))
+        return covs[0] if np.ndim(i) == 0 else covs
+
+    # Helpers
+
+    def _poses_or_own(self, poses: ArrayLike | None) -> Array:
+        if poses is None:
+            return self.poses
+        return as_array("poses", poses, self.poses.shape)
+
+    def _squared(self, e: Array) -> Array:
+        return np.einsum("ka,kab,kb->k", e, self.information, e)
+
+    def _system(self) -> BlockSystem:
+        free = np.setdiff1d(np.arange(len(self.poses)), self.fixed)
+        self._check_connected()
+        return BlockSystem(len(self.poses), self.edges, free)
+
+    def _check_connected(self) -> None:
+        n, (i, j) = len(self.poses), self.edges.T
+        links = csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+        _, part = connected_components(links, directed=False)
+        adrift = ~np.isin(part, part[list(self.fixed)])
+        if adrift.any():
+            raise ValueError(
+                "edges: expected every pose to be joined to a fixed pose, "
+                f"not joined: {self._names(np.flatnonzero(adrift))}"
+            )
+
+    def _names(self, rows: np.ndarray) -> str:
+        names = ", ".join(str(self.ids[row]) for row in rows[:8])
+        more = f" and {len(rows) - 8} more" if len(rows) > 8 else ""
+        return f"{'poses' if len(rows) > 1 else 'pose'} {names}{more}"
+
+    def _normal_equations(
+        self, system: BlockSystem, poses: Array, weights: Array | None = None, damping: float = 0.0
+    ) -> tuple[Callable[[Array], Array], Array]:
+        """Return the solver of H x = b and the gradient J^T Omega e of the free poses."""
+        i, j = self.edges.T
+        e = _error(poses[i], poses[j], self.measurements)
+        A, B = edge_jacobians(poses[i], poses[j], self.measurements)
+        Omega = self.information
+        if weights is not None:
+            Omega = Omega * weights[:, None, None]
+        At, Bt = np.swapaxes(A, 1, 2) @ Omega, np.swapaxes(B, 1, 2) @ Omega
+        gradient = np.zeros_like(poses)
+        np.add.at(gradient, i, (At @ e[..., None])[..., 0])
+        np.add.at(gradient, j, (Bt @ e[..., None])[..., 0])
+        H = system.matrix(At @ A, Bt @ B, At @ B)
+        try:
+            return system.factorise(H, damping), gradient[system.free]
+        except SingularError as error:
+            raise ValueError(
+                "information: the measurements do not determine the graph, "
+                f"free to move: {self._names(error.rows)}"
+            ) from error
+
+
+class _Optimization:
+    """One run of `PoseGraph.optimize`: its state, and the two algorithms that move it."""
+
+    def __init__(
+        self,
+        graph: PoseGraph,
+        kernel: str | None,
+        kernel_width: float,
+        max_iterations: int,
+        tolerance: float,
+    ) -> None:
+        self.graph = graph
+        self.kernel = _KERNELS[kernel]
+        self.kernel_width = kernel_width
+        self.max_iterations = max_iterations
+        self.tolerance = tolerance
+        self.system = graph._system()
+        self.poses = graph.poses.copy()
+        cost, self.weights = self.cost(self.poses)
+        self.history = [cost]
+
+    def cost(self, poses: Array) -> tuple[float, Array]:
+        """Robust cost, and the weights (m,) with which the kernel sees the edges."""
+        squared = self.graph._squared(self.graph.residuals(poses))
+        rho, weights = self.kernel(squared, self.kernel_width)
+        return float(rho.sum()), weights
+
+    def moved(self, step: Array) -> Array:
+        poses = self.poses.copy()
+        poses[self.system.free] += step
+        poses[:, 2] = wrap_angle(poses[:, 2])
+        return poses
+
+    def settled(self, before: float, after: float) -> bool:
+        # Rounding leaves about 1e-24 of cost an edge, even where all measurements agree.
+        return abs(before - after) <= self.tolerance * before + 1e-20 * len(self.weights)
+
+    def gauss_newton(self) -> Result:
+        """Linearise, solve H step = -gradient, move; until the cost stays."""
+        for _ in range(self.max_iterations):
+            solve, gradient = self.graph._normal_equations(self.system, self.poses, self.weights)
+            poses = self.moved(solve(-gradient))
+            if not np.isfinite(poses).all():
+                return self.result(False, "diverged: a step was not finite")
+            self.poses = poses
+            cost, self.weights = self.cost(poses)
+            self.history.append(cost)
+            if self.settled(self.history[-2], cost):
+                return self.result(True, "converged")
+        return self.result(False, f"stopped after {self.max_iterations} iterations")
+
+    def levenberg_marquardt(self) -> Result:
+        """Gauss-Newton with a damped diagonal; only steps that lower the cost are taken."""
+        damping = 1e-4
+        for _ in range(self.max_iterations):
+            before = self.history[-1]
+            while True:
+                solve, gradient = self.graph._normal_equations(
+                    self.system, self.poses, self.weights, damping
+                )
+                poses = self.moved(solve(-gradient))
+                cost, weights = self.cost(poses)
+                if cost <= before or damping > 1e12:
+                    break
+                damping *= 10
+            if not cost <= before:
+                settled = self.settled(before, cost)
+                return self.result(settled, "converged" if settled else "no step lowers the cost")
+            self.poses, self.weights = poses, weights
+            self.history.append(cost)
+            if self.settled(before, cost) and damping < 1.0:
+                return self.result(True, "converged")
+            damping = max(damping / 10, 1e-12)
+        return self.result(False, f"stopped after {self.max_iterations} iterations")
+
+    def result(self, converged: bool, message: str) -> Result:
+        return Result(
+            poses=self.poses,
+            chi2=self.graph.chi2(self.poses),
+            history=np.array(self.history),
+            iterations=len(self.history) - 1,
+            converged=converged,
+            weights=self.weights,
+            message=message,
+        )
+
+
+# Checks at the door
+
+
+def _checked_row(name: str, row: Any, n: int) -> int:
+    row = as_count(name, row)
+    if row >= n:
+        raise ValueError(f"{name}: expected the row of one of {n} poses, got {row}")
+    return row
+
+
+def _checked_ids(ids: Sequence[int] | None, n: int) -> np.ndarray:
+    if ids is None:
+        return np.arange(n)
+    array = np.asarray(ids)
+    if array.shape != (n,) or not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(
+            f"ids: expected {n} whole numbers, got {array.dtype} of shape {array.shape}"
+        )
+    unique, counts = np.unique(array, return_counts=True)
+    if len(unique) < n:
+        raise ValueError(f"ids: expected each id once, got {unique[counts > 1][0]} twice")
+    return array
+
+
+def _checked_edges(edges: ArrayLike, n: int) -> np.ndarray:
+    array = np.asarray(edges)
+    if array.size == 0:
+        array = np.zeros((0, 2), dtype=np.intp)
+    if array.ndim != 2 or array.shape[1] != 2 or not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(
+            "edges: expected whole numbers of shape (m, 2), "
+            f"got {array.dtype} of shape {array.shape}"
+        )
+    unknown = np.argwhere((array < 0) | (array >= n))
+    if len(unknown):
+        k, side = unknown[0]
+        raise ValueError(f"edges: expected rows of {n} poses, got {array[k, side]} in edge {k}")
+    same = np.flatnonzero(array[:, 0] == array[:, 1])
+    if same.size:
+        raise ValueError(
+            f"edges: expected two different poses, edge {same[0]} joins pose "
+            f"{array[same[0], 0]} with itself"
+        )
+    return array.astype(np.intp)
+
+
+def _checked_information(information: ArrayLike, m: int) -> Array:
+    array = as_array("information", information, ("...", 3, 3))
+    if array.shape not in ((3, 3), (m, 3, 3)):
+        raise ValueError(f"information: expected shape (3, 3) or ({m}, 3, 3), got {array.shape}")
+    array = as_covariance("information", array, 3)
+    return np.broadcast_to(array, (m, 3, 3)).astype(np.float64)
