@@ -1,0 +1,216 @@
+"""Does a filter believe itself rightly? NEES, NIS, their band, and Monte Carlo runs.
+
+Bar-Shalom's consistency tests as used by Bailey (2006) for EKF-SLAM; every chapter from 02 on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gammaincinv
+
+from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab.gaussian import mahalanobis_squared
+from slamlab.geometry import wrap_angle
+
+__all__ = ["chi2_band", "monte_carlo", "nees", "nis"]
+
+Result = TypeVar("Result")
+
+
+def nees(
+    errors: ArrayLike | tuple[ArrayLike, ArrayLike], covs: ArrayLike, angles: Sequence[int] = ()
+) -> Array:
+    """Normalised estimation error squared, e^T P^-1 e.
+
+    Its mean is the dimension of the state if the covariance tells the truth; larger means
+    overconfident, smaller means too timid. The truth must be known, so this is for simulations.
+
+    Parameters
+    ----------
+    errors : array_like, shape (..., n), or tuple (estimates, truths) of two such arrays
+        Errors, or the two things to subtract. A tuple of two arrays is always read as the pair.
+    covs : array_like, shape (..., n, n)
+        Covariances that the filter claimed; positive definite.
+    angles : sequence of int, default ()
+        Components that are angles (rad), for example ``(2,)`` for a pose: their error is wrapped.
+
+    Returns
+    -------
+    ndarray, shape (...)
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a number is not finite, a covariance is not positive definite, or an
+        index in `angles` does not exist.
+
+    Examples
+    --------
+    A heading of -179 degrees estimated as 179 degrees is off by 2 degrees only:
+
+    >>> estimate, truth = np.radians([179.0]), np.radians([-179.0])
+    >>> float(nees((estimate, truth), [[np.radians(2.0) ** 2]], angles=(0,)).round(9))
+    1.0
+    """
+    error = _errors(errors)
+    n = error.shape[-1]
+    for i in angles:
+        if not 0 <= as_count("angles", i) < n:
+            raise ValueError(f"angles: expected indices below {n}, got {i}")
+        error[..., i] = wrap_angle(error[..., i])
+    return mahalanobis_squared(error, as_array("covs", covs, ("...", n, n)))
+
+
+def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
+    """Return the errors as a new array, subtracting if a pair came."""
+    if isinstance(errors, tuple) and len(errors) == 2 and np.ndim(errors[0]) > 0:
+        estimates = as_array("errors[0] (estimates)", errors[0], ("...", "n"))
+        truths = as_array("errors[1] (truths)", errors[1], ("...", estimates.shape[-1]))
+        if estimates.shape != truths.shape:
+            raise ValueError(
+                f"errors: expected estimates and truths of one shape, "
+                f"got {estimates.shape} and {truths.shape}"
+            )
+        return estimates - truths
+    return as_array("errors", errors, ("...", "n")).copy()
+
+
+def nis(residuals: ArrayLike, covs: ArrayLike) -> Array:
+    """Normalised innovation squared, v^T S^-1 v: the test that needs no truth.
+
+    Parameters
+    ----------
+    residuals : array_like, shape (..., m)
+        Innovations, angles already wrapped (P1 (19), P5 (5)).
+    covs : array_like, shape (..., m, m)
+        Innovation covariances S (P5 (6)).
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Mean m if the filter is consistent.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a number is not finite, or a covariance is not positive definite.
+    """
+    residuals = as_array("residuals", residuals, ("...", "m"))
+    m = residuals.shape[-1]
+    return mahalanobis_squared(residuals, as_array("covs", covs, ("...", m, m)))
+
+
+def chi2_band(dim: int, n_runs: int, probability: float = 0.99) -> tuple[float, float]:
+    """Band in which the mean NEES (or NIS) of independent runs should lie.
+
+    The sum of n_runs values is chi-square with dim * n_runs degrees of freedom; the band holds it
+    with `probability`, half of the rest on each side, divided by n_runs.
+
+    Parameters
+    ----------
+    dim : int
+        Degrees of freedom of one value: the dimension of the error or of the innovation.
+    n_runs : int
+        Number of *independent* values in the mean. Successive NEES of one run are correlated:
+        take the mean over runs at one time, not over time.
+    probability : float, default 0.99
+        In [0, 1).
+
+    Returns
+    -------
+    low, high : float
+
+    Raises
+    ------
+    ValueError
+        If a count is below 1 or `probability` is outside [0, 1).
+
+    Examples
+    --------
+    >>> [round(edge, 3) for edge in chi2_band(3, 50)]
+    [2.183, 3.967]
+    """
+    dim, n_runs = as_count("dim", dim, 1), as_count("n_runs", n_runs, 1)
+    tail = 0.5 * (1 - as_scalar("probability", probability, 0.0, np.nextafter(1.0, 0.0)))
+    shape = 0.5 * dim * n_runs
+    low, high = 2 / n_runs * gammaincinv(shape, [tail, 1 - tail])
+    return float(low), float(high)
+
+
+def monte_carlo(
+    run: Callable[[np.random.Generator], Result],
+    n_runs: int,
+    seed: int,
+    n_jobs: int | None = 1,
+    progress: bool = False,
+) -> list[Result]:
+    """Repeat a random experiment with independent, reproducible streams of random numbers.
+
+    Run i always gets the i-th stream spawned from `seed`, so the results do not depend on
+    `n_jobs`, on the backend, or on how many runs follow.
+
+    Parameters
+    ----------
+    run : callable
+        ``run(rng) -> anything``; takes all its randomness from `rng`.
+    n_runs : int
+        How many times.
+    seed : int
+        Not negative.
+    n_jobs : int or None, default 1
+        1 runs here, in a plain loop. Anything else goes to joblib: -1 is all cores, None is what
+        the enclosing ``joblib.parallel_config`` says, so that a Dask or Ray cluster can serve:
+        ``with joblib.parallel_config(backend="dask"): monte_carlo(run, 1000, 1, n_jobs=-1)``.
+    progress : bool, default False
+        Show a tqdm progress bar.
+
+    Returns
+    -------
+    list
+        The n_runs results, in order.
+
+    Raises
+    ------
+    ValueError
+        If a count or the seed is wrong, or `run` cannot be called.
+    ImportError
+        If joblib (for `n_jobs` other than 1) or tqdm (for `progress`) is not installed.
+    """
+    if not callable(run):
+        raise ValueError(f"run: expected a function of a random generator, got {run!r}")
+    n_runs, seed = as_count("n_runs", n_runs, 1), as_count("seed", seed)
+    if n_jobs is not None and (n_jobs == 0 or as_count("n_jobs", n_jobs, low=-1024) == 0):
+        raise ValueError("n_jobs: expected a number of processes, -1 or None, got 0")
+    streams = np.random.SeedSequence(seed).spawn(n_runs)
+    results: Iterable[Result]
+    if n_jobs == 1:
+        results = (_one_run(run, stream) for stream in streams)
+    else:
+        joblib = _needed("joblib", "runs in parallel (n_jobs other than 1)")
+        tasks = (joblib.delayed(_one_run)(run, stream) for stream in streams)
+        results = joblib.Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
+    if progress:
+        results = _needed("tqdm", "a progress bar").tqdm(results, total=n_runs, unit="run")
+    return list(results)
+
+
+def _one_run(
+    run: Callable[[np.random.Generator], Result], stream: np.random.SeedSequence
+) -> Result:
+    return run(np.random.default_rng(stream))
+
+
+def _needed(name: str, purpose: str) -> Any:
+    """Import an optional package, or say what it is for and how to get it."""
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ImportError(
+            f"{name} is needed for {purpose}: pip install {name}, or slamlab[course]"
+        ) from error

@@ -1,0 +1,5 @@
+"""How the robot moves. Floor 1 of the house."""
+
+from slamlab.robots.unicycle import Unicycle
+
+__all__ = ["Unicycle"]
