@@ -1,5 +1,5 @@
 """Exercise checks, one module a chapter. Floor 6 of the house."""
 
-from slamlab.exercises._report import Mistake, Property, Report, run_checks
+from slamlab.exercises._report import Mistake, Property, Report, run_cases, run_checks
 
-__all__ = ["Mistake", "Property", "Report", "run_checks"]
+__all__ = ["Mistake", "Property", "Report", "run_cases", "run_checks"]

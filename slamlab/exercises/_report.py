@@ -7,13 +7,13 @@ from the reference, its output is compared with what each known mistake gives th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-__all__ = ["Mistake", "Property", "Report", "run_checks"]
+__all__ = ["Mistake", "Property", "Report", "run_cases", "run_checks"]
 
 NOTHING_YET = "nothing returned yet: replace the `...` by your own lines and run the cell again"
 
@@ -101,11 +101,41 @@ def run_checks(
     outcomes = [_try(student, item) for item in properties]
     if any(outcome.nothing for outcome in outcomes):
         return _print(title, 0, len(properties), [f"  {NOTHING_YET}"], (NOTHING_YET,))
-    failed = [o for o in outcomes if not o.ok]
-    messages = _name_mistakes(failed, mistakes)
+    messages = _name_mistakes(outcomes, mistakes)
     lines = [line for outcome in outcomes for line in outcome.lines]
     lines += [f"  -> {message}" for message in messages]
-    return _print(title, len(outcomes) - len(failed), len(outcomes), lines, messages)
+    held = sum(outcome.ok for outcome in outcomes)
+    return _print(title, held, len(outcomes), lines, messages)
+
+
+def run_cases(
+    title: str,
+    student: Callable[..., Any],
+    reference: Callable[..., Any],
+    cases: Iterable[tuple[Any, ...]],
+    mistakes: Mapping[str, Callable[..., Any]],
+) -> Report:
+    """Check against a reference function: the common form of an exercise.
+
+    Parameters
+    ----------
+    title : str
+    student, reference : callable
+    cases : iterable of tuples
+        The property's name, then the arguments; numbers become float arrays.
+    mistakes : mapping of str to callable
+        Message and wrong function of every known mistake, the most telling first.
+
+    Returns
+    -------
+    Report
+        Printed too.
+    """
+    properties = []
+    for name, *arguments in cases:
+        arrays = tuple(np.array(a, dtype=float) for a in arguments)
+        properties.append(Property(name, arrays, reference(*_copies(arrays))))
+    return run_checks(title, student, properties, [Mistake(*pair) for pair in mistakes.items()])
 
 
 def _print(
@@ -146,11 +176,12 @@ def _try(student: Callable[..., Any], item: Property) -> _Outcome:
     return _Outcome(item, False, (f"  NO   {item.name}", tried, *both), came)
 
 
-def _name_mistakes(failed: Sequence[_Outcome], mistakes: Sequence[Mistake]) -> tuple[str, ...]:
-    """Name the one mistake that explains every failure, or else one for each failure."""
-    wrong = [outcome for outcome in failed if outcome.came is not None]
+def _name_mistakes(outcomes: Sequence[_Outcome], mistakes: Sequence[Mistake]) -> tuple[str, ...]:
+    """Name the one mistake that explains everything that came, or else one for each failure."""
+    came = [outcome for outcome in outcomes if outcome.came is not None]
+    wrong = [outcome for outcome in came if not outcome.ok]
     for mistake in mistakes:
-        if wrong and all(_explains(mistake, outcome) for outcome in wrong):
+        if wrong and all(_explains(mistake, outcome) for outcome in came):
             return (mistake.message,)
     found = [_name_mistake(o.came, o.item, mistakes) for o in wrong]
     return tuple(dict.fromkeys(message for message in found if message))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from slamlab._checks import Array
-from slamlab.exercises._report import Mistake, Property, Report, run_checks
+from slamlab.exercises._report import Report, run_cases
 from slamlab.geometry import between, compose, inverse, rotation, wrap_angle
 
 __all__ = [
@@ -107,7 +107,7 @@ def check_dead_reckoning(student: Function) -> Report:
         ("four legs close a square", [0, 0, 0.2], [[1, 0, np.pi / 2]] * 4),
         ("headings stay wrapped", [0.0, 0.0, 3.0], [[0.2, 0.0, 0.3], [0.2, 0.0, 0.3]]),
     ]
-    return _run("dead_reckoning", student, dead_reckoning, cases, MISTAKES_DEAD_RECKONING)
+    return run_cases("dead_reckoning", student, dead_reckoning, cases, MISTAKES_DEAD_RECKONING)
 
 
 # Exercise 2: the error of one edge.
@@ -190,7 +190,7 @@ def check_edge_error(student: Function) -> Report:
         ("moving the whole world changes nothing", compose(shift, i), compose(shift, j), off),
         ("a full turn is no error", [0, 0, 3.0], [1, 0, -3.0], [1, 0, 2 * np.pi - 6.0]),
     ]
-    return _run("edge_error", student, edge_error, cases, MISTAKES_EDGE_ERROR)
+    return run_cases("edge_error", student, edge_error, cases, MISTAKES_EDGE_ERROR)
 
 
 # Exercise 3: the Jacobian of the error with respect to pose i.
@@ -260,18 +260,4 @@ def check_edge_jacobian(student: Function) -> Report:
         ("the measurement turns too", [1.0, 2.0, 0.5], [2.5, 2.2, 1.4], [1.1, -0.4, 0.7]),
         ("far away, where the lever is long", [0, 0, -2.0], [30, -40, 1.0], [0.3, 0.2, -0.4]),
     ]
-    return _run("edge_jacobian", student, edge_jacobian, cases, MISTAKES_EDGE_JACOBIAN)
-
-
-def _run(
-    title: str,
-    student: Function,
-    reference: Function,
-    cases: list[tuple[Any, ...]],
-    mistakes: dict[str, Function],
-) -> Report:
-    properties = []
-    for name, *arguments in cases:
-        arrays = tuple(np.array(a, dtype=float) for a in arguments)
-        properties.append(Property(name, arrays, reference(*arrays)))
-    return run_checks(title, student, properties, [Mistake(*pair) for pair in mistakes.items()])
+    return run_cases("edge_jacobian", student, edge_jacobian, cases, MISTAKES_EDGE_JACOBIAN)
