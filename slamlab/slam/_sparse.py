@@ -7,6 +7,7 @@ scatters numbers. Used by `slamlab.slam.graph` (chapter 13 tells why the order m
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix
@@ -15,14 +16,13 @@ from scipy.sparse.linalg import splu
 from slamlab._checks import Array
 
 Solve = Callable[[Array], Array]
-_SYMMETRIC = {"SymmetricMode": True}
 
 
 class SingularError(ValueError):
-    """The matrix has no inverse; `rows` are the block rows that can move freely."""
+    """The matrix has no inverse; `rows` are the poses that can move freely."""
 
     def __init__(self, rows: np.ndarray) -> None:
-        super().__init__(f"singular at block rows {rows.tolist()}")
+        super().__init__(f"singular: rows {rows.tolist()} can move freely")
         self.rows = rows
 
 
@@ -41,80 +41,85 @@ class BlockSystem:
 
     def __init__(self, n_poses: int, edges: np.ndarray, free: np.ndarray) -> None:
         self.free = free
-        self.n = len(free)
+        self.n = n = len(free)
         place = np.full(n_poses, -1)
-        place[free] = np.arange(self.n)
-        i, j = place[edges].T
-        order = _fill_reducing_order(self.n, i, j)
-        rank = np.empty(self.n, dtype=np.intp)
-        rank[order] = np.arange(self.n)
-        self.order = order
-        i, j = np.where(i >= 0, rank[i], -1), np.where(j >= 0, rank[j], -1)
-        self._build_pattern(i, j)
+        place[free] = np.arange(n)
+        i, j = place[edges[:, 0]], place[edges[:, 1]]
+        self.order = _fill_reducing_order(n, i, j)
+        rank = np.full(n + 1, -1)  # a fixed pose (-1) keeps -1
+        rank[self.order] = np.arange(n)
+        self._build_pattern(rank[i], rank[j])
 
     def _build_pattern(self, i: np.ndarray, j: np.ndarray) -> None:
-        # Block rows and columns in the order in which `factorise` gets their values:
-        # diagonal blocks of edge starts and ends, then the pair blocks and their transposes.
-        rows = np.concatenate([i, j, i, j])
-        columns = np.concatenate([i, j, j, i])
-        self._used = np.flatnonzero((rows >= 0) & (columns >= 0))
-        rows, columns = rows[self._used], columns[self._used]
-        a, b = np.divmod(np.arange(9), 3)
-        scalar_rows = (3 * rows[:, None] + a).ravel()
-        scalar_columns = (3 * columns[:, None] + b).ravel()
-        keys = scalar_columns * (3 * self.n) + scalar_rows
-        unique, self._slot = np.unique(keys, return_inverse=True)
-        scalar_columns, self._indices = np.divmod(unique, 3 * self.n)
-        self._indptr = np.searchsorted(scalar_columns, np.arange(3 * self.n + 1))
-        self._diagonal = np.flatnonzero(scalar_columns == self._indices)
+        """Lay out the blocks column by column, and find where each edge's numbers go."""
+        n, m = self.n, len(i)
+        inner = (i >= 0) & (j >= 0)
+        diagonal = np.arange(n) * (n + 1)
+        keys = np.concatenate([diagonal, (j * n + i)[inner], (i * n + j)[inner]])
+        keys, block = np.unique(keys, return_inverse=True)
+        column, row = np.divmod(keys, n)
+        first = np.searchsorted(column, np.arange(n + 1))
+        height = 3 * np.diff(first)
+        # Entry (a, b) of a block lies at base + a + b * stride of the data array.
+        base = 9 * first[column] + 3 * (np.arange(len(keys)) - first[column])
+        stride = height[column]
+        a, b = np.arange(3)[:, None, None], np.arange(3)[:, None]
+        indices = np.empty(9 * len(keys), dtype=np.int32)
+        indices[base + a + b * stride] = 3 * row + a
+        starts = (9 * first[:-1, None] + height[:, None] * np.arange(3)).ravel()
+        indptr = np.append(starts, 9 * len(keys)).astype(np.int32)
+        at_diagonal = block[:n]
+        self._diagonal = (base[at_diagonal] + np.arange(3)[:, None] * (1 + stride[at_diagonal])).T
 
-    def matrix(self, H_ii: Array, H_jj: Array, H_ij: Array) -> csc_matrix:
-        """Sum the blocks (m, 3, 3) of all edges, in the order of elimination."""
-        blocks = np.concatenate([H_ii, H_jj, H_ij, np.swapaxes(H_ij, 1, 2)])
-        data = np.bincount(
-            self._slot, weights=blocks[self._used].ravel(), minlength=len(self._indices)
-        )
-        shape = (3 * self.n, 3 * self.n)
-        return csc_matrix((data, self._indices, self._indptr), shape=shape)
+        # Blocks ii, jj, ij, ji of every edge; those of a fixed pose go behind the end.
+        behind = len(keys)
+        base, stride = np.append(base, behind * 9), np.append(stride, 0)
+        blocks = np.full((4, m), behind)
+        at_diagonal = np.append(at_diagonal, behind)
+        blocks[0], blocks[1] = at_diagonal[i], at_diagonal[j]
+        blocks[2:, inner] = block[n:].reshape(2, -1)
+        blocks = blocks[:, None, None, :]
+        self._slots = (base[blocks] + a + b.reshape(1, 3, 1) * stride[blocks]).ravel()
+        self._H = csc_matrix((np.zeros(len(indices)), indices, indptr), shape=(3 * n, 3 * n))
+        self._H.has_canonical_format = True
 
-    def factorise(self, H: csc_matrix, damping: float = 0.0) -> Solve:
-        """Return the function that solves (H + damping diag H) x = b for b (n, 3) or (n, 3, k).
+    def matrix(self, blocks: Array, damping: float = 0.0) -> csc_matrix:
+        """Sum the blocks (4, 3, 3, m) of all edges: ii, jj, ij, ji; diagonal times 1 + damping."""
+        size = self._H.nnz
+        H = self._H.copy()
+        H.data = np.bincount(self._slots, blocks.ravel(), minlength=size)[:size]
+        H.data[self._diagonal] *= 1 + damping
+        return H
+
+    def factorise(self, H: csc_matrix, check: bool = True) -> Solve:
+        """Return the function that solves H x = b for b (n, 3) or (n, 3, k).
 
         Raises
         ------
         SingularError
-            If H is singular; it tells the poses that can move freely.
+            If H is singular (without `check`: only if it is so to the last bit).
         """
-        diagonal = H.data[self._diagonal]
-        if damping:
-            H = H.copy()
-            H.data[self._diagonal] *= 1 + damping
         try:
-            factor = self._splu(H)
+            factor = _splu(H)
         except RuntimeError as error:
             raise SingularError(self._loose(H)) from error
         # A pivot that vanished against its diagonal entry is rounding, not information.
-        if (factor.U.diagonal() < 1e-13 * diagonal).any():
+        if check and (factor.U.diagonal() < 1e-13 * H.diagonal()).any():
             raise SingularError(self._loose(H))
 
         def solve(b: Array) -> Array:
-            permuted = b[self.order].reshape(3 * self.n, -1)
             x = np.empty_like(b)
-            x[self.order] = factor.solve(permuted).reshape(b.shape)
+            x[self.order] = factor.solve(b[self.order].reshape(3 * self.n, -1)).reshape(b.shape)
             return x
 
         return solve
 
-    @staticmethod
-    def _splu(H: csc_matrix) -> object:
-        return splu(H, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=_SYMMETRIC)
-
     def _loose(self, H: csc_matrix) -> np.ndarray:
         # Inverse iteration on a slightly shifted matrix ends in its null space.
         H = H.copy()
-        diagonal = H.data[self._diagonal]
-        H.data[self._diagonal] += 1e-10 * np.where(diagonal > 0, diagonal, 1.0)
-        factor = self._splu(H)
+        diagonal = H.diagonal()
+        H.data[self._diagonal.ravel()] += 1e-10 * np.where(diagonal > 0, diagonal, 1.0)
+        factor = _splu(H)
         v = np.ones(3 * self.n)
         for _ in range(3):
             v = factor.solve(v)
@@ -123,12 +128,17 @@ class BlockSystem:
         return np.sort(self.free[self.order[moved]])
 
 
+def _splu(H: csc_matrix, permc_spec: str = "NATURAL") -> Any:
+    # H is symmetric and positive definite: no pivoting; panels of one column suit small blocks.
+    options = {"SymmetricMode": True}
+    return splu(H, permc_spec, diag_pivot_thresh=0.0, panel_size=1, options=options)
+
+
 def _fill_reducing_order(n: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-    """Minimum-degree order of the block rows, so that few zeros fill up in the factor."""
+    """Minimum-degree order of the poses, so that few zeros fill up in the factor."""
     inner = (i >= 0) & (j >= 0)
-    rows = np.concatenate([i[inner], j[inner], np.arange(n)])
-    columns = np.concatenate([j[inner], i[inner], np.arange(n)])
-    values = np.concatenate([np.full(2 * inner.sum(), -1.0), np.full(n, 2.0 * len(i))])
+    i, j, diagonal = i[inner], j[inner], np.arange(n)
+    rows, columns = np.concatenate([i, j, diagonal]), np.concatenate([j, i, diagonal])
+    values = np.append(np.full(2 * len(i), -1.0), np.full(n, 2.0 * len(i) + 1))
     pattern = csc_matrix((values, (rows, columns)), shape=(n, n))
-    factor = splu(pattern, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=_SYMMETRIC)
-    return np.argsort(factor.perm_c)
+    return np.argsort(_splu(pattern, "MMD_AT_PLUS_A").perm_c)

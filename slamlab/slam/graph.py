@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from slamlab._checks import Array, as_array, as_choice, as_count, as_covariance, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.slam import _g2o
+from slamlab.slam._edges import Edges, edge_error, edge_jacobians
 from slamlab.slam._g2o import Scans
 from slamlab.slam._sparse import BlockSystem, SingularError
 
@@ -26,6 +27,8 @@ __all__ = ["PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
 
 # 95 % of honest errors (three degrees of freedom) lie within this Mahalanobis distance.
 _KERNEL_WIDTH = 2.7955
+# Gauss-Newton keeps its factors after a step that changed the cost by less than this part.
+_NEAR = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,92 +63,7 @@ class Result:
     message: str
 
 
-def edge_error(pose_i: ArrayLike, pose_j: ArrayLike, measurement: ArrayLike) -> Array:
-    """Error of measured relative poses, in the frame of the measurement (Grisetti 2010 (30)).
-
-    Parameters
-    ----------
-    pose_i, pose_j : array_like, shape (..., 3)
-        Poses x, y (m), theta (rad) in one common frame.
-    measurement : array_like, shape (..., 3)
-        Pose of j seen from i, as measured.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Zero where the measurement fits; angle in (-pi, pi].
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is not finite.
-
-    Examples
-    --------
-    >>> edge_error([0, 0, 0], [1, 0, 0], [1, 0, 3.0]).round(3).tolist()
-    [0.0, 0.0, -3.0]
-    """
-    pose_i = as_array("pose_i", pose_i, ("...", 3))
-    pose_j = as_array("pose_j", pose_j, ("...", 3))
-    measurement = as_array("measurement", measurement, ("...", 3))
-    return _error(pose_i, pose_j, measurement)
-
-
-def edge_jacobians(
-    pose_i: ArrayLike, pose_j: ArrayLike, measurement: ArrayLike
-) -> tuple[Array, Array]:
-    """Jacobians of `edge_error` by both poses (Grisetti 2010 (32), (33)).
-
-    Parameters
-    ----------
-    pose_i, pose_j, measurement : array_like, shape (..., 3)
-        As in `edge_error`.
-
-    Returns
-    -------
-    A, B : ndarray, shape (..., 3, 3)
-        d e / d pose_i and d e / d pose_j.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is not finite.
-    """
-    pose_i = as_array("pose_i", pose_i, ("...", 3))
-    pose_j = as_array("pose_j", pose_j, ("...", 3))
-    measurement = as_array("measurement", measurement, ("...", 3))
-    phi = pose_i[..., 2] + measurement[..., 2]
-    d = pose_j[..., :2] - pose_i[..., :2]
-    shape = np.broadcast_shapes(phi.shape, d.shape[:-1])
-    c, s = np.cos(phi), np.sin(phi)
-    B = np.zeros((*shape, 3, 3))
-    # d e / d t_j = R_z^T R_i^T
-    B[..., 0, 0], B[..., 0, 1] = c, s
-    B[..., 1, 0], B[..., 1, 1] = -s, c
-    B[..., 2, 2] = 1.0
-    A = -B
-    # d e / d theta_i = R_z^T (d R_i / d theta)^T (t_j - t_i)
-    A[..., 0, 2] = -s * d[..., 0] + c * d[..., 1]
-    A[..., 1, 2] = -c * d[..., 0] - s * d[..., 1]
-    return A, B
-
-
-def _error(pose_i: Array, pose_j: Array, z: Array) -> Array:
-    phi = pose_i[..., 2] + z[..., 2]
-    c, s = np.cos(phi), np.sin(phi)
-    cz, sz = np.cos(z[..., 2]), np.sin(z[..., 2])
-    dx, dy = pose_j[..., 0] - pose_i[..., 0], pose_j[..., 1] - pose_i[..., 1]
-    # R_z^T R_i^T (t_j - t_i) - R_z^T t_z
-    ex = c * dx + s * dy - (cz * z[..., 0] + sz * z[..., 1])
-    ey = -s * dx + c * dy - (-sz * z[..., 0] + cz * z[..., 1])
-    return np.stack([ex, ey, wrap_angle(pose_j[..., 2] - phi)], -1)
-
-
 # Robust kernels: cost and weight of an edge as functions of its x = e^T Omega e.
-
-
-def _no_kernel(x: Array, width: float) -> tuple[Array, Array]:
-    return x, np.ones_like(x)
 
 
 def _huber(x: Array, width: float) -> tuple[Array, Array]:
@@ -163,8 +81,7 @@ def _dcs(x: Array, width: float) -> tuple[Array, Array]:
     return np.where(x > phi, phi * (3 * x - phi) / (phi + x), x), weight
 
 
-_KERNELS: dict[str | None, Callable[[Array, float], tuple[Array, Array]]] = {
-    None: _no_kernel,
+_KERNELS: dict[str, Callable[[Array, float], tuple[Array, Array]]] = {
     "huber": _huber,
     "dcs": _dcs,
 }
@@ -306,8 +223,7 @@ class PoseGraph:
     def residuals(self, poses: ArrayLike | None = None) -> Array:
         """Errors e of all edges, shape (m, 3), at `poses` (n, 3) or at the graph's own poses."""
         x = self._poses_or_own(poses)
-        i, j = self.edges.T
-        return _error(x[i], x[j], self.measurements)
+        return edge_error(x[self.edges[:, 0]], x[self.edges[:, 1]], self.measurements)
 
     def chi2(self, poses: ArrayLike | None = None) -> float:
         """Sum of e^T Omega e over all edges (no factor 1/2).
@@ -321,7 +237,7 @@ class PoseGraph:
         -------
         float
         """
-        return float(self._squared(self.residuals(poses)).sum())
+        return float(self._edge_arrays().linearise(self._poses_or_own(poses)).sum())
 
     def optimize(
         self,
@@ -395,7 +311,9 @@ class PoseGraph:
         place[system.free] = np.arange(system.n)
         wanted = np.flatnonzero(place[rows] >= 0)
         covs = np.zeros((len(rows), 3, 3))
-        solve, _ = self._normal_equations(system, self._poses_or_own(poses))
+        linear = self._edge_arrays()
+        linear.linearise(self._poses_or_own(poses))
+        solve = self._factorise(system, linear.blocks())
         for start in range(0, len(wanted), 32):
             part = wanted[start : start + 32]
             at = place[rows[part]]
@@ -412,9 +330,6 @@ class PoseGraph:
         if poses is None:
             return self.poses
         return as_array("poses", poses, self.poses.shape)
-
-    def _squared(self, e: Array) -> Array:
-        return np.einsum("ka,kab,kb->k", e, self.information, e)
 
     def _system(self) -> BlockSystem:
         free = np.setdiff1d(np.arange(len(self.poses)), self.fixed)
@@ -437,23 +352,14 @@ class PoseGraph:
         more = f" and {len(rows) - 8} more" if len(rows) > 8 else ""
         return f"{'poses' if len(rows) > 1 else 'pose'} {names}{more}"
 
-    def _normal_equations(
-        self, system: BlockSystem, poses: Array, weights: Array | None = None, damping: float = 0.0
-    ) -> tuple[Callable[[Array], Array], Array]:
-        """Return the solver of H x = b and the gradient J^T Omega e of the free poses."""
-        i, j = self.edges.T
-        e = _error(poses[i], poses[j], self.measurements)
-        A, B = edge_jacobians(poses[i], poses[j], self.measurements)
-        Omega = self.information
-        if weights is not None:
-            Omega = Omega * weights[:, None, None]
-        At, Bt = np.swapaxes(A, 1, 2) @ Omega, np.swapaxes(B, 1, 2) @ Omega
-        gradient = np.zeros_like(poses)
-        np.add.at(gradient, i, (At @ e[..., None])[..., 0])
-        np.add.at(gradient, j, (Bt @ e[..., None])[..., 0])
-        H = system.matrix(At @ A, Bt @ B, At @ B)
+    def _edge_arrays(self) -> Edges:
+        return Edges(self.edges, self.measurements, self.information)
+
+    def _factorise(
+        self, system: BlockSystem, blocks: Array, damping: float = 0.0, check: bool = True
+    ) -> Callable[[Array], Array]:
         try:
-            return system.factorise(H, damping), gradient[system.free]
+            return system.factorise(system.matrix(blocks, damping), check)
         except SingularError as error:
             raise ValueError(
                 "information: the measurements do not determine the graph, "
@@ -473,22 +379,32 @@ class _Optimization:
         tolerance: float,
     ) -> None:
         self.graph = graph
-        self.kernel = _KERNELS[kernel]
+        self.kernel = None if kernel is None else _KERNELS[kernel]
         self.kernel_width = kernel_width
         self.max_iterations = max_iterations
         self.tolerance = tolerance
         self.system = graph._system()
+        self.edges = graph._edge_arrays()
+        self.weights: Array | None = None
         self.poses = graph.poses.copy()
-        cost, self.weights = self.cost(self.poses)
-        self.history = [cost]
+        self.history = [self.move_to(self.poses)]
 
-    def cost(self, poses: Array) -> tuple[float, Array]:
-        """Robust cost, and the weights (m,) with which the kernel sees the edges."""
-        squared = self.graph._squared(self.graph.residuals(poses))
-        rho, weights = self.kernel(squared, self.kernel_width)
-        return float(rho.sum()), weights
+    def move_to(self, poses: Array) -> float:
+        """Linearise at `poses`; return the cost there."""
+        squared = self.edges.linearise(poses)
+        self.chi2 = float(squared.sum())
+        self.poses = poses
+        if self.kernel is None:
+            return self.chi2
+        rho, self.weights = self.kernel(squared, self.kernel_width)
+        return float(rho.sum())
 
-    def moved(self, step: Array) -> Array:
+    def factorise(self, damping: float = 0.0) -> Callable[[Array], Array]:
+        blocks = self.edges.blocks(self.weights)
+        first = len(self.history) == 1
+        return self.graph._factorise(self.system, blocks, damping, check=first)
+
+    def stepped(self, step: Array) -> Array:
         poses = self.poses.copy()
         poses[self.system.free] += step
         poses[:, 2] = wrap_angle(poses[:, 2])
@@ -496,40 +412,51 @@ class _Optimization:
 
     def settled(self, before: float, after: float) -> bool:
         # Rounding leaves about 1e-24 of cost an edge, even where all measurements agree.
-        return abs(before - after) <= self.tolerance * before + 1e-20 * len(self.weights)
+        return abs(before - after) <= self.tolerance * before + 1e-20 * len(self.graph.edges)
 
     def gauss_newton(self) -> Result:
-        """Linearise, solve H step = -gradient, move; until the cost stays."""
+        """Solve H step = -gradient and move, until the cost stays.
+
+        Near the end H hardly changes, so its factors serve again as long as each step with them
+        promises less than a tenth of the gain of the step before.
+        """
+        solve, gain, near = None, np.inf, False
         for _ in range(self.max_iterations):
-            solve, gradient = self.graph._normal_equations(self.system, self.poses, self.weights)
-            poses = self.moved(solve(-gradient))
-            if not np.isfinite(poses).all():
+            gradient = self.edges.gradient(self.weights)[self.system.free]
+            step = None
+            if solve is not None and near:
+                step = solve(-gradient)
+                if -np.vdot(gradient, step) > 0.1 * gain:
+                    step = None
+            if step is None:
+                solve = self.factorise()
+                step = solve(-gradient)
+            gain = -float(np.vdot(gradient, step))
+            if not np.isfinite(gain):
                 return self.result(False, "diverged: a step was not finite")
-            self.poses = poses
-            cost, self.weights = self.cost(poses)
-            self.history.append(cost)
-            if self.settled(self.history[-2], cost):
+            before = self.history[-1]
+            self.history.append(self.move_to(self.stepped(step)))
+            if self.settled(before, self.history[-1]):
                 return self.result(True, "converged")
+            near = abs(before - self.history[-1]) < _NEAR * before
         return self.result(False, f"stopped after {self.max_iterations} iterations")
 
     def levenberg_marquardt(self) -> Result:
         """Gauss-Newton with a damped diagonal; only steps that lower the cost are taken."""
         damping = 1e-4
         for _ in range(self.max_iterations):
-            before = self.history[-1]
+            before, here = self.history[-1], self.poses
+            gradient = self.edges.gradient(self.weights)[self.system.free]
             while True:
-                solve, gradient = self.graph._normal_equations(
-                    self.system, self.poses, self.weights, damping
-                )
-                poses = self.moved(solve(-gradient))
-                cost, weights = self.cost(poses)
+                cost = self.move_to(self.stepped(self.factorise(damping)(-gradient)))
                 if cost <= before or damping > 1e12:
                     break
+                self.move_to(here)
                 damping *= 10
             if not cost <= before:
+                self.move_to(here)
                 settled = self.settled(before, cost)
                 return self.result(settled, "converged" if settled else "no step lowers the cost")
-            self.poses, self.weights = poses, weights
             self.history.append(cost)
             if self.settled(before, cost) and damping < 1.0:
                 return self.result(True, "converged")
@@ -537,13 +464,14 @@ class _Optimization:
         return self.result(False, f"stopped after {self.max_iterations} iterations")
 
     def result(self, converged: bool, message: str) -> Result:
+        weights = np.ones(len(self.graph.edges)) if self.weights is None else self.weights
         return Result(
             poses=self.poses,
-            chi2=self.graph.chi2(self.poses),
+            chi2=self.chi2,
             history=np.array(self.history),
             iterations=len(self.history) - 1,
             converged=converged,
-            weights=self.weights,
+            weights=weights,
             message=message,
         )
 

@@ -1,0 +1,123 @@
+"""A synthetic pose graph of any size: a walk along the streets of a square town.
+
+The graphs of Olson 2006 (Manhattan) and P5's 1802 poses with 3546 edges are of this kind.
+Chapter 13 and the benchmarks use it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from slamlab._checks import Array, as_count, as_rng, as_scalar
+from slamlab.geometry import between, compose, wrap_angle
+from slamlab.slam import PoseGraph
+
+__all__ = ["ManhattanGraph", "manhattan_graph"]
+
+
+class ManhattanGraph(NamedTuple):
+    """A graph that starts from dead reckoning, and the truth behind it.
+
+    Attributes
+    ----------
+    graph : PoseGraph
+        The first ``n_poses - 1`` edges are odometry in order, the others loop closures.
+    truth : ndarray, shape (n_poses, 3)
+        True poses x, y (m), theta (rad).
+    """
+
+    graph: PoseGraph
+    truth: Array
+
+
+def manhattan_graph(
+    n_poses: int,
+    n_edges: int,
+    rng: np.random.Generator,
+    *,
+    sigma_position: float = 0.05,
+    sigma_heading: float = 0.01,
+) -> ManhattanGraph:
+    """Walk in steps of one metre, turn at crossings, and measure near poses seen before.
+
+    Parameters
+    ----------
+    n_poses : int
+        At least 2.
+    n_edges : int
+        From ``n_poses - 1`` (odometry alone) to ``n_poses (n_poses - 1) / 2`` (every pair).
+    rng : numpy.random.Generator
+    sigma_position : float, default 0.05
+        Standard deviation of each coordinate of every measurement (m).
+    sigma_heading : float, default 0.01
+        Standard deviation of its angle (rad).
+
+    Returns
+    -------
+    ManhattanGraph
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
+    """
+    n_poses = as_count("n_poses", n_poses, 2)
+    n_edges = as_count("n_edges", n_edges, n_poses - 1)
+    most = n_poses * (n_poses - 1) // 2
+    if n_edges > most:
+        raise ValueError(f"n_edges: expected at most {most} for {n_poses} poses, got {n_edges}")
+    rng = as_rng("rng", rng)
+    smallest = float(np.finfo(float).tiny)
+    sigma = np.array(
+        [as_scalar("sigma_position", sigma_position, smallest, 1e6)] * 2
+        + [as_scalar("sigma_heading", sigma_heading, smallest, 1e6)]
+    )
+    truth = _walk(n_poses, rng)
+    odometry = np.column_stack([np.arange(n_poses - 1), np.arange(1, n_poses)])
+    edges = np.concatenate([odometry, _closures(truth, n_edges - n_poses + 1, rng)])
+    exact = between(truth[edges[:, 0]], truth[edges[:, 1]])
+    measurements = exact + sigma * rng.standard_normal(exact.shape)
+    measurements[:, 2] = wrap_angle(measurements[:, 2])
+    start = _dead_reckoning(truth[0], measurements[: n_poses - 1])
+    return ManhattanGraph(PoseGraph(start, edges, measurements, np.diag(sigma**-2)), truth)
+
+
+def _walk(n_poses: int, rng: np.random.Generator) -> Array:
+    # Blocks are five metres long; the town is as large as the walk can cover about twice.
+    half = 5 * max(1, int(np.sqrt(n_poses / 8) / 2))
+    poses = np.zeros((n_poses, 3))
+    x, y, quarter = 0, 0, 0
+    for k in range(1, n_poses):
+        x, y = x + (1, 0, -1, 0)[quarter], y + (0, 1, 0, -1)[quarter]
+        if x % 5 == 0 and y % 5 == 0:
+            quarter = (quarter + int(rng.choice([-1, 0, 1]))) % 4
+        while max(abs(x + (1, 0, -1, 0)[quarter]), abs(y + (0, 1, 0, -1)[quarter])) > half:
+            quarter = (quarter + int(rng.choice([-1, 1]))) % 4
+        poses[k] = x, y, quarter * np.pi / 2
+    poses[:, 2] = wrap_angle(poses[:, 2])
+    return poses
+
+
+def _closures(truth: Array, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw pairs of poses that are near in space and not neighbours in time."""
+    if count == 0:
+        return np.zeros((0, 2), dtype=np.intp)
+    radius = 1.5
+    while True:
+        pairs = cKDTree(truth[:, :2]).query_pairs(radius, output_type="ndarray")
+        pairs = pairs[pairs[:, 1] - pairs[:, 0] > 1]
+        if len(pairs) >= count:
+            break
+        radius *= 1.5
+    chosen = np.sort(rng.choice(len(pairs), size=count, replace=False))
+    return pairs[chosen]
+
+
+def _dead_reckoning(start: Array, steps: Array) -> Array:
+    poses = [start]
+    for step in steps:
+        poses.append(compose(poses[-1], step))
+    return np.array(poses)
