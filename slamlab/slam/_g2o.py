@@ -9,7 +9,6 @@ from __future__ import annotations
 import gzip
 import io
 import zipfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -208,9 +207,8 @@ class _Parser:
 
     def check_information(self) -> None:
         information = np.array(self.content.information)
-        with np.errstate(all="ignore"):
-            smallest = np.linalg.eigvalsh(information)[:, 0]
         scale = np.abs(information).max(axis=(1, 2))
+        smallest = np.linalg.eigvalsh(information)[:, 0]
         bad = np.flatnonzero(~(smallest >= -1e-9 * scale))
         if bad.size:
             raise self.error(
@@ -263,22 +261,21 @@ def read(path: str | Path) -> Content:
     path = Path(path)
     data = _unpacked(path)
     # A byte that is no text survives as a surrogate, and the line that holds it is refused.
-    return parse(data.decode("utf-8", errors="surrogateescape"), path.name)
+    return parse(data.decode("utf-8-sig", errors="surrogateescape"), path.name)
 
 
 def _unpacked(path: Path) -> bytes:
     data = path.read_bytes()
+    unpack = {b"\x1f\x8b": gzip.decompress, b"PK": _only_graph}.get(data[:2])
+    if unpack is None:
+        return data
     try:
-        if data[:2] == b"\x1f\x8b":
-            return gzip.decompress(data)
-        if data[:4] == b"PK\x03\x04":
-            return _only_graph(path.name, data)
-    except (OSError, EOFError, zlib.error, zipfile.BadZipFile, RuntimeError) as error:
-        raise ValueError(f"{path.name}: damaged archive, before line 1: {error}") from error
-    return data
+        return unpack(data)
+    except Exception as error:  # every decompressor has its own errors
+        raise ValueError(f"{path.name}: cannot unpack the archive: {error}") from error
 
 
-def _only_graph(name: str, data: bytes) -> bytes:
+def _only_graph(data: bytes) -> bytes:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = [
             member
@@ -286,7 +283,7 @@ def _only_graph(name: str, data: bytes) -> bytes:
             if member.endswith((".g2o", ".toro", ".graph")) and not member.startswith("__MACOSX")
         ]
         if len(members) != 1:
-            raise ValueError(f"{name}: expected one graph in the archive, got {members}")
+            raise ValueError(f"expected one graph (.g2o, .toro or .graph) in it, got {members}")
         return archive.read(members[0])
 
 

@@ -42,6 +42,8 @@ class BlockSystem:
     def __init__(self, n_poses: int, edges: np.ndarray, free: np.ndarray) -> None:
         self.free = free
         self.n = n = len(free)
+        if n == 0:
+            return
         place = np.full(n_poses, -1)
         place[free] = np.arange(n)
         i, j = place[edges[:, 0]], place[edges[:, 1]]

@@ -28,7 +28,9 @@ __all__ = ["PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
 # 95 % of honest errors (three degrees of freedom) lie within this Mahalanobis distance.
 _KERNEL_WIDTH = 2.7955
 # Gauss-Newton keeps its factors after a step that changed the cost by less than this part.
-_NEAR = 0.5
+_NEAR = 0.1
+# Levenberg-Marquardt gives up beyond this multiple of the diagonal.
+_LARGEST_DAMPING = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +152,8 @@ class PoseGraph:
         self.fixed = tuple(sorted({_checked_row("fixed", row, n) for row in fixed}))
         if not self.fixed:
             raise ValueError("fixed: expected at least one pose, got none")
+        if scans is not None and not isinstance(scans, Scans):
+            raise ValueError(f"scans: expected Scans as read_g2o gives them, got {scans!r}")
         self.scans = scans
 
     def __repr__(self) -> str:
@@ -281,8 +285,14 @@ class PoseGraph:
         kernel_width = as_scalar("kernel_width", kernel_width, np.finfo(float).tiny, 1e150)
         max_iterations = as_count("max_iterations", max_iterations)
         tolerance = as_scalar("tolerance", tolerance, 0.0, 1.0)
-        run = _Optimization(self, kernel, kernel_width, max_iterations, tolerance)
-        return run.gauss_newton() if method == "gauss-newton" else run.levenberg_marquardt()
+        # Poses of astronomic size overflow; they end in a message, not in a warning.
+        with np.errstate(over="ignore", invalid="ignore"):
+            run = _Optimization(self, kernel, kernel_width, max_iterations, tolerance)
+            if run.system.n == 0:
+                return run.result(True, "every pose is fixed")
+            if method == "gauss-newton":
+                return run.gauss_newton()
+            return run.levenberg_marquardt()
 
     def marginal_cov(self, i: Any, poses: ArrayLike | None = None) -> Array:
         """Covariance of single poses, given all measurements: blocks of the inverse of H.
@@ -307,6 +317,8 @@ class PoseGraph:
         n = len(self.poses)
         rows = np.array([_checked_row("i", row, n) for row in np.atleast_1d(i).tolist()])
         system = self._system()
+        if system.n == 0:
+            return np.zeros((*np.shape(i), 3, 3))
         place = np.full(n, -1)
         place[system.free] = np.arange(system.n)
         wanted = np.flatnonzero(place[rows] >= 0)
@@ -358,8 +370,11 @@ class PoseGraph:
     def _factorise(
         self, system: BlockSystem, blocks: Array, damping: float = 0.0, check: bool = True
     ) -> Callable[[Array], Array]:
+        H = system.matrix(blocks, damping)
+        if not np.isfinite(H.data).all():
+            raise ValueError("poses: expected a graph of moderate size, the equations overflow")
         try:
-            return system.factorise(system.matrix(blocks, damping), check)
+            return system.factorise(H, check)
         except SingularError as error:
             raise ValueError(
                 "information: the measurements do not determine the graph, "
@@ -386,8 +401,13 @@ class _Optimization:
         self.system = graph._system()
         self.edges = graph._edge_arrays()
         self.weights: Array | None = None
-        self.poses = graph.poses.copy()
-        self.history = [self.move_to(self.poses)]
+        self.history = [self.move_to(graph.poses)]
+        # What is left of the cost when all measurements agree and only rounding is seen.
+        trace = np.trace(graph.information, axis1=1, axis2=2).sum()
+        ulp = 4 * np.finfo(float).eps * max(1.0, np.abs(graph.poses).max())
+        self.rounding = float(trace) * ulp**2
+        self.solve: Callable[[Array], Array] | None = None
+        self.gain = np.inf
 
     def move_to(self, poses: Array) -> float:
         """Linearise at `poses`; return the cost there."""
@@ -404,6 +424,9 @@ class _Optimization:
         first = len(self.history) == 1
         return self.graph._factorise(self.system, blocks, damping, check=first)
 
+    def gradient(self) -> Array:
+        return self.edges.gradient(self.weights)[self.system.free]
+
     def stepped(self, step: Array) -> Array:
         poses = self.poses.copy()
         poses[self.system.free] += step
@@ -411,62 +434,68 @@ class _Optimization:
         return poses
 
     def settled(self, before: float, after: float) -> bool:
-        # Rounding leaves about 1e-24 of cost an edge, even where all measurements agree.
-        return abs(before - after) <= self.tolerance * before + 1e-20 * len(self.graph.edges)
+        return abs(before - after) <= self.tolerance * before + self.rounding
 
     def gauss_newton(self) -> Result:
-        """Solve H step = -gradient and move, until the cost stays.
-
-        Near the end H hardly changes, so its factors serve again as long as each step with them
-        promises less than a tenth of the gain of the step before.
-        """
-        solve, gain, near = None, np.inf, False
+        """Solve H step = -gradient and move, until neither the cost nor its model changes."""
         for _ in range(self.max_iterations):
-            gradient = self.edges.gradient(self.weights)[self.system.free]
-            step = None
-            if solve is not None and near:
-                step = solve(-gradient)
-                if -np.vdot(gradient, step) > 0.1 * gain:
-                    step = None
-            if step is None:
-                solve = self.factorise()
-                step = solve(-gradient)
-            gain = -float(np.vdot(gradient, step))
-            if not np.isfinite(gain):
+            step = self.gauss_newton_step()
+            if not np.isfinite(step).all():
                 return self.result(False, "diverged: a step was not finite")
             before = self.history[-1]
             self.history.append(self.move_to(self.stepped(step)))
-            if self.settled(before, self.history[-1]):
+            if self.settled(before, self.history[-1]) and self.settled(before, before - self.gain):
                 return self.result(True, "converged")
-            near = abs(before - self.history[-1]) < _NEAR * before
         return self.result(False, f"stopped after {self.max_iterations} iterations")
 
+    def gauss_newton_step(self) -> Array:
+        """H^-1 (-gradient), with old factors of H where they still serve.
+
+        Near the end H hardly changes. Its factors stay as long as each step with them promises
+        less than a tenth of the gain of the step before.
+        """
+        gradient = self.gradient()
+        before, here = self.history[-2:] if len(self.history) > 1 else (np.inf, 0.0)
+        if self.solve is not None and abs(before - here) < _NEAR * before:
+            step = self.solve(-gradient)
+            gain = -float(np.vdot(gradient, step))
+            if gain <= 0.1 * self.gain:
+                self.gain = gain
+                return step
+        self.solve = self.factorise()
+        step = self.solve(-gradient)
+        self.gain = -float(np.vdot(gradient, step))
+        return step
+
     def levenberg_marquardt(self) -> Result:
-        """Gauss-Newton with a damped diagonal; only steps that lower the cost are taken."""
+        """Gauss-Newton with a damped diagonal; only steps that do not raise the cost are taken."""
         damping = 1e-4
         for _ in range(self.max_iterations):
-            before, here = self.history[-1], self.poses
-            gradient = self.edges.gradient(self.weights)[self.system.free]
-            while True:
-                cost = self.move_to(self.stepped(self.factorise(damping)(-gradient)))
-                if cost <= before or damping > 1e12:
-                    break
-                self.move_to(here)
-                damping *= 10
-            if not cost <= before:
-                self.move_to(here)
-                settled = self.settled(before, cost)
-                return self.result(settled, "converged" if settled else "no step lowers the cost")
+            before = self.history[-1]
+            cost, damping = self.damped_step(damping)
+            if damping > _LARGEST_DAMPING:
+                return self.result(False, "no step lowers the cost")
             self.history.append(cost)
             if self.settled(before, cost) and damping < 1.0:
                 return self.result(True, "converged")
             damping = max(damping / 10, 1e-12)
         return self.result(False, f"stopped after {self.max_iterations} iterations")
 
+    def damped_step(self, damping: float) -> tuple[float, float]:
+        """Raise the damping until a step does not raise the cost; take that step."""
+        before, here, gradient = self.history[-1], self.poses, self.gradient()
+        while damping <= _LARGEST_DAMPING:
+            cost = self.move_to(self.stepped(self.factorise(damping)(-gradient)))
+            if cost <= before * (1 + 1e-12) + self.rounding:
+                return cost, damping
+            self.move_to(here)
+            damping *= 10
+        return before, damping
+
     def result(self, converged: bool, message: str) -> Result:
         weights = np.ones(len(self.graph.edges)) if self.weights is None else self.weights
         return Result(
-            poses=self.poses,
+            poses=self.poses.copy(),
             chi2=self.chi2,
             history=np.array(self.history),
             iterations=len(self.history) - 1,
@@ -494,6 +523,8 @@ def _checked_ids(ids: Sequence[int] | None, n: int) -> np.ndarray:
         raise ValueError(
             f"ids: expected {n} whole numbers, got {array.dtype} of shape {array.shape}"
         )
+    if (array < 0).any():
+        raise ValueError(f"ids: expected numbers from 0 on, got {array.min()}")
     unique, counts = np.unique(array, return_counts=True)
     if len(unique) < n:
         raise ValueError(f"ids: expected each id once, got {unique[counts > 1][0]} twice")
