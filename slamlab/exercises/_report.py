@@ -219,7 +219,7 @@ def _agree(came: Any, expected: Any, tolerance: float) -> bool:
         return False
     return all(
         a.shape == b.shape
-        and bool(np.all(np.abs(a - b) <= tolerance * (1 + np.abs(b))) or np.array_equal(a, b))
+        and bool(np.isclose(a, b, rtol=tolerance, atol=tolerance, equal_nan=True).all())
         for a, b in pairs
     )
 
