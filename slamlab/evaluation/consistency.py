@@ -6,7 +6,7 @@ Bar-Shalom's consistency tests as used by Bailey (2006) for EKF-SLAM; every chap
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,7 +76,7 @@ def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
                 f"got {estimates.shape} and {truths.shape}"
             )
         return estimates - truths
-    return as_array("errors", errors, ("...", "n")).copy()
+    return as_array("errors", cast(ArrayLike, errors), ("...", "n")).copy()
 
 
 def nis(residuals: ArrayLike, covs: ArrayLike) -> Array:

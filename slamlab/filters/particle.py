@@ -59,8 +59,8 @@ class ParticleFilter:
     ess : float
         Effective sample size after the last weighting, before any resampling.
     ancestors : ndarray of int, shape (M,)
-        Row of each particle's parent in the set before the last resampling decision: 0, 1, 2, ...
-        if the last `update` did not resample.
+        Row of each particle's parent in the set before the last `update`: 0, 1, 2, ... if that
+        did not resample.
     resampled : bool
         Whether the last `update` resampled.
     degenerate : bool

@@ -1,0 +1,5 @@
+"""Where am I in a known map? Floor 3 of the house."""
+
+from slamlab.localization.monte_carlo import MonteCarloLocalization
+
+__all__ = ["MonteCarloLocalization"]
