@@ -27,17 +27,17 @@ def slim(notebook: nbformat.NotebookNode) -> None:
             "language_info": {"name": "python"},
         }
     )
-    for cell in notebook.cells:
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for number, cell in enumerate(code, start=1):
         cell.metadata.pop("execution", None)
-        if cell.cell_type != "code":
-            continue
-        cell.execution_count = None
+        # nbval takes a cell with outputs and no number for one that was never run.
+        cell.execution_count = number
         for output in cell.outputs:
             if "data" in output:
                 output.data = {k: v for k, v in output.data.items() if k in KEPT}
                 output.metadata = {}
             if "execution_count" in output:
-                output.execution_count = None
+                output.execution_count = number
 
 
 def run(notebook: nbformat.NotebookNode, folder: Path) -> None:
