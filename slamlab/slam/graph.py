@@ -470,6 +470,7 @@ class _Optimization:
     def levenberg_marquardt(self) -> Result:
         """Gauss-Newton with a damped diagonal; only steps that do not raise the cost are taken."""
         damping = 1e-4
+        self.factorise()  # damping would hide a singular graph
         for _ in range(self.max_iterations):
             before = self.history[-1]
             cost, damping = self.damped_step(damping)
