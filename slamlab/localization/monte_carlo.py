@@ -1,6 +1,6 @@
 """Monte Carlo localization: find the pose in a known map, from anywhere, also when carried off.
 
-Particle filter of P2 (13)-(15) on poses; random injection after Gutmann and Fox (2002). Chapter 04.
+P2 (13)-(15) on poses; random injection after Gutmann and Fox (2002). Chapter 04.
 """
 
 from __future__ import annotations
