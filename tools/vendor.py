@@ -18,7 +18,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-VENDOR = Path(__file__).parents[1] / "book" / "static" / "vendor"
+VENDOR = Path(__file__).resolve().parents[1] / "book" / "static" / "vendor"
 NPM = {"mathjax": "3.2.2", "requirejs": "2.3.8", "@jupyter-widgets/html-manager": "1.0.15"}
 
 # embed-amd.js looks for its icon fonts beside the page; they lie beside the script.

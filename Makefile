@@ -1,0 +1,98 @@
+# The course: `make book` builds it, `make test` proves it. Each does all its own set-up.
+SHELL := /bin/bash
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+export PIP_ROOT_USER_ACTION := ignore
+# Small dense products stall when two BLAS threads contend for two cores.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+# Real logs for trials, where they lie beside the checkout; without them such tests are skipped.
+DATA := $(abspath ../shared/data)
+ifneq ($(wildcard $(DATA)),)
+export SLAMLAB_DATA ?= $(DATA)
+endif
+
+NOTEBOOKS := notebooks/*.ipynb notebooks/exercises/*.ipynb notebooks/solutions/*.ipynb
+
+.DEFAULT_GOAL := help
+.PHONY: help book test lab lint unit speed notebooks book-tests chromium lock vendor slim clean
+
+help:  ## Show this list
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+# One stamp a set of extras, renewed when the lock or the project file changes.
+$(VENV)/.%-installed: pyproject.toml requirements.lock | $(VENV)/bin/python
+	@echo "== Installing ($* extras, pinned by requirements.lock)"
+	$(PIP) install --quiet --constraint requirements.lock --editable '.[$*]'
+	@touch $@
+
+book: $(VENV)/.book-installed  ## Build the book (runs what changed) and say where it is
+	@$(BIN)/python tools/build_book.py
+
+lab: $(VENV)/.dev-installed  ## Open the notebooks in JupyterLab
+	$(BIN)/jupyter lab --notebook-dir=notebooks
+
+test: $(VENV)/.dev-installed  ## Run everything: lint, types, tests, notebooks, book, browser
+	@$(MAKE) --no-print-directory chromium lint unit speed notebooks
+	@$(BIN)/python tools/build_book.py
+	@$(MAKE) --no-print-directory book-tests
+	@echo "== All passed"
+
+lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
+	@echo "== Lint, types, spelling"
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/codespell
+
+unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring examples
+	@echo "== Tests of the library"
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile --doctest-modules \
+	  --ignore=tests/benchmarks --ignore=tests/book --benchmark-disable slamlab tests
+
+speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
+	@echo "== Speed against peers"
+	$(BIN)/python -m pytest -q -p no:xdist tests/benchmarks
+
+notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
+	@echo "== Notebooks, cell by cell"
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile --nbval --nbval-current-env \
+	  --nbval-cell-timeout 300 $(NOTEBOOKS)
+
+book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
+	@echo "== The built book in a browser"
+	$(BIN)/python -m pytest -q tests/book
+
+chromium:
+	@if command -v chromium >/dev/null; then :; \
+	elif command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then \
+	  echo "== Installing Debian's chromium for the browser tests"; \
+	  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; \
+	elif command -v apt-get >/dev/null && command -v sudo >/dev/null; then \
+	  echo "== Installing Debian's chromium for the browser tests (sudo)"; \
+	  sudo apt-get update -qq && sudo apt-get install -y -qq chromium >/dev/null; \
+	else \
+	  echo "chromium was not found and cannot be installed here: install it (or set SLAMLAB_CHROMIUM"; \
+	  echo "to its path) to run the browser tests; they are skipped without it."; \
+	fi
+
+lock: ## Refresh requirements.lock: install the newest set that fits, try it, write it down
+	rm -rf _build/lock-env && $(PYTHON) -m venv _build/lock-env
+	_build/lock-env/bin/python -m pip install --quiet --upgrade --editable '.[dev]'
+	_build/lock-env/bin/python -m pip freeze --exclude-editable > requirements.lock
+	@echo "requirements.lock is new: run make test before you commit it"
+
+vendor: $(VENV)/.dev-installed  ## Refresh the browser files under book/static/vendor (needs npm)
+	$(BIN)/python tools/vendor.py
+
+slim: $(VENV)/.dev-installed  ## Take images and widget views out of the notebooks
+	$(BIN)/python tools/notebooks.py slim $(NOTEBOOKS)
+
+clean:  ## Remove what was built (the environment stays)
+	rm -rf _build .pytest_cache .ruff_cache .mypy_cache .hypothesis .benchmarks
