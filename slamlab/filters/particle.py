@@ -179,7 +179,9 @@ class ParticleFilter:
         self.log_weights = log_weights
         weights = np.exp(log_weights)
         self.ess = 1 / float(weights @ weights)
-        if self._adaptive is not None or self.ess < self._threshold * len(weights):
+        # Equal weights do not count as degenerate because of a rounded last bit.
+        floor = self._threshold * len(weights) * (1 - 1e-9)
+        if self._adaptive is not None or self.ess < floor:
             self._draw(weights)
         return evidence
 

@@ -218,14 +218,38 @@ class PoseGraph:
         _g2o.write(path, content)
 
     def with_poses(self, poses: ArrayLike) -> PoseGraph:
-        """Return the same graph at other poses (n, 3), for example those of a `Result`."""
+        """Return the same graph at other poses, for example those of a `Result`.
+
+        Parameters
+        ----------
+        poses : array_like, shape (n, 3)
+
+        Returns
+        -------
+        PoseGraph
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a number is not finite.
+        """
         other = object.__new__(PoseGraph)
         other.__dict__.update(self.__dict__)
         other.poses = self._poses_or_own(poses).copy()
         return other
 
     def residuals(self, poses: ArrayLike | None = None) -> Array:
-        """Errors e of all edges, shape (m, 3), at `poses` (n, 3) or at the graph's own poses."""
+        """Return the errors e of all edges; see `edge_error`.
+
+        Parameters
+        ----------
+        poses : array_like, shape (n, 3), optional
+            The graph's own poses by default.
+
+        Returns
+        -------
+        ndarray, shape (m, 3)
+        """
         x = self._poses_or_own(poses)
         return edge_error(x[self.edges[:, 0]], x[self.edges[:, 1]], self.measurements)
 
@@ -262,8 +286,8 @@ class PoseGraph:
         kernel : {None, "huber", "dcs"}
             Robust cost against false loop closures.
         kernel_width : float
-            Mahalanobis distance of an edge from which the kernel begins to doubt it. (For DCS
-            its square is the Phi of the paper.)
+            Mahalanobis distance of an edge from which the kernel begins to doubt it; for DCS its
+            square is the Phi of Agarwal et al. 2013.
         max_iterations : int
             Steps at most.
         tolerance : float
