@@ -145,6 +145,10 @@ class Edges:
         # Rounding may leave an edge of singular information a hair below zero.
         return np.maximum(ex * fx + ey * fy + et * ft, 0.0)
 
+    def trace(self) -> float:
+        """Sum of the diagonals of all information matrices."""
+        return float(self.information[[0, 3, 5]].sum())
+
     def gradient(self, weights: Array | None = None) -> Array:
         """J^T Omega e, shape (n, 3); edges count with their `weights` (m,)."""
         fx, fy, ft = self.force

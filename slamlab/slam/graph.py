@@ -6,8 +6,7 @@ Chapter 00 uses it on real data, chapter 13 derives it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,76 +16,19 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_covariance, as_scalar
-from slamlab.geometry import wrap_angle
 from slamlab.slam import _g2o
 from slamlab.slam._edges import Edges, edge_error, edge_jacobians
 from slamlab.slam._g2o import Scans
-from slamlab.slam._sparse import BlockSystem, SingularError
+from slamlab.slam._optimize import (
+    KERNEL_WIDTH,
+    KERNELS,
+    NormalEquations,
+    Optimization,
+    Result,
+)
+from slamlab.slam._sparse import BlockSystem
 
 __all__ = ["PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
-
-# 95 % of honest errors (three degrees of freedom) lie within this Mahalanobis distance.
-_KERNEL_WIDTH = 2.7955
-# Gauss-Newton keeps its factors after a step that changed the cost by less than this part.
-_NEAR = 0.1
-# Levenberg-Marquardt gives up beyond this multiple of the diagonal.
-_LARGEST_DAMPING = 1e12
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """What an optimisation ended with.
-
-    Attributes
-    ----------
-    poses : ndarray, shape (n, 3)
-        Optimised poses: x, y (m), theta (rad) in the world.
-    chi2 : float
-        Sum of e^T Omega e at `poses`, without any kernel.
-    history : ndarray, shape (iterations + 1,)
-        What was minimised, before the first step and after every step: chi2 itself, or with a
-        robust kernel the kernel's cost.
-    iterations : int
-        Number of steps taken.
-    converged : bool
-        True only if the last step changed the cost by less than the tolerance.
-    weights : ndarray, shape (m,)
-        Weight of every edge in the last step, in [0, 1]; all 1 without a kernel.
-    message : str
-        Why it stopped, in words.
-    """
-
-    poses: Array
-    chi2: float
-    history: Array
-    iterations: int
-    converged: bool
-    weights: Array
-    message: str
-
-
-# Robust kernels: cost and weight of an edge as functions of its x = e^T Omega e.
-
-
-def _huber(x: Array, width: float) -> tuple[Array, Array]:
-    # rho = x within the width k, 2 k sqrt(x) - k^2 beyond; weight = d rho / d x
-    distance = np.sqrt(x)
-    beyond = distance > width
-    weight = np.where(beyond, width / np.where(beyond, distance, 1.0), 1.0)
-    return np.where(beyond, 2 * width * distance - width**2, x), weight
-
-
-def _dcs(x: Array, width: float) -> tuple[Array, Array]:
-    # Agarwal et al. 2013: weight = s^2 with s = min(1, 2 Phi / (Phi + x)); rho is its integral.
-    phi = width**2
-    weight = np.minimum(1.0, 2 * phi / (phi + x)) ** 2
-    return np.where(x > phi, phi * (3 * x - phi) / (phi + x), x), weight
-
-
-_KERNELS: dict[str, Callable[[Array, float], tuple[Array, Array]]] = {
-    "huber": _huber,
-    "dcs": _dcs,
-}
 
 
 class PoseGraph:
@@ -117,7 +59,7 @@ class PoseGraph:
 
     Examples
     --------
-    Three poses, measured in a circle whose measurements do not quite close:
+    Two steps of one metre, and both together measured as 2.3 m:
 
     >>> graph = PoseGraph(
     ...     [[0, 0, 0], [1, 0, 0], [2, 0, 0]],
@@ -265,14 +207,15 @@ class PoseGraph:
         -------
         float
         """
-        return float(self._edge_arrays().linearise(self._poses_or_own(poses)).sum())
+        edges = Edges(self.edges, self.measurements, self.information)
+        return float(edges.linearise(self._poses_or_own(poses)).sum())
 
     def optimize(
         self,
         method: str = "gauss-newton",
         *,
         kernel: str | None = None,
-        kernel_width: float = _KERNEL_WIDTH,
+        kernel_width: float = KERNEL_WIDTH,
         max_iterations: int = 50,
         tolerance: float = 1e-7,
     ) -> Result:
@@ -305,14 +248,16 @@ class PoseGraph:
         """
         as_choice("method", method, ["gauss-newton", "levenberg-marquardt"])
         if kernel is not None:
-            as_choice("kernel", kernel, ["huber", "dcs"])
+            as_choice("kernel", kernel, list(KERNELS))
         kernel_width = as_scalar("kernel_width", kernel_width, np.finfo(float).tiny, 1e150)
         max_iterations = as_count("max_iterations", max_iterations)
         tolerance = as_scalar("tolerance", tolerance, 0.0, 1.0)
         # Poses of astronomic size overflow; they end in a message, not in a warning.
         with np.errstate(over="ignore", invalid="ignore"):
-            run = _Optimization(self, kernel, kernel_width, max_iterations, tolerance)
-            if run.system.n == 0:
+            run = Optimization(
+                self.poses, self._equations(), kernel, kernel_width, max_iterations, tolerance
+            )
+            if len(run.equations.free) == 0:
                 return run.result(True, "every pose is fixed")
             if method == "gauss-newton":
                 return run.gauss_newton()
@@ -340,24 +285,15 @@ class PoseGraph:
         """
         n = len(self.poses)
         rows = np.array([_checked_row("i", row, n) for row in np.atleast_1d(i).tolist()])
-        system = self._system()
-        if system.n == 0:
-            return np.zeros((*np.shape(i), 3, 3))
+        poses = self._poses_or_own(poses)
+        equations = self._equations()
         place = np.full(n, -1)
-        place[system.free] = np.arange(system.n)
+        place[equations.free] = np.arange(len(equations.free))
         wanted = np.flatnonzero(place[rows] >= 0)
         covs = np.zeros((len(rows), 3, 3))
-        linear = self._edge_arrays()
-        linear.linearise(self._poses_or_own(poses))
-        solve = self._factorise(system, linear.blocks())
-        for start in range(0, len(wanted), 32):
-            part = wanted[start : start + 32]
-            at = place[rows[part]]
-            unit = np.zeros((system.n, 3, len(part), 3))
-            unit[at, :, np.arange(len(part)), :] = np.eye(3)
-            columns = solve(unit.reshape(system.n, 3, -1)).reshape(unit.shape)
-            covs[part] = columns[at, :, np.arange(len(part)), :]
-        covs = 0.5 * (covs + np.swapaxes(covs, 1, 2))
+        if wanted.size:
+            equations.linearise(poses)
+            covs[wanted] = equations.inverse_blocks(place[rows[wanted]])
         return covs[0] if np.ndim(i) == 0 else covs
 
     # Helpers
@@ -367,10 +303,11 @@ class PoseGraph:
             return self.poses
         return as_array("poses", poses, self.poses.shape)
 
-    def _system(self) -> BlockSystem:
-        free = np.setdiff1d(np.arange(len(self.poses)), self.fixed)
+    def _equations(self) -> NormalEquations:
         self._check_connected()
-        return BlockSystem(len(self.poses), self.edges, free)
+        edges = Edges(self.edges, self.measurements, self.information)
+        free = np.setdiff1d(np.arange(len(self.poses)), self.fixed)
+        return NormalEquations(edges, BlockSystem(len(self.poses), self.edges, free), self._names)
 
     def _check_connected(self) -> None:
         n, (i, j) = len(self.poses), self.edges.T
@@ -387,147 +324,6 @@ class PoseGraph:
         names = ", ".join(str(self.ids[row]) for row in rows[:8])
         more = f" and {len(rows) - 8} more" if len(rows) > 8 else ""
         return f"{'poses' if len(rows) > 1 else 'pose'} {names}{more}"
-
-    def _edge_arrays(self) -> Edges:
-        return Edges(self.edges, self.measurements, self.information)
-
-    def _factorise(
-        self, system: BlockSystem, blocks: Array, damping: float = 0.0, check: bool = True
-    ) -> Callable[[Array], Array]:
-        H = system.matrix(blocks, damping)
-        if not np.isfinite(H.data).all():
-            raise ValueError("poses: expected a graph of moderate size, the equations overflow")
-        try:
-            return system.factorise(H, check)
-        except SingularError as error:
-            raise ValueError(
-                "information: the measurements do not determine the graph, "
-                f"free to move: {self._names(error.rows)}"
-            ) from error
-
-
-class _Optimization:
-    """One run of `PoseGraph.optimize`: its state, and the two algorithms that move it."""
-
-    def __init__(
-        self,
-        graph: PoseGraph,
-        kernel: str | None,
-        kernel_width: float,
-        max_iterations: int,
-        tolerance: float,
-    ) -> None:
-        self.graph = graph
-        self.kernel = None if kernel is None else _KERNELS[kernel]
-        self.kernel_width = kernel_width
-        self.max_iterations = max_iterations
-        self.tolerance = tolerance
-        self.system = graph._system()
-        self.edges = graph._edge_arrays()
-        self.weights: Array | None = None
-        self.history = [self.move_to(graph.poses)]
-        # What is left of the cost when all measurements agree and only rounding is seen.
-        trace = np.trace(graph.information, axis1=1, axis2=2).sum()
-        ulp = 4 * np.finfo(float).eps * max(1.0, np.abs(graph.poses).max())
-        self.rounding = float(trace) * ulp**2
-        self.solve: Callable[[Array], Array] | None = None
-        self.gain = np.inf
-
-    def move_to(self, poses: Array) -> float:
-        """Linearise at `poses`; return the cost there."""
-        squared = self.edges.linearise(poses)
-        self.chi2 = float(squared.sum())
-        self.poses = poses
-        if self.kernel is None:
-            return self.chi2
-        rho, self.weights = self.kernel(squared, self.kernel_width)
-        return float(rho.sum())
-
-    def factorise(self, damping: float = 0.0) -> Callable[[Array], Array]:
-        blocks = self.edges.blocks(self.weights)
-        first = len(self.history) == 1
-        return self.graph._factorise(self.system, blocks, damping, check=first)
-
-    def gradient(self) -> Array:
-        return self.edges.gradient(self.weights)[self.system.free]
-
-    def stepped(self, step: Array) -> Array:
-        poses = self.poses.copy()
-        poses[self.system.free] += step
-        poses[:, 2] = wrap_angle(poses[:, 2])
-        return poses
-
-    def settled(self, before: float, after: float) -> bool:
-        return abs(before - after) <= self.tolerance * before + self.rounding
-
-    def gauss_newton(self) -> Result:
-        """Solve H step = -gradient and move, until neither the cost nor its model changes."""
-        for _ in range(self.max_iterations):
-            step = self.gauss_newton_step()
-            if not np.isfinite(step).all():
-                return self.result(False, "diverged: a step was not finite")
-            before = self.history[-1]
-            self.history.append(self.move_to(self.stepped(step)))
-            if self.settled(before, self.history[-1]) and self.settled(before, before - self.gain):
-                return self.result(True, "converged")
-        return self.result(False, f"stopped after {self.max_iterations} iterations")
-
-    def gauss_newton_step(self) -> Array:
-        """H^-1 (-gradient), with old factors of H where they still serve.
-
-        Near the end H hardly changes. Its factors stay as long as each step with them promises
-        less than a tenth of the gain of the step before.
-        """
-        gradient = self.gradient()
-        before, here = self.history[-2:] if len(self.history) > 1 else (np.inf, 0.0)
-        if self.solve is not None and abs(before - here) < _NEAR * before:
-            step = self.solve(-gradient)
-            gain = -float(np.vdot(gradient, step))
-            if gain <= 0.1 * self.gain:
-                self.gain = gain
-                return step
-        self.solve = self.factorise()
-        step = self.solve(-gradient)
-        self.gain = -float(np.vdot(gradient, step))
-        return step
-
-    def levenberg_marquardt(self) -> Result:
-        """Gauss-Newton with a damped diagonal; only steps that do not raise the cost are taken."""
-        damping = 1e-4
-        self.factorise()  # damping would hide a singular graph
-        for _ in range(self.max_iterations):
-            before = self.history[-1]
-            cost, damping = self.damped_step(damping)
-            if damping > _LARGEST_DAMPING:
-                return self.result(False, "no step lowers the cost")
-            self.history.append(cost)
-            if self.settled(before, cost) and damping < 1.0:
-                return self.result(True, "converged")
-            damping = max(damping / 10, 1e-12)
-        return self.result(False, f"stopped after {self.max_iterations} iterations")
-
-    def damped_step(self, damping: float) -> tuple[float, float]:
-        """Raise the damping until a step does not raise the cost; take that step."""
-        before, here, gradient = self.history[-1], self.poses, self.gradient()
-        while damping <= _LARGEST_DAMPING:
-            cost = self.move_to(self.stepped(self.factorise(damping)(-gradient)))
-            if cost <= before * (1 + 1e-12) + self.rounding:
-                return cost, damping
-            self.move_to(here)
-            damping *= 10
-        return before, damping
-
-    def result(self, converged: bool, message: str) -> Result:
-        weights = np.ones(len(self.graph.edges)) if self.weights is None else self.weights
-        return Result(
-            poses=self.poses.copy(),
-            chi2=self.chi2,
-            history=np.array(self.history),
-            iterations=len(self.history) - 1,
-            converged=converged,
-            weights=weights,
-            message=message,
-        )
 
 
 # Checks at the door
@@ -557,7 +353,10 @@ def _checked_ids(ids: Sequence[int] | None, n: int) -> np.ndarray:
 
 
 def _checked_edges(edges: ArrayLike, n: int) -> np.ndarray:
-    array = np.asarray(edges)
+    try:
+        array = np.asarray(edges)
+    except ValueError as error:
+        raise ValueError("edges: expected pairs of rows, got rows of unequal length") from error
     if array.size == 0:
         array = np.zeros((0, 2), dtype=np.intp)
     if array.ndim != 2 or array.shape[1] != 2 or not np.issubdtype(array.dtype, np.integer):

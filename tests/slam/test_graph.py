@@ -13,7 +13,7 @@ from slamlab.datasets.synthetic import manhattan_graph
 from slamlab.geometry import between, compose, inverse, rotation, wrap_angle
 from slamlab.slam import PoseGraph, edge_error, edge_jacobians
 from slamlab.slam._edges import Edges
-from slamlab.slam.graph import _dcs, _huber
+from slamlab.slam._optimize import _dcs, _huber
 
 RTB = Path(pytest.importorskip("rtbdata").__file__).parent / "data"
 quiet = settings(derandomize=True, deadline=None, max_examples=50)
@@ -474,6 +474,17 @@ def test_a_singular_graph_names_its_poses(method):
         chain(21, np.diag([1.0, 1.0, 0.0])).optimize()
 
 
+@pytest.mark.parametrize("lost", [[0, 1, 1], [1, 1, 0], [0, 0, 0]])
+@pytest.mark.parametrize("at", [3, 600, 1198])
+def test_one_lost_measurement_in_a_long_walk_is_found(at, lost):
+    graph = manhattan_graph(1200, 1199, np.random.default_rng(1)).graph
+    information = graph.information.copy()
+    information[at] *= np.diag(lost)
+    with pytest.raises(ValueError, match=f"free to move: poses? {at + 1}"):
+        PoseGraph(graph.poses, graph.edges, graph.measurements, information).optimize()
+    assert graph.optimize().converged
+
+
 def test_a_weak_but_sound_graph_is_not_called_singular():
     result = chain(400, np.diag([1e-3, 1.0, 1e6])).optimize()
     assert result.converged
@@ -485,6 +496,7 @@ BAD = {
     "poses: expected at least one": {"poses": np.zeros((0, 3))},
     "edges: expected whole": {"edges": [[0.0, 1.0], [1.0, 2.0]]},
     "edges: expected whole numbers of shape": {"edges": [[0, 1, 2]]},
+    "edges: expected pairs": {"edges": [[0, 1], [1]]},
     "edges: expected rows of 3 poses, got 3 in edge 1": {"edges": [[0, 1], [1, 3]]},
     "edges: expected rows of 3 poses, got -1 in edge 0": {"edges": [[-1, 1], [1, 2]]},
     "edge 1 joins pose 2 with itself": {"edges": [[0, 1], [2, 2]]},

@@ -1,0 +1,256 @@
+"""Least squares on a pose graph: Gauss-Newton, Levenberg-Marquardt and robust kernels.
+
+Grisetti et al. 2010, algorithm 1; Huber 1964; dynamic covariance scaling, Agarwal et al. 2013.
+`PoseGraph.optimize` of `slamlab.slam.graph` is the door to it; chapter 13 derives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from slamlab._checks import Array
+from slamlab.geometry import wrap_angle
+from slamlab.slam._edges import Edges
+from slamlab.slam._sparse import BlockSystem, SingularError, Solve
+
+# 95 % of honest errors (three degrees of freedom) lie within this Mahalanobis distance.
+KERNEL_WIDTH = 2.7955
+# Gauss-Newton keeps its factors after a step that changed the cost by less than this part.
+_NEAR = 0.1
+# Levenberg-Marquardt gives up beyond this multiple of the diagonal.
+_LARGEST_DAMPING = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What an optimisation ended with.
+
+    Attributes
+    ----------
+    poses : ndarray, shape (n, 3)
+        Optimised poses: x, y (m), theta (rad) in the world.
+    chi2 : float
+        Sum of e^T Omega e at `poses`, without any kernel.
+    history : ndarray, shape (iterations + 1,)
+        What was minimised, before the first step and after every step: chi2 itself, or with a
+        robust kernel the kernel's cost.
+    iterations : int
+        Number of steps taken.
+    converged : bool
+        True only if the last step changed the cost by less than the tolerance.
+    weights : ndarray, shape (m,)
+        Weight of every edge in the last step, in [0, 1]; all 1 without a kernel.
+    message : str
+        Why it stopped, in words.
+    """
+
+    poses: Array
+    chi2: float
+    history: Array
+    iterations: int
+    converged: bool
+    weights: Array
+    message: str
+
+
+# Robust kernels: cost and weight of an edge as functions of its x = e^T Omega e.
+
+
+def _huber(x: Array, width: float) -> tuple[Array, Array]:
+    # rho = x within the width k, 2 k sqrt(x) - k^2 beyond; weight = d rho / d x
+    distance = np.sqrt(x)
+    beyond = distance > width
+    weight = np.where(beyond, width / np.where(beyond, distance, 1.0), 1.0)
+    return np.where(beyond, 2 * width * distance - width**2, x), weight
+
+
+def _dcs(x: Array, width: float) -> tuple[Array, Array]:
+    # Agarwal et al. 2013: weight = s^2 with s = min(1, 2 Phi / (Phi + x)); rho is its integral.
+    phi = width**2
+    weight = np.minimum(1.0, 2 * phi / (phi + x)) ** 2
+    return np.where(x > phi, phi * (3 * x - phi) / (phi + x), x), weight
+
+
+KERNELS: dict[str, Callable[[Array, float], tuple[Array, Array]]] = {
+    "huber": _huber,
+    "dcs": _dcs,
+}
+
+
+class NormalEquations:
+    """H step = -gradient of the free poses, at the poses where it was last linearised.
+
+    Parameters
+    ----------
+    edges : Edges
+    system : BlockSystem
+    names : callable
+        Turns rows of poses into words, for the message about a singular graph.
+    """
+
+    def __init__(
+        self, edges: Edges, system: BlockSystem, names: Callable[[np.ndarray], str]
+    ) -> None:
+        self.edges = edges
+        self.system = system
+        self.names = names
+        self.free = system.free
+        self.weights: Array | None = None
+
+    def linearise(self, poses: Array) -> Array:
+        """Move to `poses` (n, 3); return e^T Omega e of all edges, shape (m,)."""
+        return self.edges.linearise(poses)
+
+    def gradient(self) -> Array:
+        """J^T Omega e of the free poses, shape (n_free, 3)."""
+        return self.edges.gradient(self.weights)[self.free]
+
+    def factorise(self, damping: float = 0.0, check: bool = True) -> Solve:
+        """Return the function that solves (H + damping diag H) x = b."""
+        H = self.system.matrix(self.edges.blocks(self.weights), damping)
+        if not np.isfinite(H.data).all():
+            raise ValueError("poses: expected a graph of moderate size, the equations overflow")
+        try:
+            return self.system.factorise(H, check)
+        except SingularError as error:
+            raise ValueError(
+                "information: the measurements do not determine the graph, "
+                f"free to move: {self.names(error.rows)}"
+            ) from error
+
+    def inverse_blocks(self, places: np.ndarray) -> Array:
+        """Diagonal blocks (k, 3, 3) of the inverse of H, for places (k,) among the free poses."""
+        solve = self.factorise()
+        blocks = np.empty((len(places), 3, 3))
+        for start in range(0, len(places), 32):  # a few columns at a time keep memory linear
+            part = places[start : start + 32]
+            k = np.arange(len(part))
+            unit = np.zeros((len(self.free), 3, len(part), 3))
+            unit[part, :, k, :] = np.eye(3)
+            columns = solve(unit.reshape(len(self.free), 3, -1)).reshape(unit.shape)
+            blocks[start : start + 32] = columns[part, :, k, :]
+        return 0.5 * (blocks + np.swapaxes(blocks, 1, 2))
+
+
+class Optimization:
+    """One run of `PoseGraph.optimize`: its state, and the two algorithms that move it."""
+
+    def __init__(
+        self,
+        poses: Array,
+        equations: NormalEquations,
+        kernel: str | None,
+        kernel_width: float,
+        max_iterations: int,
+        tolerance: float,
+    ) -> None:
+        self.equations = equations
+        self.kernel = None if kernel is None else KERNELS[kernel]
+        self.kernel_width = kernel_width
+        self.max_iterations = max_iterations
+        self.tolerance = tolerance
+        self.history = [self.move_to(poses)]
+        # What is left of the cost when all measurements agree and only rounding is seen.
+        ulp = 4 * np.finfo(float).eps * max(1.0, np.abs(poses).max())
+        self.rounding = equations.edges.trace() * ulp**2
+        self.solve: Solve | None = None
+        self.gain = np.inf
+
+    def move_to(self, poses: Array) -> float:
+        """Linearise at `poses`; return the cost there."""
+        squared = self.equations.linearise(poses)
+        self.poses = poses
+        self.chi2 = float(squared.sum())
+        self.weights = np.ones(len(squared))
+        if self.kernel is None:
+            return self.chi2
+        rho, self.weights = self.kernel(squared, self.kernel_width)
+        self.equations.weights = self.weights
+        return float(rho.sum())
+
+    def stepped(self, step: Array) -> Array:
+        poses = self.poses.copy()
+        poses[self.equations.free] += step
+        poses[:, 2] = wrap_angle(poses[:, 2])
+        return poses
+
+    def settled(self, before: float, after: float) -> bool:
+        return abs(before - after) <= self.tolerance * before + self.rounding
+
+    def gauss_newton(self) -> Result:
+        """Solve H step = -gradient and move, until neither the cost nor its model changes."""
+        for _ in range(self.max_iterations):
+            before, here = self.history[-1], self.poses
+            cost = self.move_to(self.stepped(self.gauss_newton_step()))
+            if not np.isfinite(cost):
+                self.move_to(here)
+                return self.result(False, "diverged: the next step has no finite cost")
+            self.history.append(cost)
+            if self.settled(before, cost) and self.settled(before, before - self.gain):
+                return self.result(True, "converged")
+        return self.result(False, f"stopped after {self.max_iterations} iterations")
+
+    def gauss_newton_step(self) -> Array:
+        """H^-1 (-gradient), with old factors of H where they still serve.
+
+        Near the end H hardly changes. Its factors stay as long as each step with them promises
+        less than a tenth of the gain of the step before.
+        """
+        gradient = self.equations.gradient()
+        if self.solve is not None and self.near_the_end():
+            step = self.solve(-gradient)
+            gain = -float(np.vdot(gradient, step))
+            if gain <= 0.1 * self.gain:
+                self.gain = gain
+                return step
+        self.solve = self.equations.factorise(check=self.solve is None)
+        step = self.solve(-gradient)
+        # The model of the cost falls by -gradient . step = gradient^T H^-1 gradient.
+        self.gain = -float(np.vdot(gradient, step))
+        return step
+
+    def near_the_end(self) -> bool:
+        before, here = self.history[-2:]
+        return abs(before - here) < _NEAR * before
+
+    def levenberg_marquardt(self) -> Result:
+        """Gauss-Newton with a damped diagonal; only steps that do not raise the cost are taken."""
+        damping = 1e-4
+        self.equations.factorise()  # damping would hide a singular graph
+        for _ in range(self.max_iterations):
+            before = self.history[-1]
+            cost, damping = self.damped_step(damping)
+            if damping > _LARGEST_DAMPING:
+                return self.result(False, "no step lowers the cost")
+            self.history.append(cost)
+            if self.settled(before, cost) and damping < 1.0:
+                return self.result(True, "converged")
+            damping = max(damping / 10, 1e-12)
+        return self.result(False, f"stopped after {self.max_iterations} iterations")
+
+    def damped_step(self, damping: float) -> tuple[float, float]:
+        """Raise the damping until a step does not raise the cost; take that step."""
+        before, here = self.history[-1], self.poses
+        gradient = self.equations.gradient()
+        while damping <= _LARGEST_DAMPING:
+            solve = self.equations.factorise(damping, check=False)
+            cost = self.move_to(self.stepped(solve(-gradient)))
+            if cost <= before * (1 + 1e-12) + self.rounding:
+                return cost, damping
+            self.move_to(here)
+            damping *= 10
+        return before, damping
+
+    def result(self, converged: bool, message: str) -> Result:
+        return Result(
+            poses=self.poses.copy(),
+            chi2=self.chi2,
+            history=np.array(self.history),
+            iterations=len(self.history) - 1,
+            converged=converged,
+            weights=self.weights,
+            message=message,
+        )
