@@ -271,8 +271,11 @@ class RangeBearing:
             If shapes do not fit or a number is not finite.
         """
         z = as_array("z", z, ("k", 2))
-        squared = self._squared_errors(poses, z, as_array("landmarks", landmarks, (len(z), 2)))
-        log_peak = -np.log(2 * np.pi * self.sigma_range * self.sigma_bearing)
+        landmarks = as_array("landmarks", landmarks, (len(z), 2))
+        # A measurement more than 1e154 sigmas off has probability 0: its logarithm is -inf.
+        with np.errstate(over="ignore"):
+            squared = self._squared_errors(poses, z, landmarks)
+        log_peak = -np.log(2 * np.pi) - np.log(self.sigma_range) - np.log(self.sigma_bearing)
         return len(z) * log_peak - 0.5 * squared
 
     def _squared_errors(self, poses: ArrayLike, z: Array, landmarks: Array) -> Array:

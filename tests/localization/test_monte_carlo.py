@@ -1,0 +1,205 @@
+"""Monte Carlo localization: from anywhere, carried off, with and without names of landmarks."""
+
+import numpy as np
+import pytest
+
+from slamlab.evaluation import chi2_band, nees
+from slamlab.filters.particle import KLD
+from slamlab.localization import MonteCarloLocalization
+from slamlab.robots import Unicycle
+from slamlab.sensors import RangeBearing
+
+LANDMARKS = np.random.default_rng(7).uniform(0, 10, (10, 2))
+BOUNDS = ((0, 10), (0, 10))
+SENSOR, ROBOT = RangeBearing(0.15, 0.05, max_range=5.0), Unicycle()
+CONTROL_COV = np.diag([0.1**2, 0.1**2])
+
+
+def localize(seed, named=True, kidnap=None, steps=30, n=3000, **options):
+    """Position errors (steps,) and the filter, of a robot that drives circles."""
+    rng = np.random.default_rng(seed)
+    mcl = MonteCarloLocalization(LANDMARKS, ROBOT, SENSOR, n, BOUNDS, rng, **options)
+    truth, errors = np.array([3.0, 3.0, 0.5]), []
+    for k in range(steps):
+        if k == kidnap:
+            truth = np.array([7.0, 6.0, -2.0])
+        u = [0.5, 0.25]
+        truth = ROBOT.sample(truth, u, 0.5, CONTROL_COV, rng)
+        z, ids = SENSOR.measure(truth, LANDMARKS, rng)
+        mcl.step(u, 0.5, CONTROL_COV, z, ids if named else None)
+        errors.append(np.hypot(*(mcl.pose - truth)[:2]))
+    return np.array(errors), mcl, truth
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_the_robot_is_found_from_anywhere(named):
+    worst = [localize(seed, named)[0][20:].max() for seed in range(5)]
+    assert np.median(worst) < 0.25
+    assert max(worst) < 1.0
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_kidnapped_robot_is_found_again_only_with_injection(named):
+    runs = {
+        injection: [
+            localize(seed, named, kidnap=30, steps=60, injection=injection)[0][50:].max()
+            for seed in range(5)
+        ]
+        for injection in ((0.05, 0.5), None)
+    }
+    assert max(runs[(0.05, 0.5)]) < 0.6
+    assert min(runs[None]) > 1.0
+
+
+def final_nees(seed, bounds):
+    rng = np.random.default_rng(seed)
+    mcl = MonteCarloLocalization(LANDMARKS, ROBOT, SENSOR, 10_000, bounds, rng, injection=None)
+    truth = np.array([3.0, 3.0, 0.5])
+    for _ in range(8):
+        truth = ROBOT.sample(truth, [0.5, 0.25], 0.5, CONTROL_COV, rng)
+        z, ids = SENSOR.measure(truth, LANDMARKS, rng)
+        mcl.step([0.5, 0.25], 0.5, CONTROL_COV, z, ids)
+    return float(nees((mcl.pose, truth), mcl.pose_cov, angles=(2,)))
+
+
+def test_the_cloud_covers_its_error_if_it_did_not_start_too_thin():
+    dense = [final_nees(seed, ((2.7, 3.3), (2.7, 3.3))) for seed in range(30)]
+    thin = [final_nees(seed, BOUNDS) for seed in range(30)]
+    low, high = chi2_band(3, 30)
+    assert low < np.mean(dense) < 1.3 * high
+    # A hundred and more times fewer particles a square metre: a few ancestors, overconfident.
+    assert np.mean(thin) > 3 * high
+
+
+def test_unnamed_measurements_take_the_best_landmark():
+    rng = np.random.default_rng(1)
+    mcl = MonteCarloLocalization(LANDMARKS, ROBOT, SENSOR, 200, BOUNDS, rng, injection=None)
+    particles = mcl.particles.copy()
+    z = SENSOR.observe([5, 5, 1], LANDMARKS[[2, 7]])
+    mcl.update(z)
+    due = np.zeros(200)
+    for one in z:
+        due += np.max(
+            [SENSOR.log_likelihood(particles, one[None], m[None]) for m in LANDMARKS], axis=0
+        )
+    best = particles[np.argmax(due)]
+    assert (mcl.particles == best).all(1).sum() >= (due > due.max() - 5).sum()
+    named = MonteCarloLocalization(
+        LANDMARKS, ROBOT, SENSOR, 200, BOUNDS, np.random.default_rng(1), injection=None
+    )
+    assert mcl.update(z) >= named.update(z, [2, 7]) - 1e-9
+
+
+def test_one_landmark_leaves_a_ring_of_places():
+    rng = np.random.default_rng(2)
+    mcl = MonteCarloLocalization(LANDMARKS[:1], ROBOT, SENSOR, 20_000, BOUNDS, rng)
+    mcl.update([[2.0, 0.3]], [0])
+    radius = np.hypot(*(mcl.particles[:, :2] - LANDMARKS[0]).T)
+    assert np.abs(radius - 2).max() < 5 * 0.15
+    assert np.linalg.eigvalsh(mcl.pose_cov[:2, :2])[0] > 0.5
+
+
+def test_a_likelihood_can_be_plugged_in():
+    calls = []
+
+    def log_likelihood(poses, z):
+        calls.append(z)
+        return -0.5 * ((poses[:, 0] - z) / 0.1) ** 2
+
+    rng = np.random.default_rng(3)
+    mcl = MonteCarloLocalization(
+        np.empty((0, 2)), ROBOT, None, 2000, BOUNDS, rng, log_likelihood=log_likelihood
+    )
+    evidence = mcl.update(4.0)
+    assert calls == [4.0]
+    assert np.isfinite(evidence)
+    assert mcl.pose[0] == pytest.approx(4.0, abs=0.05)
+
+
+def test_no_measurement_changes_nothing():
+    rng = np.random.default_rng(4)
+    mcl = MonteCarloLocalization(LANDMARKS, ROBOT, SENSOR, 100, BOUNDS, rng)
+    before = mcl.particles.copy()
+    assert mcl.update(np.empty((0, 2))) == 0.0
+    np.testing.assert_array_equal(mcl.particles, before)
+
+
+def test_injected_particles_have_no_ancestor_and_do_not_move_the_estimate():
+    rng = np.random.default_rng(5)
+    mcl = MonteCarloLocalization(LANDMARKS, ROBOT, SENSOR, 3000, BOUNDS, rng)
+    ids = [0, 1, 2]
+    for _ in range(40):
+        mcl.step([0, 0], 0.5, CONTROL_COV, SENSOR.observe([5, 5, 1], LANDMARKS[ids]), ids)
+    mcl.step([0, 0], 0.5, CONTROL_COV, SENSOR.observe([5.5, 5.5, 1], LANDMARKS[ids]), ids)
+    assert mcl.injected > 0.2
+    new = mcl.ancestors == -1
+    assert new.mean() == mcl.injected
+    np.testing.assert_allclose(
+        mcl.pose[:2], np.average(mcl.particles[~new], 0, mcl.weights[~new])[:2]
+    )
+    # Wrong: averaging them in pulls the estimate towards the middle of the world.
+    assert np.trace(np.cov(mcl.particles[:, :2].T)) > 10 * np.trace(mcl.pose_cov[:2, :2])
+    inside = (mcl.particles[new, :2] >= 0) & (mcl.particles[new, :2] <= 10)
+    assert inside.all()
+
+
+def test_an_impossible_measurement_is_reported_and_never_gives_nan():
+    rng = np.random.default_rng(6)
+    mcl = MonteCarloLocalization(LANDMARKS, ROBOT, SENSOR, 100, BOUNDS, rng)
+    mcl.update([[1.0, 0.0]], [0])
+    assert mcl.update([[1e200, 0.0]], [0]) == -np.inf
+    assert mcl.degenerate
+    assert np.isfinite(mcl.pose).all()
+    assert mcl.weights.sum() == pytest.approx(1)
+
+
+def test_the_number_of_particles_falls_once_the_robot_is_found():
+    kld = KLD([0.5, 0.5, 0.3], epsilon=0.1, minimum=100, maximum=8000)
+    errors, mcl, _ = localize(1, n=8000, adaptive=kld, injection=None)
+    assert len(mcl.particles) < 1000
+    assert errors[-1] < 0.4
+
+
+def test_same_seed_same_track():
+    np.testing.assert_array_equal(localize(3, steps=5)[0], localize(3, steps=5)[0])
+
+
+@pytest.mark.parametrize("resample", ["stratified", "residual", "multinomial"])
+def test_every_resampler_finds_the_robot(resample):
+    errors, mcl, _ = localize(0, resample=resample, threshold=0.8)
+    assert errors[-5:].max() < 0.3
+    assert mcl.ess <= 3000
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"bounds": ((0, 10), (5, 5))}, "bounds"),
+        ({"bounds": (0, 10)}, "bounds: expected shape"),
+        ({"sensor": None}, "sensor: expected a sensor and at least one landmark"),
+        ({"landmarks": np.empty((0, 2))}, "at least one landmark"),
+        ({"landmarks": [1.0, 2.0]}, "landmarks: expected shape"),
+        ({"n_particles": 0}, "n_particles"),
+        ({"injection": (0.5, 0.1)}, "injection: expected rates"),
+        ({"injection": 0.5}, "injection: expected shape"),
+        ({"rng": None}, "rng"),
+    ],
+)
+def test_bad_input_is_named(options, message):
+    good = {
+        "landmarks": LANDMARKS,
+        "motion": ROBOT,
+        "sensor": SENSOR,
+        "n_particles": 10,
+        "bounds": BOUNDS,
+        "rng": np.random.default_rng(1),
+    }
+    with pytest.raises(ValueError, match=message):
+        MonteCarloLocalization(**{**good, **options})
+
+
+@pytest.mark.parametrize("ids", [[10], [-1], [0, 1], [0.0]])
+def test_unknown_ids_are_named(ids):
+    mcl = MonteCarloLocalization(LANDMARKS, ROBOT, SENSOR, 10, BOUNDS, np.random.default_rng(1))
+    with pytest.raises(ValueError, match="ids: expected"):
+        mcl.update([[1.0, 0.0]], ids)
