@@ -55,9 +55,7 @@ def main() -> int:
         return status
     page = (BUILD / "html" / "index.html").relative_to(ROOT)
     print(f"\nThe book is built ({minutes:.1f} minutes). Open {page} in a browser, or serve it:")
-    print(
-        f"  {os.path.relpath(sys.executable, ROOT)} -m http.server --directory _build/html 8000"
-    )
+    print(f"  {os.path.relpath(sys.executable, ROOT)} -m http.server --directory _build/html 8000")
     return 0
 
 

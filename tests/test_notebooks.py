@@ -1,0 +1,162 @@
+"""The notebooks: text outputs only, alt text, a place in the table of contents, the bones."""
+
+import copy
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+CHAPTERS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+NOTEBOOKS = sorted((ROOT / "notebooks").rglob("*.ipynb"))
+NOTEBOOKS = [path for path in NOTEBOOKS if ".ipynb_checkpoints" not in path.parts]
+BONES = (
+    r":::\{admonition\} Before you start",
+    r"^## Predict, then run: ",
+    r"^## The paper on trial: ",
+    r"^## Where it breaks",
+    r"^## Exercises",
+    r"^## What to remember",
+)
+HEADER = ("**You will be able to**", "**You need first**", "**Minutes**", "**Symbols**")
+
+
+def name(path):
+    return str(path.relative_to(ROOT / "notebooks"))
+
+
+def outputs(notebook):
+    return [o for c in notebook.cells if c.cell_type == "code" for o in c.outputs]
+
+
+def not_text(notebook):
+    """Kinds of outputs that do not belong in git."""
+    kept = {"text/plain", "text/markdown", "text/latex"}
+    kinds = {kind for o in outputs(notebook) for kind in o.get("data", {}) if kind not in kept}
+    kinds |= {"error" for o in outputs(notebook) if o.output_type == "error"}
+    kinds |= {"stderr" for o in outputs(notebook) if o.get("name") == "stderr"}
+    if "widgets" in notebook.metadata:
+        kinds.add("widget state")
+    return kinds
+
+
+def figures_without_alt(notebook):
+    found = []
+    for number, cell in enumerate(notebook.cells):
+        if cell.cell_type != "code":
+            continue
+        text = "".join(o.get("data", {}).get("text/plain", "") for o in cell.outputs)
+        alt = cell.metadata.get("mystnb", {}).get("image", {}).get("alt", "")
+        if "<Figure size" in text and len(alt) < 30:
+            found.append(number)
+    return found
+
+
+def missing_bones(notebook):
+    prose = "\n\n".join(c.source for c in notebook.cells if c.cell_type == "markdown")
+    code = "\n".join(c.source for c in notebook.cells if c.cell_type == "code")
+    missing = [bone for bone in BONES if not re.search(bone, prose, re.MULTILINE)]
+    missing += [part for part in HEADER if part not in prose]
+    if not re.search(r"\b(Replay|Sweep)\(", code):
+        missing.append("an interactive figure")
+    if "plots.claims(" not in code:
+        missing.append("the table of claims")
+    return missing
+
+
+def first_figure(notebook):
+    """Number of code cells up to the first one that shows a figure or a widget."""
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for number, cell in enumerate(code, start=1):
+        text = "".join(o.get("data", {}).get("text/plain", "") for o in cell.outputs)
+        if "<Figure size" in text or re.search(r"(Replay|Sweep)\(", text):
+            return number
+    return len(code) + 1
+
+
+def in_toc(path):
+    toc = yaml.safe_load((ROOT / "_toc.yml").read_text())
+
+    def files(node):
+        if isinstance(node, dict):
+            yield from ([node["file"]] if "file" in node else [])
+            for value in node.values():
+                yield from files(value)
+        elif isinstance(node, list):
+            for value in node:
+                yield from files(value)
+
+    return str(path.relative_to(ROOT).with_suffix("")) in set(files(toc))
+
+
+@pytest.fixture(params=NOTEBOOKS, ids=name)
+def path(request):
+    return request.param
+
+
+@pytest.fixture(params=CHAPTERS, ids=name)
+def chapter(request):
+    return nbformat.read(request.param, as_version=4)
+
+
+def test_outputs_are_text_only(path):
+    assert not_text(nbformat.read(path, as_version=4)) == set()
+
+
+def test_every_figure_has_alt_text(path):
+    assert figures_without_alt(nbformat.read(path, as_version=4)) == []
+
+
+def test_it_stands_in_the_table_of_contents(path):
+    assert in_toc(path)
+
+
+def test_it_is_small_and_knows_no_machine(path):
+    text = path.read_text()
+    assert len(text) < 400_000
+    assert not re.search(r"/work/|/home/|/tmp/|/root/", text)
+
+
+def test_every_cell_was_run(path):
+    notebook = nbformat.read(path, as_version=4)
+    assert all(c.execution_count for c in notebook.cells if c.cell_type == "code")
+
+
+def test_no_cell_escapes_the_comparison(path):
+    text = path.read_text()
+    assert "NBVAL_SKIP" not in text
+    assert "NBVAL_IGNORE_OUTPUT" not in text
+
+
+def test_a_chapter_has_the_bones(chapter):
+    assert missing_bones(chapter) == []
+
+
+def test_a_chapter_shows_a_figure_within_two_cells(chapter):
+    assert first_figure(chapter) <= 2
+
+
+@pytest.mark.parametrize("path", CHAPTERS, ids=name)
+def test_a_chapter_has_exercises_and_solutions(path):
+    assert (path.parent / "exercises" / path.name).exists()
+    assert (path.parent / "solutions" / path.name).exists()
+
+
+def test_the_guards_see_what_they_are_for():
+    good = nbformat.read(CHAPTERS[0], as_version=4)
+    bad = copy.deepcopy(good)
+    image = nbformat.v4.new_output(
+        "display_data", data={"image/png": "", "text/plain": "<Figure size 7x4 with 1 Axes>"}
+    )
+    cell = nbformat.v4.new_code_cell("plt.plot([1])", outputs=[image])
+    bad.cells.append(cell)
+    assert not_text(bad) == {"image/png"}
+    assert figures_without_alt(bad) == [len(bad.cells) - 1]
+    bad.cells = [c for c in bad.cells if "## Where it breaks" not in c.source]
+    assert missing_bones(bad)
+    assert not in_toc(ROOT / "notebooks" / "99_nowhere.ipynb")
+    bad.cells = [cell]
+    bad.cells[0].outputs = []
+    assert first_figure(bad) == 2
