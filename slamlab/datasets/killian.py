@@ -1,0 +1,98 @@
+"""MIT Killian Court: a real robot, real scans, real loop closures (Bosse et al. 2004).
+
+The files come with the package rtb-data. Chapter 00 draws its maps from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamlab._checks import Array
+from slamlab.geometry import compose
+from slamlab.sensors.scan import ScanGeometry
+from slamlab.slam import PoseGraph
+
+__all__ = ["Killian", "killian"]
+
+
+@dataclass(frozen=True, eq=False)
+class Killian:
+    """The pose graph of Killian Court and the scans taken from its poses.
+
+    Attributes
+    ----------
+    graph : PoseGraph
+        Poses as the file gives them, odometry and loop closures.
+    loop_mask : ndarray of bool, shape (m,)
+        Which edges are loop closures: all that do not join a pose with the next one.
+    scans : ndarray, shape (n, n_beams)
+        Ranges (m) of the scan taken at each pose; NaN where a beam met nothing. No rows in the
+        small variant, which has no scans.
+    lidar : ScanGeometry
+        Directions of the beams, and the range that means "nothing".
+    """
+
+    graph: PoseGraph
+    loop_mask: NDArray[np.bool_]
+    scans: Array
+    lidar: ScanGeometry
+
+    @property
+    def beam_angles(self) -> Array:
+        """Directions of the beams in the frame of the body (rad), shape (n_beams,)."""
+        return self.lidar.beam_angles
+
+    @property
+    def odometry(self) -> Array:
+        """Measured motion from each pose to the next, in the frame of the first, (n - 1, 3)."""
+        odometry = np.flatnonzero(~self.loop_mask)
+        order = odometry[np.argsort(self.graph.edges[odometry, 0])]
+        return self.graph.measurements[order]
+
+    def dead_reckoned(self) -> Array:
+        """Poses (n, 3) by odometry alone, from the first pose of the graph."""
+        poses = [self.graph.poses[0]]
+        for motion in self.odometry:
+            poses.append(compose(poses[-1], motion))
+        return np.array(poses)
+
+
+def killian(small: bool = False) -> Killian:
+    """Load Killian Court: 3873 poses, 4987 edges, a scan of 180 beams at every pose.
+
+    Parameters
+    ----------
+    small : bool, default False
+        Load the smaller graph of the same buildings instead (1941 poses, 3995 edges), whose
+        poses are a poor start, and which has no scans.
+
+    Returns
+    -------
+    Killian
+
+    Raises
+    ------
+    ImportError
+        If rtb-data is not installed.
+    ValueError
+        If its files are damaged; the message gives the line.
+    """
+    try:
+        import rtbdata
+    except ImportError as error:
+        raise ImportError("killian: the data needs `pip install slamlab[course]`") from error
+    folder = Path(rtbdata.__file__).parent / "data"
+    name = "killian-small.toro" if small else "killian.g2o.zip"
+    graph = PoseGraph.read_g2o(folder / name)
+    loop_mask = graph.edges[:, 1] - graph.edges[:, 0] != 1
+    if graph.scans is None:
+        return Killian(graph, loop_mask, np.empty((0, 1)), ScanGeometry([0.0]))
+    scans = graph.scans
+    lidar = ScanGeometry(scans.angles, scans.max_range)
+    ranges = np.full((len(graph.poses), lidar.n_beams), np.nan)
+    ranges[scans.rows] = np.where(scans.ranges < scans.max_range, scans.ranges, np.nan)
+    return Killian(graph, loop_mask, ranges, lidar)
