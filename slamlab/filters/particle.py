@@ -159,7 +159,7 @@ class ParticleFilter:
         Returns
         -------
         float
-            log P(z_k | Z_{k-1}), the evidence: logarithm of the weighted mean likelihood. Minus
+            The evidence log P(z_k | Z_{k-1}): logarithm of the weighted mean likelihood. Minus
             infinity if no particle explains the measurement (see `degenerate`).
 
         Raises

@@ -1,5 +1,6 @@
 """Where am I in a known map? Floor 3 of the house."""
 
+from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.localization.monte_carlo import MonteCarloLocalization
 
-__all__ = ["MonteCarloLocalization"]
+__all__ = ["LikelihoodField", "MonteCarloLocalization"]

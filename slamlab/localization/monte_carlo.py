@@ -66,8 +66,10 @@ class MonteCarloLocalization:
     injection : tuple of two floats or None, default (0.05, 0.5)
         Rates of the long-term and the short-term average of the likelihood, 0 < slow < fast <= 1.
         None never injects.
-    threshold, resample, adaptive
-        As in `slamlab.filters.particle.ParticleFilter`.
+    threshold : float, default 0.5
+    resample : str, default "systematic"
+    adaptive : KLD, optional
+        These three as in `slamlab.filters.particle.ParticleFilter`.
     log_likelihood : callable, optional
         ``log_likelihood(poses, z) -> (M,)``: takes the place of sensor and landmarks, for example
         for a lidar and a likelihood field. `z` is passed through untouched.

@@ -125,6 +125,31 @@ def test_an_offset_next_to_one_still_gives_n_indices(name):
     assert chosen.max() <= 99_999
 
 
+@pytest.mark.parametrize("name", RESAMPLERS)
+def test_an_offset_of_zero_skips_leading_particles_of_weight_zero(name):
+    class Zero(np.random.Generator):
+        def random(self, size=None):
+            return 0.0 if size is None else np.zeros(size)
+
+    chosen = RESAMPLERS[name]([0.0, 0.3, 0.7], Zero(np.random.PCG64(1)), 4)
+    assert chosen.min() == 1
+
+
+@pytest.mark.parametrize("name", RESAMPLERS)
+def test_sums_of_huge_or_denormal_weights_neither_overflow_nor_vanish(name):
+    for scale in (1.5e308, 5e-324):
+        chosen = RESAMPLERS[name](np.full(8, scale), np.random.default_rng(1))
+        assert len(chosen) == 8
+    assert effective_sample_size(np.full(8, 1.5e308)) == pytest.approx(8)
+
+
+def test_residual_leaves_nothing_to_chance_if_the_expected_numbers_are_whole():
+    weights = np.array([0.5, 0.125, 0.25, 0.0, 0.125])
+    for seed in range(20):
+        chosen = residual_resample(weights, np.random.default_rng(seed), 8)
+        assert chosen.tolist() == [0, 0, 0, 0, 1, 2, 2, 4]
+
+
 def test_multinomial_is_by_far_the_noisiest():
     weights = np.random.default_rng(5).dirichlet(np.full(100, 1.0))
     value = np.random.default_rng(7).uniform(-1, 1, 100)
