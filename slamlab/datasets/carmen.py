@@ -178,7 +178,7 @@ def _flaser(fields: list[str], field_of_view: float) -> _Scan:
     tail = _numbers([*fields[n + 2 : n + 9], fields[n + 10]])
     # 180 readings in half a turn stand one degree apart, 181 and 361 reach both ends.
     step = field_of_view / (n if n % 2 == 0 else max(n - 1, 1))
-    angles = -field_of_view / 2 + step * np.arange(n)
+    angles = -field_of_view / 2 + step * np.arange(n, dtype=np.float64)
     return _Scan(_ranges(fields[2 : n + 2]), tail[:3], tail[6], angles, _NO_RETURN)
 
 
@@ -199,7 +199,7 @@ def _robotlaser(fields: list[str]) -> _Scan:
         raise ValueError(f"expected 14 fields after the readings, got {len(tail)}")
     _numbers(fields[n + 10 : n + 10 + k])
     values = _numbers([*tail[:12], tail[13]])
-    angles = start + resolution * np.arange(n)
+    angles = start + resolution * np.arange(n, dtype=np.float64)
     return _Scan(_ranges(fields[9 : n + 9]), values[:3], values[11], angles, max_range)
 
 

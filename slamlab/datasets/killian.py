@@ -90,7 +90,7 @@ def killian(small: bool = False) -> Killian:
     graph = PoseGraph.read_g2o(folder / name)
     loop_mask = graph.edges[:, 1] - graph.edges[:, 0] != 1
     if graph.scans is None:
-        return Killian(graph, loop_mask, np.empty((0, 1)), ScanGeometry([0.0]))
+        return Killian(graph, loop_mask, np.empty((0, 1)), ScanGeometry(np.zeros(1)))
     scans = graph.scans
     lidar = ScanGeometry(scans.angles, scans.max_range)
     ranges = np.full((len(graph.poses), lidar.n_beams), np.nan)

@@ -1,0 +1,261 @@
+"""Occupancy grid: free, occupied or never seen, a probability a cell (Moravec and Elfes 1985).
+
+Every beam is evidence: the cells it crossed are free, the cell it ended in is not. Evidence adds
+up as log odds. Chapter 00 shows one, chapter 08 builds it.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+
+__all__ = ["BeamSensor", "OccupancyGrid"]
+
+
+class BeamSensor(Protocol):
+    """What a map needs to know of a lidar; `slamlab.sensors.ScanGeometry` is one."""
+
+    @property
+    def beam_angles(self) -> Array:
+        """Directions of the beams in the frame of the body (rad), shape (n_beams,)."""
+
+    @property
+    def max_range(self) -> float:
+        """Range (m) from which a reading means "nothing met"."""
+
+    @property
+    def offset(self) -> float:
+        """Distance of the lidar ahead of the body centre (m)."""
+
+
+class OccupancyGrid:
+    """A map of square cells, each with the probability that it is occupied.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns; row 0 is at the bottom, column 0 at the left.
+    resolution : float
+        Side of a cell (m).
+    origin : array_like, shape (2,), default (0, 0)
+        Lower left corner of the sheet in the world (m).
+    p_hit : float, default 0.7
+        Probability that a cell is occupied, given that one beam ended in it.
+    p_miss : float, default 0.4
+        The same, given that one beam crossed it.
+    clamp : float, default 0.97
+        No probability leaves [1 - clamp, clamp], so that the map can still change its mind.
+    grow : bool, default True
+        Enlarge the sheet when a beam leaves it. If False, beams are cut at its edge.
+
+    Attributes
+    ----------
+    log_odds : ndarray, shape (rows, columns)
+        Logarithm of p / (1 - p); 0 where nothing was seen.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.sensors.scan import ScanGeometry
+    >>> grid = OccupancyGrid((1, 4), 1.0)
+    >>> grid.insert([0.5, 0.5, 0.0], [2.0], ScanGeometry([0.0]))
+    >>> grid.probability.round(2).tolist()
+    [[0.4, 0.4, 0.7, 0.5]]
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        resolution: float,
+        origin: ArrayLike = (0.0, 0.0),
+        p_hit: float = 0.7,
+        p_miss: float = 0.4,
+        clamp: float = 0.97,
+        grow: bool = True,
+    ) -> None:
+        rows, columns = (as_count("shape", int(n), 1) for n in shape)
+        self.resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
+        self.origin = as_array("origin", origin, (2,)).copy()
+        below_one = float(np.nextafter(1.0, 0.0))
+        self._hit = _log_odds(as_scalar("p_hit", p_hit, 0.5, below_one))
+        self._miss = _log_odds(as_scalar("p_miss", p_miss, 1e-12, 0.5))
+        self._limit = _log_odds(as_scalar("clamp", clamp, 0.5, below_one))
+        self._grow = grow
+        self.log_odds = np.zeros((rows, columns))
+        self._mark = np.zeros(rows * columns, dtype=np.intp)
+
+    def __repr__(self) -> str:
+        """Return size and resolution."""
+        rows, columns = self.shape
+        return f"OccupancyGrid({rows} x {columns} cells of {self.resolution:g} m)"
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.log_odds.shape[0], self.log_odds.shape[1]
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top of the sheet in the world (m)."""
+        left, bottom = self.origin
+        rows, columns = self.shape
+        return (
+            float(left),
+            float(left + columns * self.resolution),
+            float(bottom),
+            float(bottom + rows * self.resolution),
+        )
+
+    @property
+    def probability(self) -> Array:
+        """Probability that each cell is occupied, shape (rows, columns); 0.5 where unknown."""
+        return 1 / (1 + np.exp(-self.log_odds))
+
+    @property
+    def entropy(self) -> Array:
+        """Entropy of each cell (bits), shape (rows, columns); 1 where unknown."""
+        p = self.probability
+        return -(p * np.log2(p) + (1 - p) * np.log2(1 - p))
+
+    def insert(
+        self,
+        pose: ArrayLike,
+        ranges: ArrayLike,
+        lidar: BeamSensor,
+        max_range: float = np.inf,
+        free_missing: bool = False,
+    ) -> None:
+        """Add the evidence of one scan, or of many scans one after the other.
+
+        Within one scan a cell counts once: occupied if any beam ended in it, free if beams only
+        crossed it.
+
+        Parameters
+        ----------
+        pose : array_like, shape (3,) or (n, 3)
+            Poses of the body in the world (m, m, rad).
+        ranges : array_like, shape (n_beams,) or (n, n_beams)
+            Measured ranges (m); NaN, or ``lidar.max_range`` and more, is a missing return.
+        lidar : BeamSensor
+            Knows `beam_angles`, `max_range` and `offset`.
+        max_range : float, default inf
+            Trust beams up to this distance (m): longer ones free the cells before it and hit none.
+        free_missing : bool, default False
+            Whether a missing return frees the cells up to the smaller of `max_range` and
+            ``lidar.max_range``. By default it says nothing (glass and black walls give none).
+
+        Raises
+        ------
+        ValueError
+            If a shape does not fit, a pose is not finite, a range is negative, or missing returns
+            should free cells without end.
+        """
+        poses = as_array("pose", pose, ("...", 3))
+        angles = np.asarray(lidar.beam_angles, dtype=float)
+        scans = as_shaped("ranges", ranges, (*poses.shape[:-1], len(angles)))
+        if (scans < 0).any():
+            raise ValueError(f"ranges: expected distances, got {np.nanmin(scans):g}")
+        trusted = min(as_scalar("max_range", max_range, 0.0), float(lidar.max_range))
+        missing = ~(scans < lidar.max_range)
+        if free_missing and missing.any() and not np.isfinite(trusted):
+            raise ValueError("free_missing: expected a finite max_range, got inf")
+        lengths = np.where(missing, trusted if free_missing else np.nan, scans)
+        hits = ~missing & (lengths <= trusted)
+        lengths = np.minimum(lengths, trusted)
+        poses, shape = poses.reshape(-1, 3), (-1, len(angles))
+        starts, ends = _beams(poses, lengths.reshape(shape), angles, float(lidar.offset))
+        if self._grow:
+            self._make_room(np.concatenate([starts.reshape(-1, 2), ends.reshape(-1, 2)]))
+        for start, end, hit in zip(starts, ends, hits.reshape(shape), strict=True):
+            self._add(start, end, hit)
+
+    def _add(self, start: Array, ends: Array, hit: NDArray[np.bool_]) -> None:
+        """Add one scan: beams from `start` (2,) to `ends` (k, 2)."""
+        there = np.isfinite(ends[:, 0])
+        a = (start - self.origin) / self.resolution
+        b = (ends[there] - self.origin) / self.resolution
+        crossed = _crossed_cells(a, b)
+        ended = np.floor(b[hit[there]]).astype(np.intp)
+        cells, n_crossed = self._flat(crossed, ended)
+        # The last mark of a cell wins, so a cell where any beam ended counts as ended.
+        order = np.arange(len(cells))
+        self._mark[cells] = order
+        once = self._mark[cells] == order
+        evidence = np.where(order >= n_crossed, self._hit, self._miss)[once]
+        flat = self.log_odds.reshape(-1)
+        cells = cells[once]
+        flat[cells] = np.clip(flat[cells] + evidence, -self._limit, self._limit)
+
+    def _flat(self, crossed: NDArray[np.intp], ended: NDArray[np.intp]) -> tuple[NDArray, int]:
+        """Flat indices of the cells on the sheet, crossed ones first, and how many these are."""
+        rows, columns = self.shape
+        kept = []
+        for cells in (crossed, ended):
+            x, y = cells[:, 0], cells[:, 1]
+            inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+            kept.append((y * columns + x)[inside])
+        return np.concatenate(kept), len(kept[0])
+
+    def _make_room(self, points: Array) -> None:
+        """Enlarge the sheet until it holds all points (n, 2), a quarter more where it grows."""
+        rows, columns = self.shape
+        size = np.array([columns, rows])
+        cells = np.floor((points - self.origin) / self.resolution)
+        before = np.maximum(-np.nanmin(cells, axis=0), 0).astype(int)
+        after = np.maximum(np.nanmax(cells, axis=0) + 1 - size, 0).astype(int)
+        if not (before.any() or after.any()):
+            return
+        spare = size // 4
+        before += np.where(before > 0, spare, 0)
+        after += np.where(after > 0, spare, 0)
+        self.log_odds = np.pad(self.log_odds, ((before[1], after[1]), (before[0], after[0])))
+        self.origin = self.origin - before * self.resolution
+        self._mark = np.zeros(self.log_odds.size, dtype=np.intp)
+
+
+def _log_odds(p: float) -> float:
+    return float(np.log(p / (1 - p)))
+
+
+def _beams(poses: Array, lengths: Array, angles: Array, offset: float) -> tuple[Array, Array]:
+    """Start (n, 2) and end points (n, k, 2) of the beams in the world."""
+    heading = poses[:, 2]
+    ahead = np.stack([np.cos(heading), np.sin(heading)], -1)
+    starts = poses[:, :2] + offset * ahead
+    beams = heading[:, None] + angles
+    direction = np.stack([np.cos(beams), np.sin(beams)], -1)
+    return starts, starts[:, None] + lengths[..., None] * direction
+
+
+def _crossed_cells(a: Array, b: Array) -> NDArray[np.intp]:
+    """Cells (m, 2), as column and row, that the beams from a (2,) to b (k, 2) enter.
+
+    A beam enters a cell through a vertical or a horizontal grid line. The cells entered through
+    vertical lines are found at all their crossings at once, the others likewise; with the start's
+    cell these are all cells, without any order, which a map does not need.
+    """
+    first = np.floor(a).astype(np.intp)
+    parts = [first[None]]
+    for axis in (0, 1):
+        other = 1 - axis
+        last = np.floor(b[:, axis]).astype(np.intp)
+        count = np.abs(last - first[axis])
+        sign = np.where(last >= first[axis], 1, -1)
+        beam = np.repeat(np.arange(len(b)), count)
+        # 1, 2, ..., count for every beam.
+        ordinal = np.arange(len(beam)) - np.repeat(np.cumsum(count) - count, count) + 1
+        cell = first[axis] + sign[beam] * ordinal
+        line = cell + (sign[beam] < 0)
+        slope = (b[beam, other] - a[other]) / (b[beam, axis] - a[axis])
+        entered = np.floor(a[other] + (line - a[axis]) * slope).astype(np.intp)
+        pair = (cell, entered) if axis == 0 else (entered, cell)
+        parts.append(np.stack(pair, -1))
+    return np.concatenate(parts)
