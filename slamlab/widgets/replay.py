@@ -1,0 +1,289 @@
+"""Replay: play, pause, scrub and step through a run of a robot.
+
+The data are checked and packed here, the drawing is in `replay.js` and `shared.js`.
+Used by every chapter in which a robot moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import anywidget
+import numpy as np
+import traitlets
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab.widgets import _pack
+from slamlab.widgets._pack import Packed, script
+
+__all__ = ["Replay"]
+
+_PATHS = ("truth", "estimate", "dead_reckoning", "wrong")
+
+
+class Replay(anywidget.AnyWidget):
+    """An interactive replay of a run: world, paths, estimates with ellipses, particles, lidar.
+
+    All positions are metres in the world frame, angles radians. Every argument may be left out;
+    at least one must vary with time (T steps). NaN hides a thing at a step where noted. In a
+    one-dimensional world the last axis may be dropped or have length one: it is drawn at y = 0.
+
+    Parameters
+    ----------
+    times : array_like (T,), optional
+        Seconds, increasing. Without it the figure counts steps.
+    truth, estimate, dead_reckoning, wrong : array_like (T, 3) or (T, 2), optional
+        Poses x, y, theta, or positions. `wrong` is a variant that is shown to fail.
+    covs : array_like (T, 2, 2) or (T, 3, 3), optional
+        Covariances of the estimate; the 95 % ellipse of the position is drawn.
+    landmarks : array_like (n, 2), optional
+        True landmarks.
+    landmark_estimates : array_like (T, m, 2), optional
+        Estimated landmarks, NaN where not yet seen.
+    landmark_covs : array_like (T, m, 2, 2), optional
+        Their covariances, NaN where not yet seen.
+    particles : array_like (T, M, 2) or (T, M, 3), optional
+        Particles, with heading if there is a third column.
+    scans : array_like (T, k, 2), optional
+        Lidar points in the world frame, NaN for a beam without echo.
+    accumulate_scans : bool
+        Keep the points of all steps so far, so that the scans draw a map.
+    beams : bool
+        Draw the beams from the robot to the lidar points of the step.
+    walls : array_like (k, 2, 2), optional
+        Segments of walls, from point to point.
+    occupancy : array_like (H, W) or (S, H, W), optional
+        Probability of occupancy in [0, 1], row 0 at the bottom; S maps over time.
+    occupancy_extent : sequence of four floats, optional
+        x low, x high, y low, y high of the map in metres; needed with `occupancy`.
+    occupancy_steps : array_like (S,), optional
+        The first step at which each of the S maps holds, increasing.
+    bounds : sequence of four floats, optional
+        x low, x high, y low, y high of the first view; from the data without it.
+    captions : sequence of T str, optional
+        A sentence for each step, shown below the canvas and read by screen readers.
+    title, question : str
+        Name of the figure and the question it answers.
+    height : int
+        Height of the canvas in pixels (less on a narrow screen), 120 at least.
+    robot_radius : float
+        Radius of the drawn robot in metres.
+    fps : float
+        Steps a second at normal speed.
+    start : int
+        First step shown; negative counts from the end.
+
+    Attributes
+    ----------
+    step : int
+        The step that is shown; follows the figure, and moves it when set.
+    payload : dict
+        What the browser gets.
+
+    Raises
+    ------
+    ValueError
+        If an argument has another shape, another number of steps than the rest, is not finite
+        where it must be, or needs another argument that is missing. The message names it.
+    """
+
+    _esm = script("shared.js", "replay.js")
+    _css = script("widgets.css")
+    payload = traitlets.Dict().tag(sync=True)
+    step = traitlets.Int(0).tag(sync=True)
+
+    def __init__(
+        self,
+        *,
+        times: ArrayLike | None = None,
+        truth: ArrayLike | None = None,
+        estimate: ArrayLike | None = None,
+        dead_reckoning: ArrayLike | None = None,
+        wrong: ArrayLike | None = None,
+        covs: ArrayLike | None = None,
+        landmarks: ArrayLike | None = None,
+        landmark_estimates: ArrayLike | None = None,
+        landmark_covs: ArrayLike | None = None,
+        particles: ArrayLike | None = None,
+        scans: ArrayLike | None = None,
+        accumulate_scans: bool = False,
+        beams: bool = False,
+        walls: ArrayLike | None = None,
+        occupancy: ArrayLike | None = None,
+        occupancy_extent: Sequence[float] | None = None,
+        occupancy_steps: ArrayLike | None = None,
+        bounds: Sequence[float] | None = None,
+        captions: Sequence[str] | None = None,
+        title: str = "",
+        question: str = "",
+        height: int = 420,
+        robot_radius: float = 0.2,
+        fps: float = 20,
+        start: int = 0,
+    ) -> None:
+        paths = dict(zip(_PATHS, (truth, estimate, dead_reckoning, wrong), strict=True))
+        clock = {"times": times, **paths, "covs": covs, "particles": particles, "scans": scans}
+        clock |= {"landmark_estimates": landmark_estimates, "captions": captions}
+        steps = _steps({**clock, "landmark_covs": landmark_covs}, occupancy_steps)
+        _check_needs(covs, estimate, "covs", "estimate")
+        _check_needs(landmark_covs, landmark_estimates, "landmark_covs", "landmark_estimates")
+
+        world = {
+            **{name: _poses(name, value, steps) for name, value in paths.items()},
+            "landmarks": _given("landmarks", landmarks, ("n",)),
+            "landmark_estimates": _given(
+                "landmark_estimates", landmark_estimates, (steps, "m"), missing=True
+            ),
+            "particles": _given("particles", particles, (steps, "M")),
+            "scans": _given("scans", scans, (steps, "k"), missing=True),
+            "walls": None if walls is None else as_array("walls", walls, ("k", 2, 2)),
+        }
+        maps = _maps(occupancy, occupancy_extent, occupancy_steps, steps)
+        arrays: dict[str, Array | None] = {
+            name: value for name, value in world.items() if value is not None
+        }
+        arrays["ellipses"] = _ellipses("covs", covs, (steps,))
+        arrays["landmark_ellipses"] = _landmark_ellipses(landmark_covs, world, steps)
+        payload: dict[str, Any] = {
+            "steps": steps,
+            "arrays": {n: _pack.pack_numbers(a) for n, a in arrays.items() if a is not None},
+            "times": None if times is None else _times(times, steps),
+            "maps": maps,
+            "captions": None
+            if captions is None
+            else [_pack.text("captions", c) for c in captions],
+            "bounds": _bounds(bounds, list(world.values()), occupancy_extent),
+            "accumulate": bool(accumulate_scans),
+            "beams": bool(beams),
+            "title": _pack.text("title", title),
+            "question": _pack.text("question", question),
+            "height": as_count("height", height, 120),
+            "robot_radius": as_scalar("robot_radius", robot_radius, 0.0, 1e6),
+            "fps": as_scalar("fps", fps, 0.1, 240.0),
+        }
+        super().__init__(payload=payload, step=_start(start, steps))
+
+    def __repr__(self) -> str:
+        """Name the figure, its steps and its layers: the same text on every machine."""
+        shown = sorted(self.payload["arrays"]) + (["occupancy"] if self.payload["maps"] else [])
+        return f"Replay({self.payload['steps']} steps of {', '.join(shown) or 'captions'})"
+
+    @traitlets.validate("step")
+    def _step_in_range(self, proposal: dict[str, Any]) -> int:
+        if self.payload and not 0 <= proposal["value"] < self.payload["steps"]:
+            raise ValueError(
+                f"step: expected 0 to {self.payload['steps'] - 1}, got {proposal['value']}"
+            )
+        return int(proposal["value"])
+
+
+def _steps(clock: dict[str, Any], occupancy_steps: ArrayLike | None) -> int:
+    """Return the common number of steps, or name the argument that disagrees."""
+    first, steps = "", 0
+    for name, value in clock.items():
+        if value is None:
+            continue
+        length = len(value) if name == "captions" else (*as_shaped(name, value).shape, 0)[0]
+        if not first:
+            first, steps = name, length
+        if length != steps:
+            raise ValueError(f"{name}: expected {steps} steps as in {first}, got {length}")
+        if length == 0:
+            raise ValueError(f"{name}: expected at least one step, got none")
+    if not first and occupancy_steps is not None:
+        return int(as_array("occupancy_steps", occupancy_steps, ("S",)).max(initial=0)) + 1
+    if not first:
+        raise ValueError("truth: expected at least one argument that varies with time, got none")
+    return steps
+
+
+def _check_needs(value: Any, other: Any, name: str, needed: str) -> None:
+    if value is not None and other is None:
+        raise ValueError(f"{needed}: expected an array because {name} is given, got None")
+
+
+def _poses(name: str, value: ArrayLike | None, steps: int) -> Array | None:
+    return None if value is None else _pack.points(name, value, (steps,))
+
+
+def _given(
+    name: str, value: ArrayLike | None, shape: tuple[int | str, ...], missing: bool = False
+) -> Array | None:
+    return None if value is None else _pack.points(name, value, shape, missing)
+
+
+def _ellipses(name: str, covs: ArrayLike | None, shape: tuple[int | str, ...]) -> Array | None:
+    return None if covs is None else _pack.ellipses(name, covs, shape)
+
+
+def _landmark_ellipses(covs: ArrayLike | None, arrays: dict[str, Any], steps: int) -> Array | None:
+    if covs is None:
+        return None
+    return _pack.ellipses("landmark_covs", covs, (steps, arrays["landmark_estimates"].shape[1]))
+
+
+def _times(times: ArrayLike, steps: int) -> Packed:
+    seconds = as_array("times", times, (steps,))
+    if (np.diff(seconds) < 0).any():
+        raise ValueError(
+            f"times: expected increasing seconds, got a step of {np.diff(seconds).min():g}"
+        )
+    return _pack.pack_series(seconds)
+
+
+def _maps(
+    occupancy: ArrayLike | None,
+    extent: Sequence[float] | None,
+    first_steps: ArrayLike | None,
+    steps: int,
+) -> dict[str, Any] | None:
+    if occupancy is None:
+        return None
+    _check_needs(occupancy, extent, "occupancy", "occupancy_extent")
+    given = as_shaped("occupancy", occupancy)
+    given = given[None] if given.ndim == 2 else given
+    given = as_array("occupancy", given, ("S", "H", "W"))
+    if given.size == 0 or given.min() < 0.0 or given.max() > 1.0:
+        raise ValueError("occupancy: expected probabilities in [0, 1], got others or an empty map")
+    if first_steps is None:
+        holds = np.zeros(1) if len(given) == 1 else np.arange(len(given), dtype=np.float64)
+    else:
+        holds = as_array("occupancy_steps", first_steps, (len(given),))
+    if (np.diff(holds) <= 0).any() or holds[0] < 0 or holds[-1] >= steps:
+        raise ValueError(
+            f"occupancy_steps: expected {len(given)} increasing steps in 0..{steps - 1}, "
+            f"got {holds.astype(int).tolist()}"
+        )
+    return {
+        "images": _pack.pack_image(given, 0.0, 1.0),
+        "extent": _pack.box("occupancy_extent", extent),
+        "steps": [int(h) for h in holds],
+    }
+
+
+def _bounds(
+    bounds: Sequence[float] | None, world: list[Array | None], extent: Sequence[float] | None
+) -> list[float]:
+    """Return the first view: given, or all that is drawn with a margin of 5 %."""
+    if bounds is not None:
+        return _pack.box("bounds", bounds)
+    clouds = [w[..., :2].reshape(-1, 2) for w in world if w is not None and w.size]
+    if extent is not None:
+        clouds.append(np.reshape(_pack.box("occupancy_extent", extent), (2, 2)).T)
+    cloud = np.concatenate(clouds) if clouds else np.zeros((1, 2))
+    cloud = cloud[np.isfinite(cloud).all(axis=1)]
+    if not len(cloud):
+        return [-1.0, 1.0, -1.0, 1.0]
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    margin = max(0.05 * float((high - low).max()), 0.5)
+    return [float(f"{v:.6g}") for v in np.stack([low - margin, high + margin], axis=1).ravel()]
+
+
+def _start(start: int, steps: int) -> int:
+    if isinstance(start, bool) or not isinstance(start, int | np.integer):
+        raise ValueError(f"start: expected a whole number, got {start!r}")
+    if not -steps <= start < steps:
+        raise ValueError(f"start: expected {-steps} to {steps - 1}, got {start}")
+    return int(start) % steps
