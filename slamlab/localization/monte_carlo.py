@@ -37,6 +37,9 @@ class Sensor(Protocol):
     def log_likelihood(self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike) -> Array:
         """Log density (M,) of measurements (k, 2) of landmarks (k, 2) from poses (M, 3)."""
 
+    def best_log_likelihood(self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike) -> Array:
+        """Give the same for unknown landmarks: each of (k, 2) takes the best of (n, 2)."""
+
 
 class MonteCarloLocalization:
     """A robot with a map of landmarks that does not know where it is.
@@ -57,7 +60,8 @@ class MonteCarloLocalization:
     motion : Motion
         Has ``sample(poses, u, dt, control_cov, rng)``.
     sensor : Sensor or None
-        Has ``log_likelihood(poses, z, landmarks)``; None with `log_likelihood`.
+        Has ``log_likelihood(poses, z, landmarks)`` and ``best_log_likelihood``; None with
+        `log_likelihood`.
     n_particles : int
         Number of particles; with `adaptive` the initial one.
     bounds : array_like, shape (2, 2)
@@ -227,16 +231,7 @@ class MonteCarloLocalization:
         if ids is not None:
             rows = _checked_ids(ids, len(z), len(self._landmarks))
             return self._sensor.log_likelihood(self.particles, z, self._landmarks[rows])
-        total = np.zeros(len(self.particles))
-        for one in z:
-            best = np.full(len(total), -np.inf)
-            for landmark in self._landmarks:
-                log_density = self._sensor.log_likelihood(
-                    self.particles, one[None], landmark[None]
-                )
-                np.maximum(best, log_density, out=best)
-            total += best
-        return total
+        return self._sensor.best_log_likelihood(self.particles, z, self._landmarks)
 
     def _inject(self, log_mean_likelihood: float) -> None:
         """Follow the likelihood of one measurement; replace 1 - fast/slow of the particles."""

@@ -272,35 +272,69 @@ class RangeBearing:
         """
         z = as_array("z", z, ("k", 2))
         landmarks = as_array("landmarks", landmarks, (len(z), 2))
-        # A measurement more than 1e154 sigmas off has probability 0: its logarithm is -inf.
-        with np.errstate(over="ignore"):
-            squared = self._squared_errors(poses, z, landmarks)
-        log_peak = -np.log(2 * np.pi) - np.log(self.sigma_range) - np.log(self.sigma_bearing)
-        return len(z) * log_peak - 0.5 * squared
+        x, y, theta = self._positions(poses)
+        squared = np.zeros(len(theta))
+        # One landmark at a time keeps the arrays in the cache: faster than one (M, k) block.
+        for one, landmark in zip(z, landmarks, strict=True):
+            squared += self._squared_error(*_polar(x, y, theta, landmark), one)
+        return len(z) * self._log_peak - 0.5 * squared
 
-    def _squared_errors(self, poses: ArrayLike, z: Array, landmarks: Array) -> Array:
-        """Sum over j of the squared Mahalanobis residuals, (M,); one landmark at a time.
+    def best_log_likelihood(self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike) -> Array:
+        """Log density when nobody tells which landmark was measured: the best one counts.
 
-        A pass over landmarks keeps the working arrays in the cache: faster than one (M, k) block.
+        Parameters
+        ----------
+        poses : array_like, shape (M, 3)
+        z : array_like, shape (k, 2)
+        landmarks : array_like, shape (n, 2)
+            All candidates, at least one. Two measurements may choose the same.
+
+        Returns
+        -------
+        ndarray, shape (M,)
+            Sum over j of the largest log N(z_j; h(pose, landmark_i), R) over i.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite, or there is no landmark.
         """
+        z, landmarks = as_array("z", z, ("k", 2)), as_array("landmarks", landmarks, ("n", 2))
+        if len(landmarks) == 0:
+            raise ValueError("landmarks: expected at least one, got none")
+        x, y, theta = self._positions(poses)
+        least = np.full((len(z), len(theta)), np.inf)
+        for landmark in landmarks:
+            distance, angle = _polar(x, y, theta, landmark)
+            for row, one in zip(least, z, strict=True):
+                np.minimum(row, self._squared_error(distance, angle, one), out=row)
+        return len(z) * self._log_peak - 0.5 * least.sum(0)
+
+    @property
+    def _log_peak(self) -> float:
+        """Largest log density of one measurement."""
+        return float(-np.log(2 * np.pi) - np.log(self.sigma_range) - np.log(self.sigma_bearing))
+
+    def _positions(self, poses: ArrayLike) -> tuple[Array, Array, Array]:
+        """Coordinates of the sensor and headings, (M,) each."""
         poses = as_array("poses", poses, ("M", 3))
-        theta = np.ascontiguousarray(poses[:, 2])
-        x, y = poses[:, 0], poses[:, 1]
+        x, y, theta = np.ascontiguousarray(poses.T)
         if self.offset:
             x, y = x + self.offset * np.cos(theta), y + self.offset * np.sin(theta)
-        total = np.zeros(len(poses))
-        for (distance, bearing), (x_landmark, y_landmark) in zip(z, landmarks, strict=True):
-            dx, dy = x_landmark - x, y_landmark - y
-            error = np.arctan2(dy, dx)
-            error -= theta
-            error -= bearing
+        return x, y, theta
+
+    def _squared_error(self, distance: Array, angle: Array, z: Array) -> Array:
+        """Squared Mahalanobis distance of one measurement from predicted ones, (M,)."""
+        # A measurement more than 1e154 sigmas off has probability 0: infinity stands for it.
+        with np.errstate(over="ignore"):
+            range_error = (distance - z[0]) * (1 / self.sigma_range)
+            error = angle - z[1]
             # Wrap to [-pi, pi]; the sign of a half turn does not matter once squared.
             error -= 2 * np.pi * np.rint(error * (0.5 / np.pi))
             error *= 1 / self.sigma_bearing
-            total += error * error
-            error = (np.sqrt(dx * dx + dy * dy) - distance) * (1 / self.sigma_range)
-            total += error * error
-        return total
+            error *= error
+            error += range_error * range_error
+            return error
 
     def _to_landmark(
         self, pose: ArrayLike, landmark: ArrayLike
@@ -312,3 +346,11 @@ class RangeBearing:
         dx = landmark[..., 0] - pose[..., 0] - self.offset * c
         dy = landmark[..., 1] - pose[..., 1] - self.offset * s
         return pose, dx, dy, c, s
+
+
+def _polar(x: Array, y: Array, theta: Array, landmark: Array) -> tuple[Array, Array]:
+    """Distance and direction, not wrapped, of one landmark from many sensors, (M,) each."""
+    dx, dy = landmark[0] - x, landmark[1] - y
+    angle = np.arctan2(dy, dx)
+    angle -= theta
+    return np.sqrt(dx * dx + dy * dy), angle

@@ -151,6 +151,25 @@ def test_log_likelihood_is_the_sum_of_gaussian_log_densities():
     assert SENSOR.log_likelihood(POSES, np.empty((0, 2)), np.empty((0, 2))).tolist() == [0.0] * 60
 
 
+def test_the_best_log_likelihood_takes_the_best_landmark_for_each_measurement():
+    z = SENSOR.observe(POSES[0], LANDMARKS[:4]) + 0.01
+    due = np.zeros(60)
+    for one in z:
+        due += np.max(
+            [SENSOR.log_likelihood(POSES, one[None], m[None]) for m in LANDMARKS], axis=0
+        )
+    np.testing.assert_allclose(SENSOR.best_log_likelihood(POSES, z, LANDMARKS), due, rtol=1e-12)
+    named = SENSOR.log_likelihood(POSES, z, LANDMARKS[:4])
+    assert (due >= named).all()
+    assert (due > named + 1).any()
+    with pytest.raises(ValueError, match="landmarks: expected at least one"):
+        SENSOR.best_log_likelihood(POSES, z, np.empty((0, 2)))
+
+
+def test_a_measurement_beyond_all_reason_has_probability_zero():
+    assert (SENSOR.log_likelihood(POSES, [[1e200, 0.0]], LANDMARKS[:1]) == -np.inf).all()
+
+
 def test_batches_equal_single_calls():
     grid = SENSOR.observe(POSES[:5, None], LANDMARKS[None, :7])
     H_pose, H_landmark = SENSOR.jacobians(POSES[:5, None], LANDMARKS[None, :7])
