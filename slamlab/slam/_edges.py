@@ -124,6 +124,8 @@ class Edges:
         self.z = np.ascontiguousarray(_turned_back(self.z_angle, measurements[:, :2]).T)
         upper = information[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
         self.information = np.ascontiguousarray(upper.T)
+        self._parts = np.empty((19, len(edges)))
+        self._blocks = np.empty((4, 3, 3, len(edges)))
 
     def linearise(self, poses: Array) -> Array:
         """Move to `poses` (n, 3); return e^T Omega e of all edges, shape (m,)."""
@@ -166,12 +168,12 @@ class Edges:
         )
 
     def blocks(self, weights: Array | None = None) -> Array:
-        """H_ii, H_jj, H_ij and H_ji of all edges, shape (4, 3, 3, m)."""
+        """H_ii, H_jj, H_ij and H_ji of all edges, shape (4, 3, 3, m); the next call reuses it."""
         xx, xy, xt, yy, yt, tt = (
             self.information if weights is None else self.information * weights
         )
         c, s, dx, dy = self.c, self.s, self.dx, self.dy
-        parts = np.empty((19, len(c)))
+        parts = self._parts
         # W = B^T Omega B: the information, turned into the world
         mixed = 2 * c * s * xy
         parts[0] = c * c * xx - mixed + s * s * yy
@@ -186,4 +188,4 @@ class Edges:
         parts[8] = dx * parts[4] - dy * parts[2] + tt
         parts[9] = dx * parts[7] - dy * parts[6] + parts[8]
         np.negative(parts[:9], out=parts[10:])
-        return parts[_PLACES]
+        return np.take(parts, _PLACES, axis=0, out=self._blocks, mode="clip")

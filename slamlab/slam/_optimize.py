@@ -19,7 +19,7 @@ from slamlab.slam._sparse import BlockSystem, SingularError, Solve
 # 95 % of honest errors (three degrees of freedom) lie within this Mahalanobis distance.
 KERNEL_WIDTH = 2.7955
 # Gauss-Newton keeps its factors after a step that changed the cost by less than this part.
-_NEAR = 0.1
+_NEAR = 0.15
 # Levenberg-Marquardt gives up beyond this multiple of the diagonal.
 _LARGEST_DAMPING = 1e12
 
@@ -206,7 +206,8 @@ class Optimization:
             if gain <= 0.1 * self.gain:
                 self.gain = gain
                 return step
-        self.solve = self.equations.factorise(check=self.solve is None)
+        first, self.solve = self.solve is None, None  # old factors make room for the new ones
+        self.solve = self.equations.factorise(check=first)
         step = self.solve(-gradient)
         # The model of the cost falls by -gradient . step = gradient^T H^-1 gradient.
         self.gain = -float(np.vdot(gradient, step))

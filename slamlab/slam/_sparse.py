@@ -86,11 +86,14 @@ class BlockSystem:
         self._H.has_canonical_format = True
 
     def matrix(self, blocks: Array, damping: float = 0.0) -> csc_matrix:
-        """Sum the blocks (4, 3, 3, m) of all edges: ii, jj, ij, ji; diagonal times 1 + damping."""
-        size = self._H.nnz
-        H = self._H.copy()
-        H.data = np.bincount(self._slots, blocks.ravel(), minlength=size)[:size]
-        H.data[self._diagonal] *= 1 + damping
+        """Sum the blocks (4, 3, 3, m) of all edges: ii, jj, ij, ji; diagonal times 1 + damping.
+
+        The matrix is good until the next call, which writes into it.
+        """
+        H = self._H
+        H.data = np.bincount(self._slots, blocks.ravel(), minlength=H.nnz)[: H.nnz]
+        if damping:
+            H.data[self._diagonal] *= 1 + damping
         return H
 
     def factorise(self, H: csc_matrix, check: bool = True) -> Solve:
@@ -133,9 +136,16 @@ class BlockSystem:
 
 
 def _splu(H: csc_matrix, permc_spec: str = "NATURAL") -> Any:
-    # H is symmetric and positive definite: no pivoting; panels of one column suit small blocks.
-    options = {"SymmetricMode": True}
-    return splu(H, permc_spec, diag_pivot_thresh=0.0, panel_size=1, options=options)
+    # H is symmetric and positive definite: no pivoting. Its supernodes are narrow: no panels, no
+    # relaxation. (Never raise these above SuperLU's 20 and 10: relax=32 overruns its memory.)
+    return splu(
+        H,
+        permc_spec,
+        diag_pivot_thresh=0.0,
+        panel_size=1,
+        relax=1,
+        options={"SymmetricMode": True},
+    )
 
 
 def _fill_reducing_order(n: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
