@@ -40,9 +40,10 @@ class Result:
     iterations : int
         Number of steps taken.
     converged : bool
-        True only if the last step changed the cost by less than the tolerance.
+        True only if the last step, and what its linear model promised, changed the cost by less
+        than the tolerance.
     weights : ndarray, shape (m,)
-        Weight of every edge in the last step, in [0, 1]; all 1 without a kernel.
+        Weight in [0, 1] that the kernel gives each edge at `poses`; all 1 without a kernel.
     message : str
         Why it stopped, in words.
     """
