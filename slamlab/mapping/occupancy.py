@@ -180,6 +180,8 @@ class OccupancyGrid:
     def _add(self, start: Array, ends: Array, hit: NDArray[np.bool_]) -> None:
         """Add one scan: beams from `start` (2,) to `ends` (k, 2)."""
         there = np.isfinite(ends[:, 0])
+        if not there.any():
+            return
         a = (start - self.origin) / self.resolution
         b = (ends[there] - self.origin) / self.resolution
         crossed = _crossed_cells(a, b)

@@ -1,0 +1,166 @@
+"""CARMEN logs: what is read is right, and whatever breaks names its line."""
+
+import gzip
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from slamlab.datasets import read_carmen
+
+LASER = "FLASER 4 1.0 2.5 81.91 0.5 {x} 2.0 0.3 {x} 2.0 0.3 10.{x} host 11.5"
+ODOM = "ODOM {x} 2.0 0.3 0.1 0.2 0.0 9.{x} host 11.0"
+ROBOT = (
+    "ROBOTLASER1 0 -1.5 3.0 1.0 40.0 0.1 0 4 1.0 2.0 41.0 3.0 0 "
+    "{x} 2.0 0.3 {x} 2.0 0.3 0 0 0 0 0 12.5 host 3.5"
+)
+GOOD = ["# a log", "PARAM robot_length 50 0 host 0", ""]
+GOOD += [form.format(x=k) for k in range(4) for form in (ODOM, LASER)]
+
+
+def read(tmp_path, lines, name="a.log"):
+    path = tmp_path / name
+    path.write_text("\n".join(lines) + "\n")
+    return read_carmen(path)
+
+
+def test_scans_poses_and_odometry_are_read(tmp_path):
+    log = read(tmp_path, GOOD)
+    assert log.ranges.shape == (4, 4)
+    assert np.isnan(log.ranges[:, 2]).all()
+    assert log.ranges[0, [0, 1, 3]].tolist() == [1.0, 2.5, 0.5]
+    assert log.poses[:, 0].tolist() == [0, 1, 2, 3]
+    assert log.odometry.tolist() == [[k, 2.0, 0.3] for k in range(4)]
+    assert log.timestamps[2] == 10.2
+    assert log.odometry_timestamps[3] == 9.3
+
+
+def test_beams_are_laid_out_from_right_to_left(tmp_path):
+    even = read(tmp_path, GOOD).lidar.beam_angles
+    assert np.rad2deg(even).round(6).tolist() == [-90, -45, 0, 45]
+    odd = LASER.replace("FLASER 4 1.0", "FLASER 5 1.0 1.0").format(x=0)
+    assert np.rad2deg(read(tmp_path, [odd]).lidar.beam_angles).round(6).tolist() == [
+        -90, -45, 0, 45, 90,
+    ]  # fmt: skip
+
+
+def test_robotlaser_lines_bring_their_own_geometry(tmp_path):
+    log = read(tmp_path, [ROBOT.format(x=1), ROBOT.format(x=2)])
+    assert log.lidar.beam_angles.tolist() == [-1.5, -0.5, 0.5, 1.5]
+    assert log.lidar.max_range == 40.0
+    assert np.isnan(log.ranges[:, 2]).all()
+    assert log.poses[:, 0].tolist() == [1, 2]
+
+
+def test_a_compressed_log_reads_the_same(tmp_path):
+    path = tmp_path / "a.log.gz"
+    path.write_bytes(gzip.compress("\n".join(GOOD).encode()))
+    np.testing.assert_array_equal(read_carmen(path).poses, read(tmp_path, GOOD).poses)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("FLASER", "expected 0 ranges"),
+        (LASER.format(x=1)[:-12], "expected 4 ranges and 9 more fields"),
+        (LASER.format(x="nan"), "expected a finite number, got nan"),
+        (LASER.format(x=1).replace("2.5", "two"), "expected a number, got 'two'"),
+        (LASER.format(x=1).replace("2.5", "-2.5"), "expected ranges, got -2.5"),
+        (LASER.format(x=1).replace("FLASER 4", "FLASER 5 9.0"), "expected 4 beams"),
+        (LASER.format(x=1).replace("FLASER 4", "FLASER -4"), "expected a number of readings"),
+        (ODOM.format(x=1) + " more", "expected 10 fields in ODOM, got 11"),
+        ("LIDAR 1 2 3", "expected a CARMEN tag"),
+        (ROBOT.format(x=1)[:20], "expected at least 9 fields"),
+        (ROBOT.format(x=1)[:-4], "expected 14 fields after the readings"),
+    ],
+)
+def test_a_broken_line_is_named(tmp_path, line, message):
+    with pytest.raises(ValueError, match=f"line 6: .*{message}"):
+        read(tmp_path, [*GOOD[:5], line, *GOOD[5:]])
+
+
+def test_a_log_without_scans_and_a_damaged_gzip_are_named(tmp_path):
+    with pytest.raises(ValueError, match="expected at least one FLASER"):
+        read(tmp_path, GOOD[:3])
+    path = tmp_path / "b.log.gz"
+    path.write_bytes(gzip.compress("\n".join(GOOD * 50).encode())[:-20])
+    with pytest.raises(ValueError, match="gzip file is damaged"):
+        read_carmen(path)
+
+
+def test_bytes_that_are_no_text_name_their_line(tmp_path):
+    path = tmp_path / "c.log"
+    path.write_bytes("\n".join(GOOD[:4]).encode() + b"\nFLASER \xff\n")
+    with pytest.raises(ValueError, match="line 5: expected ASCII"):
+        read_carmen(path)
+
+
+@st.composite
+def mutated(draw):
+    """A log with lines dropped, doubled, shuffled, cut or overwritten by garbage."""
+    lines = list(GOOD)
+    for _ in range(draw(st.integers(1, 4))):
+        k = draw(st.integers(0, len(lines) - 1))
+        action = draw(st.sampled_from(["drop", "double", "swap", "cut", "garbage", "field"]))
+        if action == "drop" and len(lines) > 1:
+            del lines[k]
+        elif action == "double":
+            lines.insert(k, lines[k])
+        elif action == "swap":
+            other = draw(st.integers(0, len(lines) - 1))
+            lines[k], lines[other] = lines[other], lines[k]
+        elif action == "cut":
+            lines[k] = lines[k][: draw(st.integers(0, max(len(lines[k]) - 1, 0)))]
+        elif action == "garbage":
+            lines[k] = draw(st.text(max_size=30))
+        else:
+            fields = lines[k].split(" ")
+            fields[draw(st.integers(0, len(fields) - 1))] = draw(
+                st.sampled_from(["nan", "inf", "-1", "1e999", "", "99999999999", "0x4", "4_0"])
+            )
+            lines[k] = " ".join(fields)
+    return lines
+
+
+@settings(
+    max_examples=1200,
+    derandomize=True,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(lines=mutated())
+def test_a_mutated_log_gives_a_named_line_or_a_faithful_log(tmp_path, lines):
+    path = tmp_path / "mutated.log"
+    path.write_bytes("\n".join(lines).encode("utf-8", "surrogatepass"))
+    log, complaint = None, ""
+    try:
+        log = read_carmen(path)
+    except ValueError as error:
+        complaint = str(error)
+    if log is None:
+        assert "line " in complaint or "expected at least one FLASER" in complaint
+        return
+    text = path.read_bytes().decode("ascii").split("\n")
+    scans = [line for line in text if line.split()[:1] == ["FLASER"]]
+    odometry = [line for line in text if line.split()[:1] == ["ODOM"]]
+    assert len(log.ranges) == len(scans) == len(log.poses)
+    assert len(log.odometry) == len(odometry)
+    for row, line in zip(log.ranges, scans, strict=True):
+        values = np.array([float(v) for v in line.split()[2 : 2 + len(row)]])
+        np.testing.assert_array_equal(row, np.where(values < 50, values, np.nan))
+
+
+@pytest.mark.skipif("SLAMLAB_DATA" not in os.environ, reason="SLAMLAB_DATA is not set")
+@pytest.mark.parametrize(
+    ("name", "shape", "metres"),
+    [("csail", (406, 361), 380), ("freiburg-101", (292, 360), 211)],
+)
+def test_real_logs(name, shape, metres):
+    log = read_carmen(Path(os.environ["SLAMLAB_DATA"]) / f"{name}-corrected.log.gz")
+    assert log.ranges.shape == shape
+    driven = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1).sum()
+    assert driven == pytest.approx(metres, abs=1.0)
+    assert np.isnan(log.ranges).any()

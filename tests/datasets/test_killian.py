@@ -1,0 +1,41 @@
+"""Killian Court as chapter 00 uses it."""
+
+import numpy as np
+import pytest
+
+from slamlab.datasets import killian
+from slamlab.geometry import between
+
+
+@pytest.fixture(scope="module")
+def court():
+    return killian()
+
+
+def test_the_known_sizes(court):
+    assert court.graph.poses.shape == (3873, 3)
+    assert court.graph.edges.shape == (4987, 2)
+    assert court.scans.shape == (3873, 180)
+    assert court.loop_mask.sum() == 1115
+    assert np.rad2deg(np.diff(court.beam_angles)).round(2).tolist() == [1.0] * 179
+
+
+def test_missing_returns_are_nan_and_ranges_are_below_the_maximum(court):
+    assert 0.005 < np.isnan(court.scans).mean() < 0.03
+    assert np.nanmax(court.scans) < court.lidar.max_range == 50.0
+
+
+def test_dead_reckoning_follows_the_odometry_edges(court):
+    path = court.dead_reckoned()
+    np.testing.assert_allclose(between(path[:-1], path[1:]), court.odometry, atol=1e-9)
+    np.testing.assert_array_equal(path[0], court.graph.poses[0])
+    # The file does not keep them in order: taken as they come they lead elsewhere.
+    as_they_come = court.graph.measurements[~court.loop_mask]
+    assert not np.array_equal(as_they_come, court.odometry)
+
+
+def test_the_small_variant_has_no_scans_and_a_poor_start():
+    small = killian(small=True)
+    assert small.graph.poses.shape == (1941, 3)
+    assert small.scans.shape[0] == 0
+    assert small.graph.chi2() > 1e8
