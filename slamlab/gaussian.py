@@ -53,7 +53,7 @@ class Gaussian:
         return np.sqrt(np.diagonal(self.cov, axis1=-2, axis2=-1))
 
     def sample(self, rng: np.random.Generator, size: int | tuple[int, ...] = ()) -> Array:
-        """Draw samples, shape (*size, ..., n); a singular covariance is allowed."""
+        """Draw samples, shape ``(*size, ..., n)``; a singular covariance is allowed."""
         size = (size,) if isinstance(size, int) else size
         values, vectors = np.linalg.eigh(self.cov)
         root = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]

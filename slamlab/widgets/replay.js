@@ -12,7 +12,7 @@ const LAYERS = [
   ["dead_reckoning", "dead reckoning", "dead_reckoning", "line"],
   ["wrong", "wrong variant", "wrong", "line"],
   ["estimate", "estimate", "estimate", "line"],
-  ["ellipses", "95 % ellipse", "estimate", "area"],
+  ["ellipses", "95 % ellipse", "estimate", "area"],
 ];
 const PATHS = ["dead_reckoning", "wrong", "truth", "estimate"];
 
@@ -271,7 +271,7 @@ function drawRun(ctx, view, run, step, on, colours, trace) {
 
 // ---- words ------------------------------------------------------------------------------------
 
-const metres = (v) => `${show(parseFloat(v.toFixed(2)))} m`;
+const metres = (v) => `${show(parseFloat(v.toFixed(2)))} m`;
 
 /** What is known at this step, in numbers with units. */
 function facts(run, step) {
@@ -287,7 +287,7 @@ function facts(run, step) {
   }
   if (data.ellipses) {
     const [a, b] = poseAt(data.ellipses, step);
-    parts.push(`95 % ellipse ± ${metres(a)} by ± ${metres(b)}`);
+    parts.push(`95 % ellipse ± ${metres(a)} by ± ${metres(b)}`);
   }
   return parts.join(" · ");
 }

@@ -489,7 +489,8 @@ const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
 /** The card around a figure: title, question, and the theme that its children follow. */
 function card(el, payload, kind) {
   const root = h("section", {
-    class: `slam-figure slam-${kind}`, role: "group", "aria-label": payload.title || payload.question || `${kind} figure`,
+    class: `slam-figure slam-${kind}`, role: "group", "data-lm-suppress-shortcuts": "true",
+    "aria-label": payload.title || payload.question || `${kind} figure`,
   });
   if (payload.title) root.append(h("div", { class: "slam-title" }, payload.title));
   if (payload.question) root.append(h("div", { class: "slam-question" }, payload.question));

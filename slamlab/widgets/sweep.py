@@ -166,7 +166,7 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Image:
-    """A panel with an image: black is `high`, white is `low`, as in an occupancy map.
+    """A panel with an image: ink is `high`, paper is `low`, as in an occupancy map.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ class Image:
     extent : sequence of four floats
         x low, x high, y low, y high of the image in metres.
     low, high : float
-        Values drawn white and black.
+        Values drawn as paper and as ink (white and black; in a dark theme the other way round).
     """
 
     title: str
