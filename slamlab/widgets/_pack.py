@@ -17,6 +17,9 @@ from slamlab._checks import Array, as_array, as_covariance, as_scalar, as_shaped
 MISSING = -32768
 """The 16-bit code of NaN."""
 
+_QUANTILES = {1: 3.841458820694124, 2: 5.991464547107979}
+"""Chi-square quantiles of 0.95 with one and with two degrees of freedom."""
+
 Packed = dict[str, Any]
 
 
@@ -71,7 +74,10 @@ def _runs(flat: np.ndarray) -> bytes:
 
 
 def ellipses(name: str, covs: Any, shape: tuple[int | str, ...]) -> Array:
-    """Half axes and angle (..., 3) of the 95 % ellipses of covariances, NaN where unseen."""
+    """Half axes and angle (..., 3) of the 95 % ellipses of covariances, NaN where unseen.
+
+    The variance of a one-dimensional world gives an interval: a flat ellipse.
+    """
     given = as_shaped(name, covs)
     size = given.shape[-1] if given.ndim else 0
     if size not in (1, 2, 3):
@@ -82,13 +88,12 @@ def ellipses(name: str, covs: Any, shape: tuple[int | str, ...]) -> Array:
     filled = np.where(missing[..., None, None], 0.0, given)[..., :2, :2]
     plane = np.zeros((*missing.shape, 2, 2))
     plane[..., : min(size, 2), : min(size, 2)] = as_covariance(name, filled)
-    return np.where(missing[..., None], np.nan, _axes(plane))
+    return np.where(missing[..., None], np.nan, _axes(plane, _QUANTILES[min(size, 2)]))
 
 
-def _axes(covs: Array) -> Array:
-    # chi-square quantile of 0.95 with two degrees of freedom: -2 ln(1 - 0.95)
+def _axes(covs: Array, quantile: float) -> Array:
     spread, directions = np.linalg.eigh(covs)
-    half = np.sqrt(np.maximum(spread, 0.0) * -2.0 * np.log(0.05))
+    half = np.sqrt(np.maximum(spread, 0.0) * quantile)
     long_axis = directions[..., :, 1]
     angle = np.arctan2(long_axis[..., 1], long_axis[..., 0])
     return np.stack([half[..., 1], half[..., 0], angle], axis=-1)

@@ -52,7 +52,7 @@ function drawMap(ctx, view, run, step, colours) {
     const [, height, width] = images.shape;
     const levels = images.values.subarray(index * width * height, (index + 1) * width * height);
     if (drawn.size > 12) drawn.clear();
-    drawn.set(key, View.picture(levels, width, height, colours));
+    drawn.set(key, View.picture(levels, width, height, colours, 1.6));
   }
   view.drawPicture(ctx, drawn.get(key), extent);
 }
@@ -271,13 +271,19 @@ function drawRun(ctx, view, run, step, on, colours, trace) {
 
 // ---- words ------------------------------------------------------------------------------------
 
-const metres = (v) => `${show(parseFloat(v.toFixed(2)))} m`;
+const metres = (v) => `${v.toFixed(v >= 100 ? 1 : 2)} m`;
+
+/** As many decimals as the steps of the clock need, so that the text keeps its width. */
+function clockDigits({ times, steps }) {
+  const tick = (times[steps - 1] - times[0]) / Math.max(steps - 1, 1);
+  return tick > 0.999 || tick === 0 ? 0 : tick > 0.0999 ? 1 : 2;
+}
 
 /** What is known at this step, in numbers with units. */
 function facts(run, step) {
   const { data } = run;
   const parts = [`step ${step + 1} of ${run.steps}`];
-  if (run.times) parts.unshift(`t = ${show(parseFloat(run.times[step].toFixed(2)))} s`);
+  if (run.times) parts.unshift(`t = ${run.times[step].toFixed(clockDigits(run))} s`);
   const names = { estimate: "estimate", dead_reckoning: "dead reckoning", wrong: "wrong variant" };
   const truth = data.truth && poseAt(data.truth, step);
   for (const [kind, name] of Object.entries(names)) {
@@ -287,7 +293,7 @@ function facts(run, step) {
   }
   if (data.ellipses) {
     const [a, b] = poseAt(data.ellipses, step);
-    parts.push(`95 % ellipse ± ${metres(a)} by ± ${metres(b)}`);
+    parts.push(b > 1e-6 ? `95 % ellipse ± ${metres(a)} by ± ${metres(b)}` : `95 % interval ± ${metres(a)}`);
   }
   return parts.join(" · ");
 }

@@ -457,8 +457,9 @@ class View {
     ctx.fillText(text, right - length / 2, base - 3);
   }
 
-  /** Levels 0..252 as a grey image on its own canvas; white is 0 (dark theme: paper is 0). */
-  static picture(levels, width, height, colours) {
+  /** Levels 0..252 as a grey image on its own canvas; white is 0 (dark theme: paper is 0).
+   *  A gamma above 1 keeps the unknown, 0.5, lighter than half way. */
+  static picture(levels, width, height, colours, gamma = 1) {
     const canvas = h("canvas", { width, height });
     const ctx = canvas.getContext("2d");
     const image = ctx.createImageData(width, height);
@@ -466,7 +467,7 @@ class View {
     const to = rgb(colours.ink);
     for (let row = 0; row < height; row++) {
       for (let col = 0; col < width; col++) {
-        const level = levels[(height - 1 - row) * width + col] / 252;
+        const level = Math.pow(levels[(height - 1 - row) * width + col] / 252, gamma);
         const at = 4 * (row * width + col);
         for (let c = 0; c < 3; c++) image.data[at + c] = from[c] + (to[c] - from[c]) * level;
         image.data[at + 3] = 255;

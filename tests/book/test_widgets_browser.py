@@ -3,12 +3,17 @@
 The page imports the script of each widget and calls its `render` with a stand-in for the model.
 """
 
+import functools
+import http.server
 import json
 import re
 import shutil
+import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
+from ipywidgets.embed import embed_data
 
 from slamlab.widgets import Bars, Curves, Image, Replay, Scatter, Sweep
 
@@ -20,6 +25,7 @@ FLAGS = (
     "--disable-component-update", "--no-first-run",
 )  # fmt: skip
 TOUCH = 40
+STATIC = Path(__file__).parents[2] / "book" / "static"
 
 PAGE = """<!doctype html><html lang="en" data-theme="light"><head><title>Figures</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -52,14 +58,18 @@ window.ready = true;
 </script></body></html>"""
 
 
+def escaped(data):
+    """JSON that may stand inside a script element."""
+    return json.dumps(data).replace("</", "<\\/")
+
+
 def page_of(*widgets):
     """HTML of a page with these widgets and nothing else."""
     states = [
         {k: v for k, v in w.get_state().items() if k in ("payload", "step", "indices", "_esm")}
         for w in widgets
     ]
-    text = json.dumps(states).replace("</", "<\\/")
-    return PAGE.replace("CSS", widgets[0]._css).replace("STATES", text)
+    return PAGE.replace("CSS", widgets[0]._css).replace("STATES", escaped(states))
 
 
 def replay(steps=60, landmarks=6, particles=12, **more):
@@ -464,6 +474,69 @@ def test_python_moves_the_figure(show):
     page = show(replay())
     page.evaluate("models[0].set('step', 21); models[0].told['change:step']()")
     assert step_of(page) == 21
+
+
+def static_page(*widgets):
+    """The page as the book has it: state as JSON, drawn by the vendored widget manager."""
+    data = embed_data(views=widgets, drop_defaults=False)
+    kind = "application/vnd.jupyter.widget-"
+    parts = [("state", data["manager_state"]), *(("view", v) for v in data["view_specs"])]
+    scripts = [
+        f'<script type="{kind}{name}+json">{escaped(part)}</script>' for name, part in parts
+    ]
+    return "".join(
+        [
+            '<!doctype html><html lang="en"><link rel="icon" href="favicon.svg">',
+            '<script src="vendor/requirejs/require.js"></script>',
+            '<script src="widgets.js"></script>',
+            '<script data-jupyter-widgets-cdn="about:blank"',
+            ' src="vendor/html-manager/embed-amd.js"></script><body>',
+            *scripts,
+        ]
+    )
+
+
+class QuietHandler(http.server.SimpleHTTPRequestHandler):
+    page = ""
+
+    def log_message(self, *words):
+        pass
+
+    def do_GET(self):
+        if self.path != "/":
+            return super().do_GET()
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.end_headers()
+        self.wfile.write(self.page.encode())
+
+
+@pytest.mark.skipif(not (STATIC / "vendor").is_dir(), reason="needs the vendored browser files")
+def test_figures_live_in_a_static_page_without_a_kernel(browser):
+    handler = type("Handler", (QuietHandler,), {"page": static_page(replay(start=3), sweep())})
+    serve = functools.partial(handler, directory=str(STATIC))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        home = f"http://127.0.0.1:{server.server_port}/"
+        page = browser.new_page()
+        troubles = []
+        page.on("pageerror", lambda error: troubles.append(str(error)))
+        page.on("requestfailed", lambda r: troubles.append(r.url))
+        page.on(
+            "request",
+            lambda r: None if r.url.startswith((home, "blob:")) else troubles.append(r.url),
+        )
+        page.goto(home)
+        page.locator(".slam-sweep .slam-canvas").first.wait_for()
+        page.locator(".slam-replay .slam-canvas").focus()
+        page.keyboard.press("End")
+        assert step_of(page) == 59
+        page.locator(".slam-sweep .slam-range").first.focus()
+        page.keyboard.press("End")
+        assert page.locator(".slam-sweep").get_attribute("data-indices") == "6,0"
+        page.close()
+        server.shutdown()
+    assert troubles == []
 
 
 def test_cleanup_leaves_nothing_running(show):

@@ -85,6 +85,13 @@ def test_ellipse_covers_95_percent_and_not_less():
     assert swapped.mean() < 0.9
 
 
+def test_interval_of_a_one_dimensional_world_is_1_96_sigma_not_2_45():
+    axes = _pack.ellipses("covs", np.full((1, 1, 1), 4.0), (1,))[0]
+    np.testing.assert_allclose(axes, [2 * 1.959964, 0, 0], atol=1e-5)
+    plane = _pack.ellipses("covs", np.diag([4.0, 0.0])[None], (1,))[0]
+    assert plane[0] == pytest.approx(2 * 2.447747)
+
+
 @pytest.mark.parametrize("widget", [Replay, Sweep])
 def test_script_is_one_text_that_names_no_address(widget):
     assert isinstance(widget._esm, str)
