@@ -11,6 +11,11 @@ document.addEventListener("DOMContentLoaded", function () {
     table.parentNode.insertBefore(box, table);
     box.appendChild(table);
   });
+  // The sidebar's arrows open a chapter's exercises; the theme gives them no name.
+  document.querySelectorAll("nav summary").forEach(function (summary) {
+    var link = summary.parentElement.parentElement.querySelector("a");
+    if (link) summary.setAttribute("aria-label", "Sections of " + link.textContent.trim());
+  });
   document.querySelectorAll(".bd-article pre").forEach(function (pre) {
     pre.tabIndex = 0;
   });

@@ -37,7 +37,7 @@ class Curves:
         What the panel shows.
     x : array_like (n,)
         The common axis.
-    series : mapping of str to array_like (*grid, n)
+    series : mapping of str to array_like, shape ``(*grid, n)``
         Values by label, NaN for a gap; without the grid axes the curve is constant.
     x_label, y_label : str
         Names of the axes with unit.
@@ -89,7 +89,7 @@ class Bars:
         What the panel shows.
     x : array_like (n,)
         Centres of the bars, increasing and evenly spaced.
-    series : mapping of str to array_like (*grid, n)
+    series : mapping of str to array_like, shape ``(*grid, n)``
         Heights by label; without the grid axes they are constant.
     x_label, y_label : str
         Names of the axes with unit.
@@ -130,7 +130,7 @@ class Scatter:
     ----------
     title : str
         What the panel shows.
-    series : mapping of str to array_like (*grid, n, 2)
+    series : mapping of str to array_like, shape ``(*grid, n, 2)``
         Points by label, NaN hides a point or breaks a line; without the grid axes constant.
     x_label, y_label : str
         Names of the axes with unit.
@@ -172,7 +172,7 @@ class Image:
     ----------
     title : str
         What the panel shows.
-    image : array_like (*grid, H, W)
+    image : array_like, shape ``(*grid, H, W)``
         Values, row 0 at the bottom; without the grid axes the image is constant.
     extent : sequence of four floats
         x low, x high, y low, y high of the image in metres.
@@ -220,7 +220,7 @@ class Sweep(anywidget.AnyWidget):
         Their lengths are the grid of all results, in this order.
     panels : sequence of Curves, Bars, Scatter or Image
         What is drawn, side by side where there is room.
-    numbers : mapping of str to array_like (*grid), optional
+    numbers : mapping of str to array_like of shape ``(*grid)``, optional
         Numbers shown in a table: label with unit, and the value for each slider position.
     start : sequence of int, optional
         First position of each slider; the middle without it. Negative counts from the end.
