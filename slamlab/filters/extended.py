@@ -1,0 +1,133 @@
+"""Extended Kalman filter: the mean through the function, the covariance through its tangent.
+
+P5 (10)-(13), P2 (6)-(11). The iterated update is a Gauss-Newton search for the peak of the
+posterior (Bell and Cathey 1993). Chapter 03.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_count, as_covariance
+from slamlab.filters.kalman import Innovation, _belief, correct
+from slamlab.gaussian import Gaussian
+
+__all__ = ["numerical_jacobian", "predict", "update"]
+
+Function = Callable[[Array], ArrayLike]
+Residual = Callable[[Array, Array], ArrayLike]
+
+
+def predict(belief: Gaussian, f: Function, F: ArrayLike | Function, Q: ArrayLike) -> Gaussian:
+    """Move a belief through the motion x' = f(x) + w, w ~ N(0, Q).
+
+    Parameters
+    ----------
+    belief : Gaussian
+        State of dimension n.
+    f : callable
+        ``f(x) -> (n,)``, the control inside.
+    F : array_like, shape (n, n), or callable
+        Jacobian of f at the mean, or ``F(x)``.
+    Q : array_like, shape (n, n)
+        Covariance of the motion noise, already in the state's coordinates (F_u V F_u^T).
+
+    Returns
+    -------
+    Gaussian
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, a number is not finite, or `Q` is no covariance.
+    """
+    n = belief.dim
+    # (12): the tangent at the estimate before the step
+    F = as_array("F", F(belief.mean) if callable(F) else F, (n, n))
+    Q = as_covariance("Q", Q, n)
+    # (10): mean
+    mean = as_array("f(x)", f(belief.mean), (n,))
+    # (4): covariance
+    return _belief(mean, F @ belief.cov @ F.T + Q)
+
+
+def update(
+    belief: Gaussian,
+    z: ArrayLike,
+    h: Function,
+    H: ArrayLike | Function,
+    R: ArrayLike,
+    residual: Residual = np.subtract,
+    iterations: int = 1,
+) -> tuple[Gaussian, Innovation]:
+    """Correct a belief by the measurement z = h(x) + v, v ~ N(0, R).
+
+    Parameters
+    ----------
+    belief : Gaussian
+        State of dimension n.
+    z : array_like, shape (m,)
+        Measurement.
+    h : callable
+        ``h(x) -> (m,)``, the predicted measurement.
+    H : callable, or array_like of shape (m, n)
+        ``H(x)``, Jacobian of h; an array serves for one iteration.
+    R : array_like, shape (m, m)
+        Covariance of the measurement noise.
+    residual : callable, default numpy.subtract
+        ``residual(z, predicted) -> (m,)``; wraps the angles among the measurements.
+    iterations : int, default 1
+        How often h is linearised anew where the last step led. The measurement counts once.
+
+    Returns
+    -------
+    Gaussian
+        The corrected belief. Angles in the state are not wrapped.
+    Innovation
+        Of the last linearisation: the residual is z - h(x_i) - H_i (x - x_i), x the prediction.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, a number is not finite, `R` is no covariance, or the innovation
+        covariance is singular.
+    """
+    z = as_array("z", z, ("m",))
+    n, m = belief.dim, len(z)
+    posterior, learned = belief, None
+    for _ in range(as_count("iterations", iterations, 1)):
+        x = posterior.mean
+        # (13): the tangent at the best estimate so far
+        tangent = as_array("H", H(x) if callable(H) else H, (m, n))
+        # (11): innovation; seen from the prediction, where prior and measurement meet
+        gap = as_array("h(x)", residual(z, as_array("h(x)", h(x), (m,))), (m,))
+        gap = gap - tangent @ (belief.mean - x)
+        # (6)-(9), always from the prediction: an iteration corrects the step, not the belief
+        posterior, learned = correct(belief, gap, tangent, R)
+    assert learned is not None
+    return posterior, learned
+
+
+def numerical_jacobian(f: Function, x: ArrayLike, step: float = 1e-6) -> Array:
+    """Jacobian by central differences: for checking a formula, not for use in its place.
+
+    Parameters
+    ----------
+    f : callable
+        ``f(x) -> (m,)``; smooth around x (an angle that jumps there spoils the difference).
+    x : array_like, shape (n,)
+    step : float, default 1e-6
+
+    Returns
+    -------
+    ndarray, shape (m, n)
+    """
+    x = as_array("x", x, ("n",))
+    columns = [
+        (np.asarray(f(x + d), dtype=float) - np.asarray(f(x - d), dtype=float)) / (2 * step)
+        for d in step * np.eye(len(x))
+    ]
+    return np.stack(columns, -1)
