@@ -238,14 +238,14 @@ def _belief(mean: Array, cov: Array) -> Gaussian:
 
 def _cholesky(S: Array) -> Array:
     try:
-        root: Array = np.linalg.cholesky(S)
+        root = np.linalg.cholesky(S)
     except np.linalg.LinAlgError as error:
         smallest = np.linalg.eigvalsh(S)[..., 0].min()
         raise ValueError(
             "R: expected an innovation covariance S = H P H^T + R that is positive definite, "
             f"its smallest eigenvalue is {smallest:.3g}"
         ) from error
-    return root
+    return np.asarray(root)
 
 
 def _control(B: ArrayLike | None, u: ArrayLike | None, n: int) -> Array | float:
