@@ -108,7 +108,9 @@ class Visit:
     def violations(self, axe):
         self.tab.evaluate(axe)
         found = self.tab.evaluate(
-            "axe.run(document, {preload: false, resultTypes: ['violations']}).then(r => r.violations"
+            # Without preload: axe would fetch imported styles by a path of its own.
+            "axe.run(document, {preload: false, resultTypes: ['violations']})"
+            ".then(r => r.violations"
             ".filter(v => ['serious', 'critical'].includes(v.impact))"
             ".map(v => v.id + ': '"
             " + v.nodes.map(n => n.target.join(' ')).slice(0, 4).join(' | ')))"
