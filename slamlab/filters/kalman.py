@@ -13,9 +13,22 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_covariance
+from slamlab.filters._linear import apply, innovation_root, solve_psd, t
+from slamlab.filters._sequences import FilterResult, SmootherResult, filter, fixed_lag, smooth
 from slamlab.gaussian import Gaussian
 
-__all__ = ["Innovation", "SteadyState", "predict", "steady_state", "update"]
+__all__ = [
+    "FilterResult",
+    "Innovation",
+    "SmootherResult",
+    "SteadyState",
+    "filter",
+    "fixed_lag",
+    "predict",
+    "smooth",
+    "steady_state",
+    "update",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +91,9 @@ def predict(
     F = as_array("F", F, ("...", n, n))
     Q = as_covariance("Q", Q, n)
     # (3): mean
-    mean = _apply(F, belief.mean) + _control(B, u, n)
+    mean = apply(F, belief.mean) + _control(B, u, n)
     # (4): covariance
-    cov = F @ belief.cov @ _t(F) + Q
+    cov = F @ belief.cov @ t(F) + Q
     return _belief(mean, cov)
 
 
@@ -118,7 +131,7 @@ def update(
     z = as_array("z", z, ("...", "m"))
     H = as_array("H", H, ("...", z.shape[-1], belief.dim))
     # (5): innovation
-    return correct(belief, z - _apply(H, belief.mean), H, R)
+    return correct(belief, z - apply(H, belief.mean), H, R)
 
 
 def correct(
@@ -141,31 +154,25 @@ def correct(
     R = as_covariance("R", R, residual.shape[-1])
     P = belief.cov
     # (6): covariance of the innovation
-    S = H @ P @ _t(H) + R
+    S = H @ P @ t(H) + R
     # (7): gain
-    K = _t(solve_psd(S, H @ P))
+    K = t(solve_psd(S, H @ P))
     # (8): mean
-    mean = belief.mean + _apply(K, residual)
+    mean = belief.mean + apply(K, residual)
     # (9): covariance, Joseph's form
     A = np.eye(belief.dim, dtype=P.dtype) - K @ H
-    cov = A @ P @ _t(A) + K @ R @ _t(K)
+    cov = A @ P @ t(A) + K @ R @ t(K)
     return _belief(mean, cov), innovation(residual, S, K)
 
 
 def innovation(residual: Array, S: Array, K: Array) -> Innovation:
     """Return the record of one update, with NIS and log likelihood."""
-    root = _cholesky(S)
+    root = innovation_root(S)
     white = np.linalg.solve(root, residual[..., None])[..., 0]
     nis = (white * white).sum(-1)
     log_det = 2 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
     log_likelihood = -0.5 * (nis + log_det + residual.shape[-1] * np.log(2 * np.pi))
     return Innovation(residual, S, K, nis, log_likelihood)
-
-
-def solve_psd(S: Array, B: Array) -> Array:
-    """Solve S X = B for a positive definite S (..., m, m); a singular S is named."""
-    root = _cholesky(S)
-    return np.linalg.solve(_t(root), np.linalg.solve(root, B))
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,32 +227,12 @@ def steady_state(F: ArrayLike, H: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Stea
     return SteadyState(prior.cov, posterior.cov, learned.gain)
 
 
-def _t(matrix: Array) -> Array:
-    return np.swapaxes(matrix, -1, -2)
-
-
-def _apply(matrix: Array, vector: Array) -> Array:
-    return (matrix @ vector[..., None])[..., 0]
-
-
 def _belief(mean: Array, cov: Array) -> Gaussian:
     """Build a belief from a covariance that is one by construction: symmetrised, not checked."""
     made = object.__new__(Gaussian)
     object.__setattr__(made, "mean", mean)
-    object.__setattr__(made, "cov", 0.5 * (cov + _t(cov)))
+    object.__setattr__(made, "cov", 0.5 * (cov + t(cov)))
     return made
-
-
-def _cholesky(S: Array) -> Array:
-    try:
-        root = np.linalg.cholesky(S)
-    except np.linalg.LinAlgError as error:
-        smallest = np.linalg.eigvalsh(S)[..., 0].min()
-        raise ValueError(
-            "R: expected an innovation covariance S = H P H^T + R that is positive definite, "
-            f"its smallest eigenvalue is {smallest:.3g}"
-        ) from error
-    return np.asarray(root)
 
 
 def _control(B: ArrayLike | None, u: ArrayLike | None, n: int) -> Array | float:
@@ -254,4 +241,4 @@ def _control(B: ArrayLike | None, u: ArrayLike | None, n: int) -> Array | float:
     if B is None or u is None:
         return 0.0
     u = as_array("u", u, ("...", "l"))
-    return _apply(as_array("B", B, ("...", n, u.shape[-1])), u)
+    return apply(as_array("B", B, ("...", n, u.shape[-1])), u)

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_covariance, as_scalar
-from slamlab.filters.kalman import Innovation, _belief, innovation, solve_psd
+from slamlab.filters._linear import solve_psd
+from slamlab.filters.kalman import Innovation, _belief, innovation
 from slamlab.gaussian import Gaussian
 
 __all__ = ["predict", "sigma_points", "update"]

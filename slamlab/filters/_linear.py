@@ -1,0 +1,36 @@
+"""Small pieces of linear algebra that the Gaussian filters share, on stacks of matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamlab._checks import Array
+
+
+def t(matrix: Array) -> Array:
+    """Transpose, shape (..., n, m) of (..., m, n)."""
+    return np.swapaxes(matrix, -1, -2)
+
+
+def apply(matrix: Array, vector: Array) -> Array:
+    """Product of matrices (..., m, n) and vectors (..., n)."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def innovation_root(S: Array) -> Array:
+    """Lower Cholesky factor of an innovation covariance (..., m, m); a singular S is named."""
+    try:
+        root = np.linalg.cholesky(S)
+    except np.linalg.LinAlgError as error:
+        smallest = np.linalg.eigvalsh(S)[..., 0].min()
+        raise ValueError(
+            "R: expected an innovation covariance S = H P H^T + R that is positive definite, "
+            f"its smallest eigenvalue is {smallest:.3g}"
+        ) from error
+    return np.asarray(root)
+
+
+def solve_psd(S: Array, B: Array) -> Array:
+    """Solve S X = B for a positive definite S (..., m, m); a singular S is named."""
+    root = innovation_root(S)
+    return np.linalg.solve(t(root), np.linalg.solve(root, B))
