@@ -1,140 +1,124 @@
-"""Extended filter: the linear case, Jacobians, the iterated update, and angles."""
+"""Extended Kalman filter: reduction to the linear one, iterations, angles, bad input."""
 
 import numpy as np
 import pytest
-from filterpy.kalman import ExtendedKalmanFilter
 
 from slamlab.filters import extended, kalman
 from slamlab.gaussian import Gaussian
-from slamlab.robots import Unicycle
-from slamlab.sensors import RangeBearing
+from slamlab.geometry import wrap_angle
 
-MOTION, SENSOR = Unicycle(), RangeBearing(0.1, 0.02)
-LANDMARK = np.array([4.0, 1.0])
-BELIEF = Gaussian([0.3, -0.2, 0.4], np.diag([0.2, 0.1, 0.05]) ** 2)
+BELIEF = Gaussian([1.0, 2.0, 0.5], np.diag([0.5, 0.4, 0.1]))
+LANDMARK, R = np.array([4.0, -1.0]), np.diag([0.01, 0.0004])
 
 
-def observe(x):
-    return SENSOR.observe(x, LANDMARK)
+def h(x):
+    d = LANDMARK - x[:2]
+    return np.array([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - x[2])])
 
 
-def slope(x):
-    return SENSOR.jacobians(x, LANDMARK)[0]
+def H(x):
+    d = LANDMARK - x[:2]
+    r = np.hypot(*d)
+    return np.array([[-d[0] / r, -d[1] / r, 0], [d[1] / r**2, -d[0] / r**2, -1]])
+
+
+def angle_residual(z, predicted):
+    return np.array([z[0] - predicted[0], wrap_angle(z[1] - predicted[1])])
+
+
+def cost(x, z):
+    """Twice the negative log posterior, up to a constant: what the iterations descend."""
+    a, b = x - BELIEF.mean, angle_residual(z, h(x))
+    return a @ np.linalg.solve(BELIEF.cov, a) + b @ np.linalg.solve(R, b)
 
 
 def test_a_linear_model_gives_the_kalman_filter():
-    rng = np.random.default_rng(2)
-    F, H = rng.standard_normal((3, 3)), rng.standard_normal((2, 3))
-    Q, R, z = np.eye(3) * 0.1, np.eye(2), rng.standard_normal(2)
-    due = kalman.predict(BELIEF, F, Q)
-    found = extended.predict(BELIEF, lambda x: F @ x, F, Q)
-    np.testing.assert_allclose(found.mean, due.mean, atol=1e-12)
-    np.testing.assert_allclose(found.cov, due.cov, atol=1e-12)
-    best, learned = kalman.update(due, z, H, R)
-    for iterations in (1, 4):
-        after, innovation = extended.update(
-            found, z, lambda x: H @ x, lambda x: H, R, iterations=iterations
+    rng = np.random.default_rng(0)
+    F, see = rng.normal(size=(3, 3)), rng.normal(size=(2, 3))
+    Q, z = 0.1 * np.eye(3), np.array([0.3, -0.2])
+    linear = kalman.predict(BELIEF, F, Q)
+    ours = extended.predict(BELIEF, lambda x: F @ x, lambda x: F, Q)
+    np.testing.assert_allclose(ours.mean, linear.mean, atol=1e-12)
+    np.testing.assert_allclose(ours.cov, linear.cov, atol=1e-12)
+    linear, learned = kalman.update(linear, z, see, R)
+    for iterations in (1, 2, 5):
+        posterior, seen = extended.update(
+            ours, z, lambda x: see @ x, lambda x: see, R, iterations=iterations
         )
-        np.testing.assert_allclose(after.mean, best.mean, atol=1e-12)
-        np.testing.assert_allclose(after.cov, best.cov, atol=1e-12)
-        assert innovation.nis == pytest.approx(learned.nis)
+        np.testing.assert_allclose(posterior.mean, linear.mean, atol=1e-9)
+        np.testing.assert_allclose(posterior.cov, linear.cov, atol=1e-9)
+        np.testing.assert_allclose(seen.nis, learned.nis, atol=1e-9)
 
 
-def test_update_equals_filterpy():
-    z = np.array([3.5, -0.2])
-    peer = ExtendedKalmanFilter(3, 2)
-    peer.x, peer.P, peer.R = BELIEF.mean.copy(), BELIEF.cov.copy(), SENSOR.cov
-    peer.update(z, slope, observe)
-    after, learned = extended.update(BELIEF, z, observe, slope, SENSOR.cov)
-    np.testing.assert_allclose(after.mean, peer.x, atol=1e-9)
-    np.testing.assert_allclose(after.cov, peer.P, atol=1e-9)
-    np.testing.assert_allclose(learned.gain, peer.K, atol=1e-9)
-
-
-@pytest.mark.parametrize("iterations", [1, 2, 7, 50])
-def test_an_iterated_update_counts_the_measurement_once(iterations):
-    prior = Gaussian([0.0], [[1.0]])
-    after, _ = extended.update(
-        prior, [1.0], lambda x: x, lambda x: np.eye(1), np.eye(1), iterations=iterations
+@pytest.mark.parametrize("iterations", [1, 2, 10])
+def test_iterations_do_not_count_the_measurement_twice(iterations):
+    one = [[1.0]]
+    posterior, _ = extended.update(
+        Gaussian([0.0], one), [2.0], lambda x: x, lambda x: one, one, iterations=iterations
     )
-    assert after.cov[0, 0] == pytest.approx(0.5, abs=1e-15)
-    assert after.mean[0] == pytest.approx(0.5, abs=1e-15)
+    np.testing.assert_allclose(posterior.cov, 0.5)
+    np.testing.assert_allclose(posterior.mean, 1.0)
 
 
-def test_feeding_the_posterior_back_counts_it_again():
-    belief = Gaussian([0.0], [[1.0]])
+def test_an_update_repeated_from_its_own_posterior_counts_it_twice():
+    one, twice = [[1.0]], Gaussian([0.0], [[1.0]])
     for _ in range(2):
-        belief, _ = extended.update(belief, [1.0], lambda x: x, np.eye(1), np.eye(1))
-    assert belief.cov[0, 0] == pytest.approx(1 / 3)
+        twice, _ = extended.update(twice, [2.0], lambda x: x, one, one)
+    np.testing.assert_allclose(twice.cov, 1 / 3)
 
 
-def test_iterating_finds_the_peak_of_the_posterior():
-    z = np.array([3.0, 0.5])
-
-    def cost(x):
-        gap, step = SENSOR.residual(z, observe(x)), x - BELIEF.mean
-        return gap @ np.linalg.solve(SENSOR.cov, gap) + step @ np.linalg.solve(BELIEF.cov, step)
-
-    def gradient(x):
-        return np.array([(cost(x + d) - cost(x - d)) / 2e-6 for d in 1e-6 * np.eye(3)])
-
-    once, many = (
-        extended.update(
-            BELIEF, z, observe, slope, SENSOR.cov, residual=SENSOR.residual, iterations=n
-        )[0]
-        for n in (1, 30)
-    )
-    assert np.abs(gradient(many.mean)).max() < 1e-3 < np.abs(gradient(once.mean)).max()
+def test_iterations_find_the_peak_of_the_posterior():
+    z = h(np.array([1.8, 2.6, 0.2]))
+    single, _ = extended.update(BELIEF, z, h, H, R, residual=angle_residual)
+    many, _ = extended.update(BELIEF, z, h, H, R, residual=angle_residual, iterations=30)
+    slope = extended.numerical_jacobian(lambda x: np.array([cost(x, z)]), many.mean)
+    assert np.abs(slope).max() < 1e-4 * cost(single.mean, z)
+    assert cost(many.mean, z) < cost(single.mean, z)
 
 
-def test_a_full_turn_of_the_bearing_changes_nothing_if_the_residual_wraps():
-    z = observe(BELIEF.mean) + [0.05, 0.01]
-    turned = z + [0.0, 2 * np.pi]
-    right = [
-        extended.update(BELIEF, v, observe, slope, SENSOR.cov, residual=SENSOR.residual)[0].mean
-        for v in (z, turned)
-    ]
-    np.testing.assert_allclose(*right, atol=1e-12)
-    wrong = extended.update(BELIEF, turned, observe, slope, SENSOR.cov)[0].mean
-    assert np.abs(wrong - right[0]).max() > 1.0
+def test_a_full_turn_of_the_bearing_changes_nothing_and_unwrapped_it_ruins_the_pose():
+    behind = Gaussian([8.0, -1.0, 0.0], BELIEF.cov)
+    z = h(behind.mean) + np.array([0.0, 2 * np.pi - 0.02])
+    posterior, _ = extended.update(behind, z, h, H, R, residual=angle_residual)
+    turned, _ = extended.update(behind, z - [0, 2 * np.pi], h, H, R, residual=angle_residual)
+    np.testing.assert_allclose(posterior.mean, turned.mean, atol=1e-12)
+    assert np.abs(posterior.mean - behind.mean).max() < 0.1
+    wrong, learned = extended.update(behind, z, h, H, R)
+    assert np.abs(wrong.mean - behind.mean).max() > 1.0
+    assert learned.nis > 50
 
 
-def test_numerical_jacobian_confirms_the_right_form_and_refutes_the_wrong():
-    x, u = np.array([1.0, 2.0, 0.7]), np.array([1.2, 0.5])
-    F, _ = MOTION.jacobians(x, u, 0.8)
-    due = extended.numerical_jacobian(lambda x: MOTION.step(x, u, 0.8), x)
-    np.testing.assert_allclose(F, due, atol=1e-8)
-    assert np.abs(F.T - due).max() > 0.1
-    np.testing.assert_allclose(slope(x), extended.numerical_jacobian(observe, x), atol=1e-7)
+def test_the_numerical_jacobian_confirms_the_right_one_and_refutes_a_wrong_sign():
+    numeric = extended.numerical_jacobian(h, BELIEF.mean)
+    np.testing.assert_allclose(numeric, H(BELIEF.mean), atol=1e-8)
+    coarse = extended.numerical_jacobian(h, BELIEF.mean, step=0.1)
+    np.testing.assert_allclose(coarse, H(BELIEF.mean), atol=1e-2)
+    wrong = H(BELIEF.mean) * [[1], [-1]]
+    assert np.abs(numeric - wrong).max() > 0.1
 
 
-def test_a_callable_jacobian_is_taken_before_the_step():
-    seen = []
-
-    def F(x):
-        seen.append(x.copy())
-        return np.eye(3)
-
-    extended.predict(BELIEF, lambda x: x + 1.0, F, np.eye(3))
-    np.testing.assert_array_equal(seen, [BELIEF.mean])
+def test_the_covariance_stays_one_over_10_000_steps():
+    belief = BELIEF
+    for _ in range(10_000):
+        belief = extended.predict(belief, lambda x: x, np.eye(3), 1e-9 * np.eye(3))
+        belief, _ = extended.update(belief, h(belief.mean), h, H, 1e-3 * R)
+    np.testing.assert_array_equal(belief.cov, belief.cov.T)
+    assert np.linalg.eigvalsh(belief.cov)[0] > 0
 
 
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("name", "call"),
     [
-        (lambda: extended.predict(BELIEF, lambda x: x, np.eye(2), np.eye(3)), "F: expected shape"),
-        (lambda: extended.predict(BELIEF, lambda x: x[:2], np.eye(3), np.eye(3)), r"f\(x\): expe"),
-        (lambda: extended.update(BELIEF, [1.0], observe, slope, np.eye(1)), "H: expected shape"),
-        (
-            lambda: extended.update(BELIEF, [1.0, np.nan], observe, slope, np.eye(2)),
-            "z: expected finite",
-        ),
-        (
-            lambda: extended.update(BELIEF, [1.0, 0], observe, slope, np.eye(2), iterations=0),
-            "iterations: expected at least 1",
-        ),
+        ("F", lambda: extended.predict(BELIEF, lambda x: x, np.eye(2), np.eye(3))),
+        ("Q", lambda: extended.predict(BELIEF, lambda x: x, np.eye(3), -np.eye(3))),
+        (r"f\(x\)", lambda: extended.predict(BELIEF, lambda x: x[:2], np.eye(3), np.eye(3))),
+        ("z", lambda: extended.update(BELIEF, [np.nan, 0], h, H, R)),
+        ("H", lambda: extended.update(BELIEF, [1, 0], h, lambda x: H(x).T, R)),
+        ("R", lambda: extended.update(BELIEF, [1, 0], h, H, -R)),
+        (r"h\(x\)", lambda: extended.update(BELIEF, [1, 0], lambda x: x, H, R)),
+        ("iterations", lambda: extended.update(BELIEF, [1, 0], h, H, R, iterations=0)),
     ],
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
+def test_bad_input_is_named(name, call):
+    with pytest.raises(ValueError, match=rf"^{name}"):
         call()
