@@ -1,5 +1,5 @@
 """What the robot believes: filters. Floor 2 of the house."""
 
-from slamlab.filters import extended, kalman, particle, unscented
+from slamlab.filters import extended, histogram, kalman, particle, unscented
 
-__all__ = ["extended", "kalman", "particle", "unscented"]
+__all__ = ["extended", "histogram", "kalman", "particle", "unscented"]
