@@ -67,7 +67,7 @@ notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
 
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
-	$(BIN)/python -m pytest -q tests/book
+	$(BIN)/python -m pytest -q -n 2 tests/book
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \

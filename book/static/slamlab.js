@@ -11,6 +11,10 @@ document.addEventListener("DOMContentLoaded", function () {
     table.parentNode.insertBefore(box, table);
     box.appendChild(table);
   });
+  // The bibliography calls itself a list, but its entries are no list items.
+  document.querySelectorAll(".citation-list").forEach(function (list) {
+    list.removeAttribute("role");
+  });
   // The sidebar's arrows open a chapter's exercises; the theme gives them no name.
   document.querySelectorAll("nav summary").forEach(function (summary) {
     var link = summary.parentElement.parentElement.querySelector("a");

@@ -100,7 +100,7 @@ class Visit:
     def settle(self):
         """Wait until math and widgets are drawn."""
         if self.tab.query_selector(".math"):
-            self.tab.wait_for_selector("mjx-container", timeout=20_000)
+            self.tab.wait_for_selector("mjx-container", state="attached", timeout=20_000)
         if self.tab.query_selector("script[type='application/vnd.jupyter.widget-view+json']"):
             self.tab.wait_for_selector(".slam-figure canvas", timeout=20_000)
             self.tab.wait_for_timeout(300)
