@@ -20,7 +20,7 @@ WRONG = [
 
 
 def information_form(mean, cov, z, H, R):
-    """Another right answer: add informations."""
+    """Another right answer: add up the information."""
     P = np.linalg.inv(np.linalg.inv(cov) + H.T @ np.linalg.inv(R) @ H)
     return P @ (np.linalg.inv(cov) @ mean + H.T @ np.linalg.inv(R) @ z), P
 
