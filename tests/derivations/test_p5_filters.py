@@ -7,6 +7,7 @@ noises, multiplies out their joint covariance, and conditions by the density's e
 import numpy as np
 import pytest
 import sympy as sp
+from scipy import stats
 
 from slamlab.filters import extended, kalman
 from slamlab.gaussian import Gaussian
@@ -195,3 +196,41 @@ def test_4_and_9_serve_the_extended_filter_unchanged():
     mean, cov = conditioned()
     np.testing.assert_allclose(posterior.mean, mean, atol=1e-12)
     np.testing.assert_allclose(posterior.cov, cov, atol=1e-12)
+
+
+# --- P2 (6), (7): a density and a map with noise are two ways to say one thing ---
+
+
+def test_p2_6_and_7_name_the_same_distribution():
+    rng, n = np.random.default_rng(3), 20_000
+    z = see(POSE.mean) + rng.standard_normal((n, 2)) * [0.1, 0.05]
+    moved = MOTION.sample(np.tile(POSE.mean, (n, 1)), CONTROL, 0.5, np.zeros((2, 2)), rng)
+    x = moved + 0.1 * rng.standard_normal((n, 3))
+    for samples, centre, sigma in (
+        (z, see(POSE.mean), np.array([0.1, 0.05])),
+        (x, move(POSE.mean), np.full(3, 0.1)),
+    ):
+        for column, middle, spread in zip(samples.T, centre, sigma, strict=True):
+            assert stats.kstest(column, stats.norm(middle, spread).cdf).pvalue > 1e-3
+            # "=" instead of "corresponds to" would take the density's value for the state.
+            assert stats.kstest(stats.norm(middle, spread).pdf(column), "norm").pvalue < 1e-9
+
+
+def test_p2_9_moves_the_cross_block_too():
+    # Static landmark, so P_mm stays; but the robot's error turns, and its tie with the map turns.
+    F_x, _ = MOTION.jacobians(POSE.mean, CONTROL, 0.5)
+    whole = np.zeros((5, 5))
+    root = np.random.default_rng(0).standard_normal((5, 5))
+    whole[:] = root @ root.T
+    F_all = np.eye(5)
+    F_all[:3, :3] = F_x
+    belief = Gaussian(np.concatenate([POSE.mean, LANDMARK]), whole)
+    noise = np.zeros((5, 5))
+    noise[:3, :3] = 0.1 * np.eye(3)
+    moved = extended.predict(belief, lambda x: np.concatenate([move(x[:3]), x[3:]]), F_all, noise)
+    np.testing.assert_allclose(moved.cov[:3, 3:], F_x @ whole[:3, 3:], atol=1e-14)
+    np.testing.assert_allclose(moved.cov[3:, 3:], whole[3:, 3:], atol=1e-14)
+    forgotten = moved.cov.copy()
+    forgotten[:3, 3:], forgotten[3:, :3] = whole[:3, 3:], whole[3:, :3]
+    assert np.linalg.eigvalsh(moved.cov).min() > 0
+    assert differs(forgotten, moved.cov)
