@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_scalar
 from slamlab.geometry import wrap_angle
+from slamlab.sensors._look import look, noise_cov
 
 __all__ = ["RangeBearing"]
 
@@ -64,15 +65,8 @@ class RangeBearing:
 
     def __post_init__(self) -> None:
         """Check the parameters and set `cov`."""
-        tiny = float(np.finfo(float).tiny)
-        sigma_range = as_scalar("sigma_range", self.sigma_range, low=tiny, high=1e300)
-        sigma_bearing = as_scalar("sigma_bearing", self.sigma_bearing, low=tiny, high=1e300)
         as_scalar("offset", self.offset, low=-1e300, high=1e300)
-        as_scalar("max_range", self.max_range, low=tiny)
-        as_scalar("field_of_view", self.field_of_view, low=tiny, high=2 * np.pi)
-        cov = np.diag([sigma_range**2, sigma_bearing**2])
-        cov.setflags(write=False)
-        object.__setattr__(self, "cov", cov)
+        object.__setattr__(self, "cov", noise_cov(self))
 
     def observe(self, pose: ArrayLike, landmark: ArrayLike) -> Array:
         """Return the noise-free measurement h(pose, landmark), P1 (18) repaired.
@@ -215,7 +209,13 @@ class RangeBearing:
         return (z[..., 0] <= self.max_range) & (np.abs(z[..., 1]) <= self.field_of_view / 2)
 
     def measure(
-        self, pose: ArrayLike, landmarks: ArrayLike, rng: np.random.Generator
+        self,
+        pose: ArrayLike,
+        landmarks: ArrayLike,
+        rng: np.random.Generator,
+        *,
+        p_detect: float = 1.0,
+        clutter_rate: float = 0.0,
     ) -> tuple[Array, NDArray[np.intp]]:
         """Simulate one look at the world: noisy measurements of the visible landmarks.
 
@@ -226,27 +226,27 @@ class RangeBearing:
         landmarks : array_like, shape (n, 2)
             True landmarks (m).
         rng : numpy.random.Generator
+        p_detect : float, default 1.0
+            Probability that a visible landmark is seen at all.
+        clutter_rate : float, default 0.0
+            Mean number of false alarms a look (Poisson), uniform over ranges up to `max_range`
+            and bearings within `field_of_view`.
 
         Returns
         -------
         z : ndarray, shape (k, 2)
-            Range (m) and wrapped bearing (rad) of the k landmarks seen. The noise is Gaussian, so
+            Range (m) and wrapped bearing (rad) of what was seen. The noise is Gaussian, so
             a range of the size of `sigma_range` may come out negative.
         ids : ndarray of int, shape (k,)
-            Their rows in `landmarks`, ascending.
+            Rows in `landmarks`, ascending; then -1 for each false alarm.
 
         Raises
         ------
         ValueError
-            If a shape is wrong, a number is not finite, or `rng` is no generator.
+            If a shape is wrong, a number is not finite or outside its range, `rng` is no
+            generator, or clutter is asked of a sensor without a finite `max_range`.
         """
-        pose, landmarks = as_array("pose", pose, (3,)), as_array("landmarks", landmarks, ("n", 2))
-        rng = as_rng("rng", rng)
-        ids = np.flatnonzero(self.visible(pose, landmarks))
-        noise = rng.standard_normal((len(ids), 2)) * [self.sigma_range, self.sigma_bearing]
-        z = self.observe(pose, landmarks[ids]) + noise
-        z[:, 1] = wrap_angle(z[:, 1])
-        return z, ids
+        return look(self, pose, landmarks, rng, p_detect, clutter_rate)
 
     def log_likelihood(self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike) -> Array:
         """Log density of the measurements of known landmarks, for many poses at once.

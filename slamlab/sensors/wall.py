@@ -1,0 +1,268 @@
+"""A sensor that sees straight walls as range and bearing of the foot of the perpendicular.
+
+The landmark that P1's experiment uses and its formulas (18)-(42) leave out: a line, not a point.
+A drop-in for `RangeBearing` in EKF-SLAM (chapter 09); chapter 07 measures it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_scalar
+from slamlab.geometry import wrap_angle
+from slamlab.sensors._look import look, noise_cov
+
+__all__ = ["Wall"]
+
+
+@dataclass(frozen=True)
+class Wall:
+    """Range and bearing of straight walls without end, with Gaussian noise.
+
+    A wall (r, alpha) is the line x cos(alpha) + y sin(alpha) = r; (-r, alpha + pi) is the same
+    line. Seen from the sensor it is again (r, alpha), now called range and bearing: the distance
+    to the line and the direction of the perpendicular. The sensor sits `offset` metres ahead of
+    the body centre. Leading axes broadcast as in `RangeBearing`.
+
+    Parameters
+    ----------
+    sigma_range : float
+        Standard deviation of the range (m), positive.
+    sigma_bearing : float
+        Standard deviation of the bearing (rad), positive.
+    offset : float, default 0.0
+        L of P1: distance of the sensor ahead of the body centre (m); negative is behind.
+    max_range : float, default inf
+        Length of the beams (m): a wall is seen if at least one of them meets it.
+    field_of_view : float, default 2 pi
+        Full opening angle of the beams (rad) around the direction of the body.
+
+    Attributes
+    ----------
+    cov : ndarray, shape (2, 2)
+        Measurement covariance R, P1 (21): diag(sigma_range^2, sigma_bearing^2).
+
+    Raises
+    ------
+    ValueError
+        If a parameter is no number or lies outside its range.
+
+    Examples
+    --------
+    The wall x = 3 from a sensor half a metre ahead of the origin, then from beyond the wall:
+
+    >>> sensor = Wall(0.05, 0.02, offset=0.5)
+    >>> sensor.observe([[0, 0, 0], [4, 0, 0]], [3, 0]).round(3).tolist()
+    [[2.5, 0.0], [1.5, 3.142]]
+    """
+
+    sigma_range: float
+    sigma_bearing: float
+    offset: float = 0.0
+    max_range: float = np.inf
+    field_of_view: float = 2 * np.pi
+    cov: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the parameters and set `cov`."""
+        as_scalar("offset", self.offset, low=-1e300, high=1e300)
+        object.__setattr__(self, "cov", noise_cov(self))
+
+    def observe(self, pose: ArrayLike, landmark: ArrayLike) -> Array:
+        """Return the noise-free measurement h(pose, wall).
+
+        Parameters
+        ----------
+        pose : array_like, shape (..., 3)
+            Body in the world (m, m, rad).
+        landmark : array_like, shape (..., 2)
+            Walls (r, alpha) in the world (m, rad).
+
+        Returns
+        -------
+        ndarray, shape (..., 2)
+            Distance to the wall (m, not negative) and bearing of the perpendicular from the
+            sensor (rad, in (-pi, pi]).
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or a number is not finite.
+        """
+        pose, wall, x, y = self._arrays(pose, "landmark", landmark)
+        alpha = wall[..., 1]
+        # Signed distance of the wall from the sensor, along its normal.
+        signed = wall[..., 0] - x * np.cos(alpha) - y * np.sin(alpha)
+        return _one_name(signed, alpha - pose[..., 2])
+
+    def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of `observe`; on the wall itself, those of its positive side.
+
+        Parameters
+        ----------
+        pose : array_like, shape (..., 3)
+        landmark : array_like, shape (..., 2)
+
+        Returns
+        -------
+        H_pose : ndarray, shape (..., 2, 3)
+        H_landmark : ndarray, shape (..., 2, 2)
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or a number is not finite.
+        """
+        pose, wall, x, y = self._arrays(pose, "landmark", landmark)
+        alpha, theta = np.broadcast_arrays(wall[..., 1], pose[..., 2])
+        c, s = np.cos(alpha), np.sin(alpha)
+        # A wall seen from its other side turns over: the range changes sign, the bearing does not.
+        side = np.where(wall[..., 0] - x * c - y * s < 0, -1.0, 1.0)
+        lever = -self.offset * np.sin(alpha - theta)
+        zero, one = np.zeros_like(c), np.ones_like(c)
+        H_pose = _matrix([[-side * c, -side * s, side * lever], [zero, zero, -one]])
+        H_landmark = _matrix([[side, side * (x * s - y * c)], [zero, one]])
+        return H_pose, H_landmark
+
+    def locate(self, pose: ArrayLike, z: ArrayLike) -> Array:
+        """Return the wall that a measurement tells of: the inverse of `observe`.
+
+        Parameters
+        ----------
+        pose : array_like, shape (..., 3)
+        z : array_like, shape (..., 2)
+            Range (m) and bearing (rad).
+
+        Returns
+        -------
+        ndarray, shape (..., 2)
+            Walls (r, alpha) in the world (m, rad), r not negative, alpha in (-pi, pi].
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or a number is not finite.
+        """
+        pose, z, x, y = self._arrays(pose, "z", z)
+        alpha = pose[..., 2] + z[..., 1]
+        return _one_name(z[..., 0] + x * np.cos(alpha) + y * np.sin(alpha), alpha)
+
+    def locate_jacobians(self, pose: ArrayLike, z: ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of `locate`; where r is 0, those of the positive side.
+
+        Parameters
+        ----------
+        pose : array_like, shape (..., 3)
+        z : array_like, shape (..., 2)
+
+        Returns
+        -------
+        G_pose : ndarray, shape (..., 2, 3)
+        G_z : ndarray, shape (..., 2, 2)
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or a number is not finite.
+        """
+        pose, z, x, y = self._arrays(pose, "z", z)
+        alpha = pose[..., 2] + z[..., 1]
+        c, s = np.cos(alpha), np.sin(alpha)
+        side = np.where(z[..., 0] + x * c + y * s < 0, -1.0, 1.0)
+        zero, one = np.zeros_like(c), np.ones_like(c)
+        # The sensor's own lever cancels here: what turns the wall is the body centre.
+        turn = pose[..., 1] * c - pose[..., 0] * s
+        G_pose = _matrix([[side * c, side * s, side * turn], [zero, zero, one]])
+        G_z = _matrix([[side, side * (y * c - x * s)], [zero, one]])
+        return G_pose, G_z
+
+    def residual(self, z: ArrayLike, predicted: ArrayLike) -> Array:
+        """Return z - predicted, both walls first written with normals less than 90 deg apart.
+
+        (r, alpha) and (-r, alpha + pi) name one wall, so the difference of bearings is brought
+        to [-pi/2, pi/2] and the range of `z` changes sign whenever that takes half a turn.
+
+        Parameters
+        ----------
+        z, predicted : array_like, shape (..., 2)
+
+        Returns
+        -------
+        ndarray, shape (..., 2)
+        """
+        z, predicted = as_array("z", z, ("...", 2)), as_array("predicted", predicted, ("...", 2))
+        turn = wrap_angle(z[..., 1] - predicted[..., 1])
+        opposite = np.abs(turn) > np.pi / 2
+        turn = np.where(opposite, turn - np.copysign(np.pi, turn), turn)
+        distance = np.where(opposite, -z[..., 0], z[..., 0])
+        return np.stack([distance - predicted[..., 0], turn], -1)
+
+    def visible(self, pose: ArrayLike, landmark: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which walls at least one beam meets within `max_range`, shape (...)."""
+        z = self.observe(pose, landmark)
+        # The beam that meets the wall first is the one nearest to the perpendicular.
+        slant = np.maximum(np.abs(z[..., 1]) - self.field_of_view / 2, 0.0)
+        facing = slant < np.pi / 2
+        return facing & (z[..., 0] <= self.max_range * np.cos(np.where(facing, slant, 0.0)))
+
+    def measure(
+        self,
+        pose: ArrayLike,
+        landmarks: ArrayLike,
+        rng: np.random.Generator,
+        *,
+        p_detect: float = 1.0,
+        clutter_rate: float = 0.0,
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Simulate one look at the world: noisy measurements of the visible walls.
+
+        Parameters
+        ----------
+        pose : array_like, shape (3,)
+            True pose of the body.
+        landmarks : array_like, shape (n, 2)
+            True walls (r, alpha) (m, rad), without ends: nothing hides behind anything.
+        rng : numpy.random.Generator
+        p_detect : float, default 1.0
+            Probability that a visible wall is seen at all.
+        clutter_rate : float, default 0.0
+            Mean number of false alarms a look (Poisson), uniform over ranges up to `max_range`
+            and bearings within `field_of_view`.
+
+        Returns
+        -------
+        z : ndarray, shape (k, 2)
+            Range (m) and wrapped bearing (rad) of what was seen. The noise is Gaussian, so
+            a range of the size of `sigma_range` may come out negative.
+        ids : ndarray of int, shape (k,)
+            Rows in `landmarks`, ascending; then -1 for each false alarm.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite or outside its range, `rng` is no
+            generator, or clutter is asked of a sensor without a finite `max_range`.
+        """
+        return look(self, pose, landmarks, rng, p_detect, clutter_rate)
+
+    def _arrays(
+        self, pose: ArrayLike, name: str, polar: ArrayLike
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return the checked pose and (r, alpha) or z, and where the sensor stands."""
+        pose, polar = as_array("pose", pose, ("...", 3)), as_array(name, polar, ("...", 2))
+        x = pose[..., 0] + self.offset * np.cos(pose[..., 2])
+        y = pose[..., 1] + self.offset * np.sin(pose[..., 2])
+        return pose, polar, x, y
+
+
+def _one_name(signed: Array, angle: Array) -> Array:
+    """Of the two names of a line, the one with r >= 0 and the angle wrapped, (..., 2)."""
+    return np.stack([np.abs(signed), wrap_angle(np.where(signed < 0, angle + np.pi, angle))], -1)
+
+
+def _matrix(rows: list[list[Array]]) -> Array:
+    """Stack arrays (...) given as rows of a matrix into (..., rows, columns)."""
+    return np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
