@@ -1,6 +1,7 @@
 """How the robot moves. Floor 1 of the house."""
 
+from slamlab.robots.encoders import Encoders, dead_reckoning, dead_reckoning_cov
 from slamlab.robots.mecanum import YOUBOT, Mecanum
 from slamlab.robots.unicycle import Unicycle
 
-__all__ = ["YOUBOT", "Mecanum", "Unicycle"]
+__all__ = ["YOUBOT", "Mecanum", "Unicycle", "dead_reckoning", "dead_reckoning_cov", "Encoders"]

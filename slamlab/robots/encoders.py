@@ -1,0 +1,258 @@
+"""Wheel encoders that slip and round, and dead reckoning with the covariance it deserves.
+
+The control u of P1 (9) is measured, not known: this file makes it from wheels, and carries the
+noise through P1 (11), (14). Chapter 05.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
+
+__all__ = ["Encoders", "Motion", "dead_reckoning", "dead_reckoning_cov"]
+
+
+class Motion(Protocol):
+    """What dead reckoning needs of a robot: `Mecanum` and `Unicycle` have it."""
+
+    def step(self, pose: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """Return the pose (..., 3) after a time dt."""
+
+    def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
+        """Return derivatives of `step` by pose (..., 3, 3) and control (..., 3, m)."""
+
+
+@dataclass(frozen=True)
+class Encoders:
+    """Counters of whole ticks on every wheel; the wheels slip at random.
+
+    While a wheel rolls an angle a over the floor, it turns by a + e with a random e of standard
+    deviation ``sigma_slip * sqrt(a)``: slip adds up like a random walk along the way, however
+    finely time is cut. Its counter shows the whole ticks of the turned angle.
+
+    Parameters
+    ----------
+    ticks_per_turn : int
+        Ticks in one turn of the wheel, at least 1.
+    sigma_slip : float, default 0.0
+        Standard deviation of slip (rad) after rolling one radian, in rad^(1/2); not negative.
+
+    Attributes
+    ----------
+    tick : float
+        Angle of a tick (rad).
+
+    Raises
+    ------
+    ValueError
+        If a parameter lies outside its range.
+
+    Examples
+    --------
+    >>> encoders = Encoders(360)
+    >>> ticks = encoders.read(np.full((3, 4), 0.06), 1.0, np.random.default_rng(1))
+    >>> ticks[:, 0].tolist()
+    [3, 3, 4]
+    """
+
+    ticks_per_turn: int
+    sigma_slip: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        as_count("ticks_per_turn", self.ticks_per_turn, low=1)
+        as_scalar("sigma_slip", self.sigma_slip, low=0.0, high=1e300)
+
+    @property
+    def tick(self) -> float:
+        """Angle of one tick (rad)."""
+        return 2 * np.pi / self.ticks_per_turn
+
+    def spin(self, wheel_speeds: ArrayLike, dt: float, rng: np.random.Generator) -> Array:
+        """Return the angles that wheels turn in a time dt, slip included.
+
+        Parameters
+        ----------
+        wheel_speeds : array_like, shape (..., 4)
+            Speeds (rad/s) at which the wheels would roll without slip.
+        dt : float
+            Duration (s), not negative.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        ndarray, shape (..., 4)
+            Angles (rad).
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, a number is not finite, `dt` is negative, or `rng` is no
+            generator.
+        """
+        speeds = as_array("wheel_speeds", wheel_speeds, ("...", 4))
+        dt, rng = as_scalar("dt", dt, low=0.0, high=1e300), as_rng("rng", rng)
+        rolled = speeds * dt
+        slipped = self.sigma_slip * np.sqrt(np.abs(rolled)) * rng.standard_normal(rolled.shape)
+        return rolled + slipped
+
+    def ticks(self, angles: ArrayLike) -> NDArray[np.int64]:
+        """Return the counters' readings at wheel angles (..., 4) in rad: whole ticks, downwards.
+
+        A step-by-step simulation keeps the angles, adds `spin` to them and takes the difference
+        of two readings; so the remainder of a tick is never lost.
+        """
+        angles = as_array("angles", angles, ("...", 4))
+        # The 1e-9 keeps an angle that is a whole number of ticks from falling below it.
+        return np.floor(angles / self.tick + 1e-9).astype(np.int64)
+
+    def read(
+        self, wheel_speeds: ArrayLike, dt: float, rng: np.random.Generator
+    ) -> NDArray[np.int64]:
+        """Return the ticks counted in each interval of a drive.
+
+        Parameters
+        ----------
+        wheel_speeds : array_like, shape (..., T, 4)
+            Speeds (rad/s) at which the wheels would roll without slip, interval by interval.
+        dt : float
+            Length of an interval (s).
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        ndarray of int, shape (..., T, 4)
+
+        Raises
+        ------
+        ValueError
+            As `spin`.
+        """
+        speeds = as_array("wheel_speeds", wheel_speeds, ("...", "T", 4))
+        counts = self.ticks(np.cumsum(self.spin(speeds, dt, rng), axis=-2))
+        return np.diff(counts, axis=-2, prepend=0)
+
+    def speeds(self, ticks: ArrayLike, dt: float) -> Array:
+        """Return mean wheel speeds (rad/s), shape (..., 4), of ticks counted in a time dt > 0."""
+        tiny = float(np.finfo(float).tiny)
+        ticks = as_array("ticks", ticks, ("...", 4))
+        return ticks * (self.tick / as_scalar("dt", dt, low=tiny, high=1e300))
+
+    def sigma_wheel(self, wheel_speeds: ArrayLike, dt: float) -> Array:
+        """Return the standard deviation of measured wheel speeds that slip causes.
+
+        The remainder of a tick is left out on purpose: what one interval loses the next one
+        finds, so rounding stays below one tick for ever while slip adds up. As independent noise
+        it would grow with every interval.
+
+        Parameters
+        ----------
+        wheel_speeds : array_like, shape (..., 4)
+            Speeds (rad/s), true or measured.
+        dt : float
+            Length of an interval (s), positive.
+
+        Returns
+        -------
+        ndarray, shape (..., 4)
+            Standard deviations (rad/s), what `Mecanum.control_cov` takes.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, a number is not finite, or `dt` is not positive.
+        """
+        speeds = as_array("wheel_speeds", wheel_speeds, ("...", 4))
+        dt = as_scalar("dt", dt, low=float(np.finfo(float).tiny), high=1e300)
+        return self.sigma_slip * np.sqrt(np.abs(speeds) / dt)
+
+
+def dead_reckoning(motion: Motion, pose: ArrayLike, controls: ArrayLike, dt: float) -> Array:
+    """Return the poses of a drive, adding up one control after another; P1 (10) repeated.
+
+    Parameters
+    ----------
+    motion : Motion
+        A robot with `step`.
+    pose : array_like, shape (..., 3)
+        Where the drive begins (m, m, rad).
+    controls : array_like, shape (..., T, m)
+        Controls of T intervals; leading axes are drives and broadcast with `pose`.
+    dt : float
+        Length of an interval (s).
+
+    Returns
+    -------
+    ndarray, shape (..., T + 1, 3)
+        Poses, the first one is `pose`.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a number is not finite, or `dt` is negative.
+    """
+    pose = as_array("pose", pose, ("...", 3))
+    controls = as_array("controls", controls, ("...", "T", "m"))
+    lead = np.broadcast_shapes(pose.shape[:-1], controls.shape[:-2])
+    poses = np.empty((*lead, controls.shape[-2] + 1, 3))
+    poses[..., 0, :] = pose
+    for k in range(controls.shape[-2]):
+        poses[..., k + 1, :] = motion.step(poses[..., k, :], controls[..., k, :], dt)
+    return poses
+
+
+def dead_reckoning_cov(
+    motion: Motion,
+    poses: ArrayLike,
+    controls: ArrayLike,
+    dt: float,
+    control_cov: ArrayLike,
+    cov: ArrayLike | None = None,
+) -> Array:
+    """Return the covariances of dead-reckoned poses, P1 (11) and (14) repeated.
+
+    Parameters
+    ----------
+    motion : Motion
+        A robot with `jacobians`.
+    poses : array_like, shape (..., T + 1, 3)
+        What `dead_reckoning` returned.
+    controls : array_like, shape (..., T, m)
+        The controls it was given.
+    dt : float
+        Length of an interval (s).
+    control_cov : array_like, shape (m, m) or (..., T, m, m)
+        V of P1 (15), independent from interval to interval.
+    cov : array_like, shape (3, 3), optional
+        Covariance of the first pose; zero if left out.
+
+    Returns
+    -------
+    ndarray, shape (..., T + 1, 3, 3)
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a number is not finite, or a covariance is none.
+    """
+    controls = as_array("controls", controls, ("...", "T", "m"))
+    steps, m = controls.shape[-2:]
+    poses = as_array("poses", poses, ("...", steps + 1, 3))
+    V = as_covariance("control_cov", control_cov, m)
+    F_x, F_u = motion.jacobians(poses[..., :-1, :], controls, dt)
+    # (14): Q = F_u V F_u^T for all intervals at once.
+    Q = F_u @ V @ np.swapaxes(F_u, -1, -2)
+    covs = np.zeros((*poses.shape, 3))
+    if cov is not None:
+        covs[..., 0, :, :] = as_covariance("cov", cov, 3)
+    for k in range(steps):
+        # (11): P = F_x P F_x^T + Q.
+        F = F_x[..., k, :, :]
+        P = F @ covs[..., k, :, :] @ np.swapaxes(F, -1, -2) + Q[..., k, :, :]
+        covs[..., k + 1, :, :] = 0.5 * (P + np.swapaxes(P, -1, -2))
+    return covs
