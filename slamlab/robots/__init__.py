@@ -2,6 +2,16 @@
 
 from slamlab.robots.encoders import Encoders, dead_reckoning, dead_reckoning_cov
 from slamlab.robots.mecanum import YOUBOT, Mecanum
+from slamlab.robots.square import SquareRobot, can_move_as_printed
 from slamlab.robots.unicycle import Unicycle
 
-__all__ = ["YOUBOT", "Mecanum", "Unicycle", "dead_reckoning", "dead_reckoning_cov", "Encoders"]
+__all__ = [
+    "YOUBOT",
+    "Encoders",
+    "Mecanum",
+    "SquareRobot",
+    "Unicycle",
+    "can_move_as_printed",
+    "dead_reckoning",
+    "dead_reckoning_cov",
+]

@@ -1,6 +1,19 @@
 """What the robot sees. Floor 1 of the house."""
 
 from slamlab.sensors.range_bearing import RangeBearing
+from slamlab.sensors.scan_motion import (
+    displacement_as_printed,
+    motion_between,
+    turn_as_printed,
+    turn_between,
+)
 from slamlab.sensors.wall import Wall
 
-__all__ = ["RangeBearing", "Wall"]
+__all__ = [
+    "RangeBearing",
+    "Wall",
+    "displacement_as_printed",
+    "motion_between",
+    "turn_as_printed",
+    "turn_between",
+]

@@ -1,0 +1,257 @@
+"""The square robot of the lidar thesis (P5): it turns on the spot, drives forward and back.
+
+`SquareRobot` knows its body and tests a motion against the points of a scan, exactly;
+`can_move_as_printed` is P5's own test, kept for the lesson. Chapter 18 counts what it costs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab.geometry import wrap_angle
+
+__all__ = ["SquareRobot", "can_move_as_printed"]
+
+BLOCKED_BACKWARD, BLOCKED_FORWARD, BLOCKED_BOTH = 1, 2, 3
+"""P5's answers of `CanMove`; 0 means that both ways are open."""
+
+
+class SquareRobot:
+    """A square body with its centre at the pose, driven along its heading or turned in place.
+
+    Parameters
+    ----------
+    side : float, default 0.30
+        Side of the square (m); P5's robot has 30 pixels of 1 cm.
+
+    Attributes
+    ----------
+    side, half : float
+        The side and half of it (m).
+    circumradius : float
+        Distance from the centre to a corner (m): P5's figure 14 draws this circle, the area that
+        a full turn needs.
+    footprint : ndarray, shape (4, 2)
+        Corners in the body frame (m), counterclockwise from the front right one.
+
+    Raises
+    ------
+    ValueError
+        If `side` is not positive.
+
+    Examples
+    --------
+    >>> robot = SquareRobot(0.30)
+    >>> robot.forward([1.0, 1.0, np.pi / 2], 0.5).round(3).tolist()
+    [1.0, 1.5, 1.571]
+    >>> bool(robot.drive_hits([[0.40, 0.14]], 0.30)), bool(robot.drive_hits([[0.40, 0.16]], 0.30))
+    (True, False)
+    """
+
+    def __init__(self, side: float = 0.30) -> None:
+        self.side = as_scalar("side", side, float(np.finfo(float).tiny), 1e9)
+        self.half = 0.5 * self.side
+        self.circumradius = self.half * float(np.sqrt(2.0))
+        corners = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+        self.footprint = self.half * corners
+
+    def __repr__(self) -> str:
+        """Return the side."""
+        return f"SquareRobot(side={self.side:g})"
+
+    def turn(self, pose: ArrayLike, angle: ArrayLike) -> Array:
+        """Turn on the spot (P5's `Turn`).
+
+        Parameters
+        ----------
+        pose : array_like, shape (..., 3)
+        angle : array_like, shape (...)
+            Radians, counterclockwise positive. P5's screen has y down: its positive angle is
+            clockwise there.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or a number is not finite.
+        """
+        pose, angle = as_array("pose", pose, ("...", 3)), as_array("angle", angle)
+        theta = wrap_angle(pose[..., 2] + angle)
+        x, y, theta = np.broadcast_arrays(pose[..., 0], pose[..., 1], theta)
+        return np.stack([x, y, theta], -1)
+
+    def forward(self, pose: ArrayLike, distance: ArrayLike) -> Array:
+        """Drive along the heading (P5's `Move`), backward if the distance is negative.
+
+        Parameters
+        ----------
+        pose : array_like, shape (..., 3)
+        distance : array_like, shape (...)
+            Metres.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or a number is not finite.
+        """
+        pose, distance = as_array("pose", pose, ("...", 3)), as_array("distance", distance)
+        theta = pose[..., 2]
+        # P5's unit vector through centre and front is (cos theta, sin theta).
+        x = pose[..., 0] + distance * np.cos(theta)
+        y = pose[..., 1] + distance * np.sin(theta)
+        return np.stack([x, y, np.broadcast_to(theta, x.shape)], -1)
+
+    def back(self, pose: ArrayLike, distance: ArrayLike) -> Array:
+        """Drive backward; see `forward`."""
+        return self.forward(pose, -as_array("distance", distance))
+
+    def drive_hits(
+        self, points: ArrayLike, distance: ArrayLike, margin: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Whether driving straight would touch one of the points: the exact swept rectangle.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., k, 2)
+            Points in the body frame (m), such as ``lidar.points(ranges)``; NaN is no point.
+        distance : array_like, shape (...)
+            How far (m), negative for backward.
+        margin : float, default 0.0
+            The body is taken this much larger on every side (m).
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            True if a point lies inside the area that the body covers on the way, its start
+            included. A point on the border is no hit.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, `distance` is not finite, or `margin` is negative.
+        """
+        x, y = _columns(points)
+        half = self.half + as_scalar("margin", margin, 0.0, 1e9)
+        far = as_array("distance", distance)[..., None]
+        # |d sin(phi)| < h  and  -h - back < d cos(phi) < h + forth
+        ahead = (x > np.minimum(far, 0.0) - half) & (x < np.maximum(far, 0.0) + half)
+        return (ahead & (np.abs(y) < half)).any(-1)
+
+    def turn_hits(
+        self, points: ArrayLike, angle: ArrayLike, margin: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Whether turning on the spot would touch one of the points: the exact swept area.
+
+        Between the inscribed and the circumscribed circle the square leaves four gaps. A point
+        there stays free if the turn keeps it inside its gap.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., k, 2)
+            Points in the body frame before the turn (m); NaN is no point.
+        angle : array_like, shape (...)
+            Radians, counterclockwise positive.
+        margin : float, default 0.0
+            The body is taken this much larger on every side (m).
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, `angle` is not finite, or `margin` is negative.
+        """
+        x, y = _columns(points)
+        half = self.half + as_scalar("margin", margin, 0.0, 1e9)
+        angle = as_array("angle", angle)[..., None]
+        r = np.hypot(x, y)
+        # Half the angle of a gap at radius r: cos(gap) = h / r.
+        gap = np.arccos(np.minimum(half / np.maximum(r, half), 1.0))
+        quarter = 0.5 * np.pi
+        bearing = np.arctan2(y, x)
+        bearing = bearing - quarter * np.rint(bearing / quarter)
+        stays = (np.abs(bearing) <= gap) & (np.abs(bearing - angle) <= gap)
+        return ((r < half) | ((r < half * np.sqrt(2.0)) & ~stays)).any(-1)
+
+    def free_distance(
+        self, points: ArrayLike, margin: float = 0.0, backward: bool = False
+    ) -> Array:
+        """How far the body can drive straight until it touches a point.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., k, 2)
+            Points in the body frame (m); NaN is no point.
+        margin : float, default 0.0
+            The body is taken this much larger on every side (m).
+        backward : bool, default False
+            Drive backward instead.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            Metres; inf if no point lies in the way, 0 if one is touched already.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or `margin` is negative.
+        """
+        x, y = _columns(points)
+        half = self.half + as_scalar("margin", margin, 0.0, 1e9)
+        along = -x if backward else x
+        in_the_way = (np.abs(y) < half) & (along > -half)
+        gap = np.where(in_the_way, np.maximum(along - half, 0.0), np.inf)
+        return gap.min(axis=-1, initial=np.inf)
+
+
+def can_move_as_printed(ranges: ArrayLike, step: float) -> int:
+    """P5's `CanMove`: may the robot go `step` ahead, or back? Kept as printed, faults and all.
+
+    It compares the distance of every beam in the front quarter, [0, 45) and [315, 360) degrees,
+    with the step, and forgets that the body reaches half a side beyond its centre. At 44 degrees
+    it counts a wall at the side as a wall ahead. Its integer eighths skew the sectors when the
+    number of beams is no multiple of eight. `SquareRobot.drive_hits` is the right test.
+
+    Parameters
+    ----------
+    ranges : array_like, shape (n_beams,)
+        A full circle, beam 0 straight ahead. A beam that met nothing is longer than any step.
+    step : float
+        Metres.
+
+    Returns
+    -------
+    int
+        0 both ways open, 1 blocked backward, 2 blocked forward, 3 blocked both ways.
+
+    Raises
+    ------
+    ValueError
+        If there is no beam or `step` is negative.
+    """
+    ranges = as_shaped("ranges", ranges, ("n_beams",))
+    if len(ranges) == 0:
+        raise ValueError("ranges: expected at least one beam, got none")
+    step = as_scalar("step", step, 0.0)
+    eighth = len(ranges) // 8
+    short = ranges < step
+    forward = bool(short[:eighth].any() or short[eighth * 7 :].any())
+    backward = bool(short[eighth * 3 : eighth * 5].any())
+    return BLOCKED_FORWARD * forward + BLOCKED_BACKWARD * backward
+
+
+def _columns(points: ArrayLike) -> tuple[Array, Array]:
+    points = as_shaped("points", points, ("...", "k", 2))
+    return points[..., 0], points[..., 1]
