@@ -144,7 +144,7 @@ class SquareRobot:
         far = as_array("distance", distance)[..., None]
         # |d sin(phi)| < h  and  -h - back < d cos(phi) < h + forth
         ahead = (x > np.minimum(far, 0.0) - half) & (x < np.maximum(far, 0.0) + half)
-        return (ahead & (np.abs(y) < half)).any(-1)
+        return np.asarray((ahead & (np.abs(y) < half)).any(-1))
 
     def turn_hits(
         self, points: ArrayLike, angle: ArrayLike, margin: float = 0.0
@@ -182,7 +182,7 @@ class SquareRobot:
         bearing = np.arctan2(y, x)
         bearing = bearing - quarter * np.rint(bearing / quarter)
         stays = (np.abs(bearing) <= gap) & (np.abs(bearing - angle) <= gap)
-        return ((r < half) | ((r < half * np.sqrt(2.0)) & ~stays)).any(-1)
+        return np.asarray(((r < half) | ((r < half * np.sqrt(2.0)) & ~stays)).any(-1))
 
     def free_distance(
         self, points: ArrayLike, margin: float = 0.0, backward: bool = False

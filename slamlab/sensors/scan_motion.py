@@ -37,7 +37,7 @@ def turn_as_printed(before: ArrayLike, after: ArrayLike) -> NDArray[np.intp]:
     Returns
     -------
     ndarray of int, shape (...)
-        Places, in [-n_beams / 2, n_beams / 2]. Half a turn comes back as -n_beams / 2.
+        Places, in [-n_beams / 2, n_beams / 2]. Half a turn comes back with either sign.
 
     Raises
     ------
@@ -57,8 +57,9 @@ def turn_as_printed(before: ArrayLike, after: ArrayLike) -> NDArray[np.intp]:
 def displacement_as_printed(before: ArrayLike, after: ArrayLike) -> Array:
     """P5's `whatmove`: by how much the beams to the back and to the front became shorter.
 
-    Right for any slope of the wall as long as each beam keeps meeting the same wall; at a corner
-    or an obstacle it is not. With an odd number of beams no beam points straight back.
+    Exact after a straight drive: the beams ahead and astern stay on one line and meet the same
+    two points. A slip to the side or in heading breaks that, at an edge by any amount; and with
+    an odd number of beams no beam points straight back.
 
     Parameters
     ----------
