@@ -1,5 +1,6 @@
-"""Simultaneous localization and mapping: pose graphs."""
+"""Simultaneous localization and mapping: EKF-SLAM, pose graphs."""
 
+from slamlab.slam.ekf import EKFSlam
 from slamlab.slam.graph import PoseGraph, Result, Scans, edge_error, edge_jacobians
 
-__all__ = ["PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
+__all__ = ["EKFSlam", "PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
