@@ -1,6 +1,8 @@
 """What the robot sees. Floor 1 of the house."""
 
+from slamlab.sensors.lidar import Lidar
 from slamlab.sensors.range_bearing import RangeBearing
+from slamlab.sensors.scan import ScanGeometry
 from slamlab.sensors.scan_motion import (
     displacement_as_printed,
     motion_between,
@@ -10,7 +12,9 @@ from slamlab.sensors.scan_motion import (
 from slamlab.sensors.wall import Wall
 
 __all__ = [
+    "Lidar",
     "RangeBearing",
+    "ScanGeometry",
     "Wall",
     "displacement_as_printed",
     "motion_between",

@@ -1,3 +1,9 @@
-"""Where the robot lives. Floor 1 of the house."""
+"""Where the robot lives: rooms of pixels, of walls, of landmarks. Floor 1 of the house."""
 
-__all__: list[str] = []
+from slamlab.worlds import rooms
+from slamlab.worlds._world import World, free_poses
+from slamlab.worlds.bitmap import BitmapWorld
+from slamlab.worlds.landmarks import LandmarkWorld
+from slamlab.worlds.walls import WallWorld
+
+__all__ = ["BitmapWorld", "LandmarkWorld", "WallWorld", "World", "free_poses", "rooms"]

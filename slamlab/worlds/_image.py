@@ -1,0 +1,87 @@
+"""Images and ROS maps as occupied cells, read with suspicion: size first, then content."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamlab._checks import as_array, as_scalar
+
+MOST_PIXELS = 64_000_000
+MOST_YAML_BYTES = 100_000
+
+
+class MapImage(NamedTuple):
+    """Occupied cells (row 0 at the bottom), resolution (m) if known, lower left corner (m)."""
+
+    occupied: NDArray[np.bool_]
+    resolution: float | None
+    origin: tuple[float, float]
+
+
+def read_map(path: Path) -> MapImage:
+    """Read an image or a map of ROS; `BitmapWorld.from_file` says what it means."""
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return _read_ros(path)
+    return MapImage(read_grey(path) < 128, None, (0.0, 0.0))
+
+
+def read_grey(path: Path) -> NDArray[np.uint8]:
+    """Grey values (rows, columns) of an image, row 0 at the bottom."""
+    from PIL import Image, UnidentifiedImageError
+
+    with path.open("rb") as file:
+        try:
+            with Image.open(file) as image:
+                if image.width * image.height > MOST_PIXELS:
+                    raise ValueError(
+                        f"{path}: expected at most {MOST_PIXELS} pixels, "
+                        f"got {image.width} x {image.height}"
+                    )
+                if image.mode.startswith(("I", "F")):
+                    raise ValueError(f"{path}: expected 8 bits a channel, got {image.mode}")
+                grey = np.asarray(image.convert("L"))
+        except (UnidentifiedImageError, Image.DecompressionBombError, OSError) as error:
+            raise ValueError(f"{path}: expected a readable image, got: {error}") from error
+        except (SyntaxError, EOFError, IndexError, TypeError, OverflowError) as error:
+            raise ValueError(f"{path}: expected a readable image, got: {error}") from error
+    return grey[::-1]
+
+
+def _read_ros(path: Path) -> MapImage:
+    import yaml
+
+    if path.stat().st_size > MOST_YAML_BYTES:
+        raise ValueError(f"{path}: expected a short YAML file, got {path.stat().st_size} bytes")
+    try:
+        entries = yaml.safe_load(path.read_text())
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: expected YAML, got: {error}") from error
+    needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+    missing = [k for k in needed if not isinstance(entries, dict) or k not in entries]
+    if missing:
+        raise ValueError(f"{path}: expected the entries of a ROS map, missing {missing}")
+    origin = as_array(f"{path}: origin", entries["origin"], (3,))
+    if origin[2] != 0:
+        raise ValueError(f"{path}: expected a map that is not turned, got yaw {origin[2]:g}")
+    grey = read_grey(path.parent / str(entries["image"])) / 255.0
+    return MapImage(_solid(path, entries, grey), _resolution(path, entries), tuple(origin[:2]))
+
+
+def _resolution(path: Path, entries: dict[str, Any]) -> float:
+    return as_scalar(f"{path}: resolution", entries["resolution"], 1e-9, 1e9)
+
+
+def _solid(path: Path, entries: dict[str, Any], grey: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Cells that are occupied or unknown."""
+    if entries.get("mode", "trinary") not in ("trinary", "scale"):
+        raise ValueError(f"{path}: expected mode trinary or scale, got {entries['mode']!r}")
+    negate = as_scalar(f"{path}: negate", entries["negate"], 0.0, 1.0)
+    free = as_scalar(f"{path}: free_thresh", entries["free_thresh"], 0.0, 1.0)
+    as_scalar(f"{path}: occupied_thresh", entries["occupied_thresh"], free, 1.0)
+    # ROS: black is occupied, unless negated.
+    probability = grey if negate else 1.0 - grey
+    return probability >= free

@@ -1,0 +1,116 @@
+"""What every world answers, and free poses to start from."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
+from slamlab.geometry import wrap_angle
+
+__all__ = ["World", "free_poses"]
+
+Bounds = tuple[float, float, float, float]
+
+
+class World(Protocol):
+    """A world with obstacles: `BitmapWorld` and `WallWorld` are two."""
+
+    @property
+    def bounds(self) -> Bounds:
+        """Left, bottom, right and top (m)."""
+
+    def is_free(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points (..., 2) lie in no obstacle."""
+
+    def clearance(self, points: ArrayLike) -> Array:
+        """Distance (m) of points (..., 2) to the nearest obstacle; 0 inside."""
+
+    def cast(self, origins: ArrayLike, angles: ArrayLike, max_range: float = np.inf) -> Array:
+        """Distance (m) at which beams meet something, inf where they meet nothing."""
+
+    def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
+        """Tell at which poses (..., 3) a convex footprint (k, 2) overlaps an obstacle."""
+
+    def sweep_collides(
+        self, footprint: ArrayLike, start: ArrayLike, end: ArrayLike
+    ) -> NDArray[np.bool_]:
+        """Tell which straight drives or turns on the spot meet an obstacle."""
+
+
+def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float = 0.0) -> Array:
+    """Draw random poses in free space.
+
+    Parameters
+    ----------
+    world : World
+    n : int
+        Number of poses.
+    rng : numpy.random.Generator
+    clearance : float, default 0.0
+        Least distance (m) to every obstacle, for example half the diagonal of a robot.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Positions uniform over the places that qualify, headings uniform in (-pi, pi].
+
+    Raises
+    ------
+    ValueError
+        If there is (next to) no such place, or an argument is out of range.
+    """
+    n, rng = as_count("n", n), as_rng("rng", rng)
+    clearance = as_scalar("clearance", clearance, 0.0)
+    left, bottom, right, top = world.bounds
+    found = np.empty((0, 2))
+    tried = 0
+    while len(found) < n:
+        if tried >= 20_000 + 1000 * len(found):
+            raise ValueError(
+                f"world: expected free places with a clearance of {clearance:g} m, "
+                f"found {len(found)} in {tried} tries"
+            )
+        points = rng.uniform((left, bottom), (right, top), (max(2 * n, 1000), 2))
+        points = points[world.is_free(points)]
+        if clearance > 0:
+            points = points[world.clearance(points) >= clearance]
+        tried += max(2 * n, 1000)
+        found = np.concatenate([found, points])
+    headings = wrap_angle(rng.uniform(-np.pi, np.pi, n))
+    return np.column_stack([found[:n], headings])
+
+
+def checked_motion(
+    footprint: ArrayLike, start: ArrayLike, end: ArrayLike
+) -> tuple[Array, Array, Array, tuple[int, ...]]:
+    """Footprint, flat starts and ends (n, 3) of motions, and the shape of the answer."""
+    footprint = checked_footprint(footprint)
+    start, end = np.broadcast_arrays(
+        as_array("start", start, ("...", 3)), as_array("end", end, ("...", 3))
+    )
+    lead = start.shape[:-1]
+    start, end = start.reshape(-1, 3).astype(float), end.reshape(-1, 3).astype(float)
+    moved = np.hypot(*(end - start)[:, :2].T)
+    turned = np.abs(wrap_angle(end[:, 2] - start[:, 2]))
+    if ((moved > 1e-9) & (turned > 1e-9)).any():
+        worst = np.argmax(np.minimum(moved, turned))
+        raise ValueError(
+            "end: expected a straight drive or a turn on the spot, got a motion of "
+            f"{moved[worst]:.3g} m and {turned[worst]:.3g} rad"
+        )
+    end[:, 2] = np.where(turned <= 1e-9, start[:, 2], end[:, 2])
+    return footprint, start, end, lead
+
+
+def checked_footprint(footprint: ArrayLike) -> Array:
+    """Footprint (k, 2) as floats; at least a triangle, convex, vertices in order."""
+    footprint = np.array(as_array("footprint", footprint, ("k", 2)), dtype=float, order="C")
+    edges = np.roll(footprint, -1, 0) - footprint
+    after = np.roll(edges, -1, 0)
+    bends = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
+    if len(footprint) < 3 or not ((bends >= 0).all() or (bends <= 0).all()) or not bends.any():
+        raise ValueError("footprint: expected the vertices of a convex polygon in order")
+    return footprint

@@ -1,0 +1,325 @@
+"""A world drawn in pixels, as the rooms of P5: occupied cells are square and solid.
+
+Beams are exact on the grid: a beam stops at the border of the first occupied cell it enters, and
+never slips between two cells that touch at a corner. Chapters 06, 08, 18 and 19.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab.worlds._cast import cast_everywhere, cast_grid
+from slamlab.worlds._clearance import grid_clearance
+from slamlab.worlds._collide import hits_grid
+from slamlab.worlds._image import read_map
+from slamlab.worlds._world import Bounds, checked_footprint, checked_motion
+
+__all__ = ["BitmapWorld"]
+
+
+class BitmapWorld:
+    """A room of square cells, occupied or free.
+
+    What lies beyond the bitmap is empty for beams and forbidden for the robot: a beam that leaves
+    meets nothing, and no point out there is free.
+
+    Parameters
+    ----------
+    occupied : array_like of bool, shape (rows, columns)
+        Row 0 is at the bottom, column 0 at the left. A point on the line between two cells
+        belongs to the right or upper one.
+    resolution : float
+        Side of a cell (m).
+    origin : array_like, shape (2,), default (0, 0)
+        Lower left corner of the bitmap in the world (m).
+
+    Attributes
+    ----------
+    occupied : ndarray of bool, shape (rows, columns)
+        Read-only.
+    resolution : float
+    origin : ndarray, shape (2,)
+
+    Raises
+    ------
+    ValueError
+        If there is no cell, an entry is neither 0 nor 1, or a number is out of range.
+
+    Examples
+    --------
+    >>> world = BitmapWorld([[0, 0, 0, 1]], 1.0)
+    >>> world.cast([0.5, 0.5], [0.0, np.pi]).tolist()
+    [2.5, inf]
+    """
+
+    def __init__(
+        self, occupied: ArrayLike, resolution: float, origin: ArrayLike = (0.0, 0.0)
+    ) -> None:
+        cells = as_array("occupied", occupied, ("rows", "columns"))
+        if cells.size == 0 or not np.isin(cells, (0.0, 1.0)).all():
+            raise ValueError(
+                f"occupied: expected at least one cell, each True or False, got {occupied!r}"
+            )
+        self.occupied: NDArray[np.bool_] = cells.astype(bool)
+        self.occupied.setflags(write=False)
+        self.resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
+        self.origin = as_array("origin", origin, (2,)).astype(float)
+        self.origin.setflags(write=False)
+
+    @classmethod
+    def from_file(
+        cls, path: str | Path, resolution: float | None = None, origin: ArrayLike | None = None
+    ) -> BitmapWorld:
+        """Read an image (BMP, PNG, PGM and whatever Pillow knows) or a map of ROS (YAML).
+
+        In an image a pixel darker than half is occupied. A YAML file is what ROS' `map_server`
+        writes: `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh`; cells
+        between the thresholds are unknown and count as occupied, for a robot must not go there.
+
+        Parameters
+        ----------
+        path : str or Path
+        resolution : float, optional
+            Side of a pixel (m). Needed for an image; a YAML file brings its own.
+        origin : array_like, shape (2,), optional
+            Lower left corner in the world (m), by default (0, 0) or the one in the YAML file.
+
+        Raises
+        ------
+        ValueError
+            If the file is no readable image or map, is larger than 64 million pixels, or
+            misses an entry; the message names the file.
+        FileNotFoundError
+            If there is no such file.
+        """
+        image = read_map(Path(path))
+        resolution = image.resolution if resolution is None else resolution
+        if resolution is None:
+            raise ValueError(f"resolution: expected the side of a pixel of {path}, got None")
+        return cls(image.occupied, resolution, image.origin if origin is None else origin)
+
+    def __repr__(self) -> str:
+        """Return size and resolution."""
+        rows, columns = self.occupied.shape
+        return f"BitmapWorld({rows} x {columns} cells of {self.resolution:g} m)"
+
+    @property
+    def bounds(self) -> Bounds:
+        """Left, bottom, right and top (m)."""
+        left, bottom = self.origin
+        rows, columns = self.occupied.shape
+        width, height = columns * self.resolution, rows * self.resolution
+        return float(left), float(bottom), float(left + width), float(bottom + height)
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top (m), as matplotlib's `imshow` wants it."""
+        left, bottom, right, top = self.bounds
+        return left, right, bottom, top
+
+    def cells(self, points: ArrayLike) -> NDArray[np.intp]:
+        """Row and column of the cell of each point (..., 2); may lie outside the bitmap."""
+        points = as_array("points", points, ("...", 2))
+        cells = np.floor((points - self.origin) / self.resolution)
+        return np.clip(cells, -(2**40), 2**40).astype(np.intp)[..., ::-1]
+
+    def centres(self, stride: int = 1) -> Array:
+        """Centres (m) of every `stride`-th cell, shape (rows, columns, 2)."""
+        stride = as_count("stride", stride, 1)
+        rows, columns = (np.arange(0, n, stride) + 0.5 for n in self.occupied.shape)
+        x, y = np.meshgrid(columns, rows)
+        return self.origin + self.resolution * np.stack([x, y], -1)
+
+    def is_free(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points lie in a free cell; no point beyond the bitmap does.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., 2)
+            In the world (m).
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+        """
+        cells = self.cells(points)
+        inside = np.asarray(((cells >= 0) & (cells < self.occupied.shape)).all(-1))
+        row, column = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
+        return np.asarray(inside & ~self.occupied[row, column])
+
+    def clearance(self, points: ArrayLike) -> Array:
+        """Distance from points to the nearest occupied cell, exact.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., 2)
+            In the world (m).
+
+        Returns
+        -------
+        ndarray, shape (...)
+            In metres; 0 in an occupied cell and beyond the bitmap, inf if no cell is occupied.
+        """
+        points = as_array("points", points, ("...", 2))
+        flat = np.ascontiguousarray(((points - self.origin) / self.resolution).reshape(-1, 2))
+        out = np.empty(len(flat))
+        grid_clearance(*self._nearest_columns, flat, out)
+        return out.reshape(points.shape[:-1]) * self.resolution
+
+    def cast(self, origins: ArrayLike, angles: ArrayLike, max_range: float = np.inf) -> Array:
+        """Distances at which beams meet an occupied cell.
+
+        Parameters
+        ----------
+        origins : array_like, shape (..., 2)
+            Where beams start (m). From inside an occupied cell the distance is 0.
+        angles : array_like, shape (...)
+            Directions in the world (rad); leading axes broadcast with `origins`.
+        max_range : float or array_like, shape (...), default inf
+            Farther than this (m) nothing is met.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            In metres; inf where a beam met nothing.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite or `max_range` is negative.
+        """
+        x, y, angles, reach = checked_beams(origins, angles, max_range)
+        out = np.empty(angles.size)
+        x = ((x - self.origin[0]) / self.resolution).ravel()
+        y = ((y - self.origin[1]) / self.resolution).ravel()
+        cast_grid(self._skip, x, y, angles.ravel(), (reach / self.resolution).ravel(), out)
+        return out.reshape(angles.shape) * self.resolution
+
+    def cast_everywhere(
+        self, angles: ArrayLike, max_range: float = np.inf, stride: int = 1
+    ) -> Array:
+        """Cast the same directions from the centres of all cells: the answers of `cast`, faster.
+
+        Parameters
+        ----------
+        angles : array_like, shape (n_angles,)
+            Directions in the world (rad).
+        max_range : float, default inf
+            Farther than this (m) nothing is met.
+        stride : int, default 1
+            Take every `stride`-th row and column, from 0 on.
+
+        Returns
+        -------
+        ndarray, shape (n_angles, rows, columns)
+            Distances (m) from ``centres(stride)``; 0 in occupied cells, inf where nothing is met.
+
+        Raises
+        ------
+        ValueError
+            If an argument is out of range.
+        """
+        angles = as_array("angles", angles, ("n_angles",))
+        reach = as_scalar("max_range", max_range, 0.0) / self.resolution
+        stride = as_count("stride", stride, 1)
+        rows, columns = (-(-n // stride) for n in self.occupied.shape)
+        out = np.empty((len(angles), rows, columns))
+        for sheet, angle in zip(out, angles, strict=True):
+            cast_everywhere(self._skip, angle, reach, stride, sheet)
+        out *= self.resolution
+        return out
+
+    def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
+        """Tell at which poses a footprint overlaps an occupied cell or leaves the bitmap.
+
+        Parameters
+        ----------
+        footprint : array_like, shape (k, 2)
+            Vertices of a convex polygon in the body frame (m), in order.
+        poses : array_like, shape (..., 3)
+            Body in the world (m, m, rad).
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            Touching is no collision.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite or the footprint is not convex.
+        """
+        footprint = checked_footprint(footprint)
+        poses = as_array("poses", poses, ("...", 3))
+        return self._hits(footprint, poses.reshape(-1, 3), None).reshape(poses.shape[:-1])
+
+    def sweep_collides(
+        self, footprint: ArrayLike, start: ArrayLike, end: ArrayLike
+    ) -> NDArray[np.bool_]:
+        """Tell which motions sweep the footprint over an occupied cell or out of the bitmap.
+
+        Parameters
+        ----------
+        footprint : array_like, shape (k, 2)
+            Vertices of a convex polygon in the body frame (m), in order.
+        start, end : array_like, shape (..., 3)
+            Poses before and after (m, m, rad): either a straight drive with constant heading, in
+            any direction, or a turn on the spot, the shorter way round.
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            Exact for the whole swept area; touching is no collision.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite, the footprint is not convex, or a motion
+            both drives and turns.
+        """
+        footprint, start, end, lead = checked_motion(footprint, start, end)
+        return self._hits(footprint, start, end).reshape(lead)
+
+    def _hits(self, footprint: Array, start: Array, end: Array | None) -> NDArray[np.bool_]:
+        start = np.array(start, dtype=float)
+        end = start if end is None else np.array(end, dtype=float)
+        out = np.empty(len(start), dtype=np.bool_)
+        left, bottom = self.origin
+        hits_grid(self.occupied, self.resolution, left, bottom, footprint, start, end, out)
+        return out
+
+    @cached_property
+    def _skip(self) -> NDArray[np.int32]:
+        """Chessboard distance (cells) to the nearest occupied cell, 0 in one."""
+        if not self.occupied.any():
+            return np.full(self.occupied.shape, max(self.occupied.shape), np.int32)
+        return ndimage.distance_transform_cdt(~self.occupied, "chessboard").astype(np.int32)
+
+    @cached_property
+    def _nearest_columns(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Occupied column at or before, and at or after, each cell of its row; far if none."""
+        columns = np.arange(self.occupied.shape[1], dtype=np.int32)
+        before = np.where(self.occupied, columns, -(10**9)).astype(np.int32)
+        after = np.where(self.occupied, columns, 10**9).astype(np.int32)
+        before = np.maximum.accumulate(before, axis=1)
+        after = np.minimum.accumulate(after[:, ::-1], axis=1)[:, ::-1]
+        return before, np.ascontiguousarray(after)
+
+
+def checked_beams(
+    origins: ArrayLike, angles: ArrayLike, max_range: ArrayLike
+) -> tuple[Array, Array, Array, Array]:
+    """Coordinates, directions and reach of beams, broadcast."""
+    origins = as_array("origins", origins, ("...", 2))
+    angles = as_array("angles", angles)
+    reach = np.asarray(max_range, dtype=float)
+    if not (reach >= 0).all():
+        raise ValueError(f"max_range: expected at least 0, got {np.min(reach):g}")
+    x, y, angles, reach = np.broadcast_arrays(origins[..., 0], origins[..., 1], angles, reach)
+    return x, y, np.array(angles, dtype=float), reach

@@ -1,0 +1,200 @@
+"""Rooms for the lessons: drawn once, or drawn anew from a seed.
+
+P5 shows its rooms only as pictures (figures 18 to 21), P1 its own only as a model (figure 4):
+these stand in for them, with the sizes that the papers give.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from slamlab._checks import Array, as_array, as_rng
+from slamlab.worlds.bitmap import BitmapWorld
+from slamlab.worlds.walls import WallWorld
+
+__all__ = [
+    "box_room",
+    "corridor",
+    "mirrored_pair",
+    "office",
+    "random_box_room",
+    "random_room",
+    "symmetric_room",
+    "thesis_room",
+    "thesis_room_two",
+]
+
+_WALL = 5  # thickness (px) of the outer walls
+
+
+def thesis_room() -> BitmapWorld:
+    """Room of P5, first trial: 400 x 400 px of 0.01 m, three obstacles, no symmetry."""
+    cells = _empty(400, 400)
+    _polygon(cells, _box(70, 250, 150, 320))
+    _polygon(cells, [(230, 270), (330, 300), (322, 326), (222, 296)])
+    _disc(cells, 270, 130, 38)
+    return BitmapWorld(cells, 0.01)
+
+
+def thesis_room_two() -> BitmapWorld:
+    """Room of P5, second trial: the same walls, other obstacles."""
+    cells = _empty(400, 400)
+    _polygon(cells, [(80, 60), (150, 70), (105, 135)])
+    _polygon(cells, _box(195, 165, 225, 300))
+    _polygon(cells, _box(225, 165, 300, 195))
+    _disc(cells, 95, 285, 30)
+    return BitmapWorld(cells, 0.01)
+
+
+def symmetric_room() -> BitmapWorld:
+    """Room that looks the same after half a turn: every place has a twin no scan can tell."""
+    cells = _empty(400, 400)
+    _polygon(cells, _box(70, 230, 160, 280))
+    _polygon(cells, [(240, 310), (300, 330), (260, 350)])
+    _disc(cells, 90, 110, 25)
+    return BitmapWorld(cells | cells[::-1, ::-1], 0.01)
+
+
+def mirrored_pair() -> tuple[BitmapWorld, BitmapWorld]:
+    """Return a room and its mirror image, left and right exchanged."""
+    room = thesis_room()
+    return room, BitmapWorld(room.occupied[:, ::-1], room.resolution)
+
+
+def office() -> BitmapWorld:
+    """Office floor of 12 m x 8 m: a corridor, five rooms, doors of 0.9 m, some furniture."""
+    scale = 50  # cells a metre
+    cells = _empty(8 * scale, 12 * scale)
+    walls = [(0, 3.0, 12, 3.1), (0, 4.9, 12, 5.0), (4, 0, 4.1, 3), (8, 0, 8.1, 3)]
+    doors = [(1.6, 2.9, 2.5, 3.2), (5.4, 2.9, 6.3, 3.2), (9.9, 2.9, 10.8, 3.2)]
+    desks = [(0.6, 0.7, 1.8, 1.3), (5.0, 0.5, 6.6, 1.1), (9.0, 1.2, 9.6, 2.4)]
+    walls += [(6, 5, 6.1, 8)]
+    doors += [(2.2, 4.8, 3.1, 5.1), (8.0, 4.8, 8.9, 5.1)]
+    desks += [
+        (0.8, 6.6, 2.8, 7.2),
+        (4.6, 5.9, 5.2, 7.3),
+        (7.2, 6.5, 8.6, 7.3),
+        (10.6, 5.8, 11.2, 7),
+    ]
+    for occupied, boxes in ((True, walls), (False, doors), (True, desks)):
+        for box in boxes:
+            _polygon(cells, _box(*(scale * side for side in box)), occupied)
+    return BitmapWorld(cells, 1 / scale)
+
+
+def corridor() -> BitmapWorld:
+    """Empty corridor of 12 m x 2 m: along it, one scan looks like the next."""
+    return BitmapWorld(_empty(100, 600), 0.02)
+
+
+def random_room(rng: np.random.Generator, n_obstacles: int = 5) -> BitmapWorld:
+    """Draw a room of 400 x 400 px of 0.01 m with boxes, turned boxes and discs.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    n_obstacles : int, default 5
+
+    Returns
+    -------
+    BitmapWorld
+        All places with a clearance of 0.23 m or more are connected, so a square robot of 0.30 m
+        (half diagonal 0.212 m) can reach every one from every other.
+    """
+    rng = as_rng("rng", rng)
+    cells = _empty(400, 400)
+    placed = 0
+    while placed < n_obstacles:
+        trial = cells.copy()
+        _random_obstacle(trial, rng)
+        if _connected(trial, 23.0):
+            cells, placed = trial, placed + 1
+    return BitmapWorld(cells, 0.01)
+
+
+def box_room() -> WallWorld:
+    """Room standing in for P1's figure 4: 10 m x 8 m with three boxes, one of them turned."""
+    return WallWorld.from_polygons(
+        _box(0, 0, 10, 8),
+        _box(1.8, 5.2, 3.6, 6.4),
+        _box(6.6, 4.6, 7.6, 6.6),
+        _turned_box((4.6, 2.3), (2.0, 0.9), 0.35),
+    )
+
+
+def random_box_room(rng: np.random.Generator) -> WallWorld:
+    """Draw a room of 7 m to 12 m by 6 m to 9 m with two to five turned boxes.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    WallWorld
+        All places with a clearance of 0.42 m or more are connected, so a robot of 0.6 m x 0.4 m
+        (half diagonal 0.36 m) can reach every one from every other. Boxes stand apart.
+    """
+    rng = as_rng("rng", rng)
+    size = rng.uniform((7, 6), (12, 9)).round(2)
+    outlines = [_box(0, 0, *size)]
+    n_boxes = rng.integers(2, 6)
+    while len(outlines) <= n_boxes:
+        centre, sides = rng.uniform((0, 0), size), rng.uniform(0.5, 2.0, 2)
+        box = _turned_box(centre, sides, rng.uniform(0, np.pi / 2)).round(4)
+        room = WallWorld.from_polygons(*outlines)
+        apart = not room.collides(box - centre + 0.3 * np.sign(box - centre), [*centre, 0.0])
+        bitmap = WallWorld.from_polygons(*outlines, box).to_bitmap(0.05)
+        if apart and _connected(bitmap.occupied, 8.4):
+            outlines.append(box)
+    return WallWorld.from_polygons(*outlines)
+
+
+def _empty(rows: int, columns: int) -> NDArray[np.bool_]:
+    """Cells with walls round the edge."""
+    cells = np.ones((rows, columns), dtype=bool)
+    cells[_WALL:-_WALL, _WALL:-_WALL] = False
+    return cells
+
+
+def _box(left: float, bottom: float, right: float, top: float) -> Array:
+    return np.array([[left, bottom], [right, bottom], [right, top], [left, top]], dtype=float)
+
+
+def _turned_box(centre: ArrayLike, sides: ArrayLike, angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    corners = _box(-0.5, -0.5, 0.5, 0.5) * np.asarray(sides, dtype=float)
+    return np.asarray(centre) + corners @ np.array([[c, s], [-s, c]])
+
+
+def _polygon(cells: NDArray[np.bool_], vertices: ArrayLike, value: bool = True) -> None:
+    """Fill the cells whose centres lie in a convex polygon given counterclockwise (px)."""
+    vertices = as_array("vertices", vertices, ("k", 2))
+    y, x = np.mgrid[: cells.shape[0], : cells.shape[1]] + 0.5
+    inside = np.ones(cells.shape, dtype=bool)
+    for a, b in zip(vertices, np.roll(vertices, -1, axis=0), strict=True):
+        inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0
+    cells[inside] = value
+
+
+def _disc(cells: NDArray[np.bool_], x: float, y: float, radius: float) -> None:
+    rows, columns = np.mgrid[: cells.shape[0], : cells.shape[1]] + 0.5
+    cells |= np.hypot(columns - x, rows - y) < radius
+
+
+def _random_obstacle(cells: NDArray[np.bool_], rng: np.random.Generator) -> None:
+    x, y = rng.uniform(30, 370, 2)
+    if rng.random() < 0.3:
+        _disc(cells, x, y, rng.uniform(15, 40))
+        return
+    angle = 0.0 if rng.random() < 0.5 else rng.uniform(0, np.pi / 2)
+    _polygon(cells, _turned_box((x, y), rng.uniform(20, 110, 2), angle))
+
+
+def _connected(occupied: NDArray[np.bool_], clearance: float) -> bool:
+    """Tell whether the cells with this clearance (cells) form one piece, and a large one."""
+    # From cell centre to cell centre; a border is up to 0.71 cells nearer than its cell's centre.
+    wide = ndimage.distance_transform_edt(~occupied) >= clearance
+    return ndimage.label(wide)[1] == 1 and wide.sum() > 0.2 * wide.size

@@ -1,0 +1,304 @@
+"""A world drawn in straight walls, as the room of P1: the beams meet segments.
+
+It answers the same questions as `BitmapWorld`. Chapters 05, 06, 07 and 09.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_scalar
+from slamlab.worlds._cast import cast_segments, inside_segments
+from slamlab.worlds._clearance import segment_clearance
+from slamlab.worlds._collide import hits_segments
+from slamlab.worlds._world import Bounds, checked_footprint, checked_motion
+from slamlab.worlds.bitmap import BitmapWorld, checked_beams
+
+__all__ = ["WallWorld"]
+
+
+class WallWorld:
+    """Segments that stop beams and robots.
+
+    If the segments form closed outlines (every end point belongs to an even number of segments),
+    they have an inside: a point is free if it lies inside the room and in no box, that is, if a
+    beam from it crosses an odd number of walls on its way out. Otherwise the walls are thin, and
+    everything beside them is free.
+
+    Parameters
+    ----------
+    segments : array_like, shape (k, 2, 2)
+        End points of each wall in the world (m).
+
+    Attributes
+    ----------
+    segments : ndarray, shape (k, 2, 2)
+        Read-only.
+    closed : bool
+        Whether the segments form closed outlines.
+
+    Raises
+    ------
+    ValueError
+        If there is no wall, one has no length, or a number is not finite.
+
+    Examples
+    --------
+    >>> room = WallWorld.from_polygons([[0, 0], [4, 0], [4, 3], [0, 3]])
+    >>> room.cast([1.0, 1.0], [0.0, np.pi / 2]).round(9).tolist()
+    [3.0, 2.0]
+    """
+
+    def __init__(self, segments: ArrayLike) -> None:
+        walls = as_array("segments", segments, ("k", 2, 2)).astype(float)
+        lengths = np.hypot(*(walls[:, 1] - walls[:, 0]).T)
+        if len(walls) == 0 or not (lengths > 1e-9).all():
+            raise ValueError(
+                "segments: expected at least one wall, each with a length, got "
+                f"{len(walls)} walls of {lengths.min(initial=0.0):g} m and more"
+            )
+        walls.setflags(write=False)
+        self.segments: Array = walls
+        ends = np.rint(walls.reshape(-1, 2) * 1e6)
+        self.closed = bool((np.unique(ends, axis=0, return_counts=True)[1] % 2 == 0).all())
+
+    @classmethod
+    def from_polygons(cls, *polygons: ArrayLike) -> WallWorld:
+        """Build a world from closed outlines, for example a room and the boxes in it.
+
+        Parameters
+        ----------
+        *polygons : array_like, shape (k, 2)
+            Vertices of each outline in order (m); the last is joined to the first. Outlines may
+            not cross each other.
+
+        Raises
+        ------
+        ValueError
+            If there is no outline or one has fewer than three vertices.
+        """
+        outlines = [as_array("polygons", polygon, ("k", 2)) for polygon in polygons]
+        if not outlines or min(map(len, outlines)) < 3:
+            raise ValueError("polygons: expected at least one, with three vertices or more")
+        sides = [np.stack([v, np.roll(v, -1, axis=0)], 1) for v in outlines]
+        return cls(np.concatenate(sides))
+
+    @classmethod
+    def from_bitmap(cls, bitmap: BitmapWorld) -> WallWorld:
+        """Trace the border between free and occupied cells: the same room, drawn in walls.
+
+        Parameters
+        ----------
+        bitmap : BitmapWorld
+            No free cell may lie at the edge of the bitmap.
+
+        Raises
+        ------
+        ValueError
+            If no cell is free, or a free cell lies at the edge.
+        """
+        free = ~bitmap.occupied
+        edge = np.concatenate([free[0], free[-1], free[:, 0], free[:, -1]])
+        if not free.any() or edge.any():
+            raise ValueError(
+                "bitmap: expected free cells, none of them at the edge, got "
+                f"{int(free.sum())} free cells, {int(edge.sum())} at the edge"
+            )
+        across = _runs(free[1:] != free[:-1])
+        upright = _runs((free[:, 1:] != free[:, :-1]).T)[..., ::-1]
+        segments = np.concatenate([across, upright])
+        return cls(bitmap.origin + bitmap.resolution * segments)
+
+    def to_bitmap(self, resolution: float, margin: float = 0.0) -> BitmapWorld:
+        """Draw the walls in pixels.
+
+        Parameters
+        ----------
+        resolution : float
+            Side of a cell (m).
+        margin : float, default 0.0
+            Width (m) of the frame around the walls.
+
+        Returns
+        -------
+        BitmapWorld
+            A cell is occupied if its centre is not free or a wall runs through its interior.
+
+        Raises
+        ------
+        ValueError
+            If a number is out of range or the bitmap would have more than 64 million cells.
+        """
+        resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
+        margin = as_scalar("margin", margin, 0.0, 1e9)
+        left, bottom, right, top = self.bounds
+        width, height = (right - left + 2 * margin), (top - bottom + 2 * margin)
+        columns, rows = (int(np.ceil(n / resolution - 1e-9)) for n in (width, height))
+        if rows * columns > 64_000_000:
+            raise ValueError(f"resolution: expected fewer cells, got {rows} x {columns}")
+        x = left - margin + resolution * (np.arange(max(columns, 1)) + 0.5)
+        y = bottom - margin + resolution * (np.arange(max(rows, 1)) + 0.5)
+        centres = np.stack(np.meshgrid(x, y), -1)
+        half = 0.5 * resolution
+        cell = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        occupied = ~self.is_free(centres)
+        poses = np.concatenate([centres, np.zeros((*centres.shape[:-1], 1))], -1)
+        near = ~occupied & (self.clearance(centres) <= 1.5 * half)
+        occupied[near] = self._crosses(cell, poses[near], poses[near])
+        return BitmapWorld(occupied, resolution, (left - margin, bottom - margin))
+
+    def __repr__(self) -> str:
+        """Return the number of walls."""
+        return f"WallWorld({len(self.segments)} walls{', closed' if self.closed else ''})"
+
+    @property
+    def bounds(self) -> Bounds:
+        """Left, bottom, right and top of the box around all walls (m)."""
+        left, bottom = self.segments.min((0, 1))
+        right, top = self.segments.max((0, 1))
+        return float(left), float(bottom), float(right), float(top)
+
+    def is_free(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points lie inside the room and in no box; none on a wall does.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., 2)
+            In the world (m).
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+        """
+        return self.clearance(points) > 0
+
+    def clearance(self, points: ArrayLike) -> Array:
+        """Distance from points to the nearest wall, exact.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., 2)
+            In the world (m).
+
+        Returns
+        -------
+        ndarray, shape (...)
+            In metres; 0 where it is not free.
+        """
+        points = as_array("points", points, ("...", 2))
+        flat = np.array(points.reshape(-1, 2), dtype=float)
+        out = np.empty(len(flat))
+        segment_clearance(self.segments, flat, out)
+        out[out < 1e-12] = 0.0
+        if self.closed:
+            inside = np.empty(len(flat), np.bool_)
+            inside_segments(self.segments, flat, inside)
+            out[~inside] = 0.0
+        return out.reshape(points.shape[:-1])
+
+    def cast(self, origins: ArrayLike, angles: ArrayLike, max_range: float = np.inf) -> Array:
+        """Distances at which beams meet a wall.
+
+        Parameters
+        ----------
+        origins : array_like, shape (..., 2)
+            Where beams start (m). From a point that is not free the distance is 0.
+        angles : array_like, shape (...)
+            Directions in the world (rad); leading axes broadcast with `origins`.
+        max_range : float or array_like, shape (...), default inf
+            Farther than this (m) nothing is met.
+
+        Returns
+        -------
+        ndarray, shape (...)
+            In metres; inf where a beam met nothing.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite or `max_range` is negative.
+        """
+        x, y, angles, reach = checked_beams(origins, angles, max_range)
+        out = np.empty(angles.size)
+        x, y = np.array(x, dtype=float), np.array(y, dtype=float)
+        cast_segments(self.segments, x.ravel(), y.ravel(), angles.ravel(), out)
+        out[out > reach.ravel()] = np.inf
+        if self.closed:
+            out[np.broadcast_to(~self.is_free(origins), angles.shape).ravel()] = 0.0
+        return out.reshape(angles.shape)
+
+    def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
+        """Tell at which poses a footprint overlaps a wall or stands where it is not free.
+
+        Parameters
+        ----------
+        footprint : array_like, shape (k, 2)
+            Vertices of a convex polygon in the body frame (m), in order.
+        poses : array_like, shape (..., 3)
+            Body in the world (m, m, rad).
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            Touching is no collision.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite or the footprint is not convex.
+        """
+        footprint = checked_footprint(footprint)
+        poses = as_array("poses", poses, ("...", 3))
+        flat = poses.reshape(-1, 3)
+        return self._hits(footprint, flat, flat).reshape(poses.shape[:-1])
+
+    def sweep_collides(
+        self, footprint: ArrayLike, start: ArrayLike, end: ArrayLike
+    ) -> NDArray[np.bool_]:
+        """Tell which motions sweep the footprint over a wall or over ground that is not free.
+
+        Parameters
+        ----------
+        footprint : array_like, shape (k, 2)
+            Vertices of a convex polygon in the body frame (m), in order.
+        start, end : array_like, shape (..., 3)
+            Poses before and after (m, m, rad): either a straight drive with constant heading, in
+            any direction, or a turn on the spot, the shorter way round.
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            Exact for the whole swept area; touching is no collision.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite, the footprint is not convex, or a motion
+            both drives and turns.
+        """
+        footprint, start, end, lead = checked_motion(footprint, start, end)
+        return self._hits(footprint, start, end).reshape(lead)
+
+    def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
+        # A footprint that meets no wall lies on one side of all of them: its centre tells which.
+        x, y = footprint.mean(0)
+        c, s = np.cos(start[:, 2]), np.sin(start[:, 2])
+        centre = start[:, :2] + np.stack([c * x - s * y, s * x + c * y], -1)
+        return self._crosses(footprint, start, end) | ~self.is_free(centre)
+
+    def _crosses(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
+        start, end = np.array(start, dtype=float), np.array(end, dtype=float)
+        out = np.empty(len(start), dtype=np.bool_)
+        hits_segments(self.segments, footprint, start, end, out)
+        return out
+
+
+def _runs(border: NDArray[np.bool_]) -> Array:
+    """Segments (k, 2, 2: x, y in cells) along the lines between rows, from border flags."""
+    padded = np.pad(border, ((0, 0), (1, 1))).astype(np.int8)
+    change = np.diff(padded, axis=1)
+    row, begin = np.nonzero(change == 1)
+    end = np.nonzero(change == -1)[1]
+    starts, ends = np.stack([begin, row + 1], -1), np.stack([end, row + 1], -1)
+    return np.stack([starts, ends], 1).astype(float)
