@@ -1,6 +1,7 @@
-"""Simultaneous localization and mapping: EKF-SLAM, pose graphs."""
+"""Simultaneous localization and mapping: EKF-SLAM, FastSLAM, pose graphs."""
 
 from slamlab.slam.ekf import EKFSlam
+from slamlab.slam.fast import FastSlam
 from slamlab.slam.graph import PoseGraph, Result, Scans, edge_error, edge_jacobians
 
-__all__ = ["EKFSlam", "PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
+__all__ = ["EKFSlam", "FastSlam", "PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]

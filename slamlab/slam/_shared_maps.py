@@ -1,0 +1,127 @@
+"""Landmark maps of many particles that share what they have in common.
+
+The copy of a particle in step 3 of P2's algorithm must not copy its map: maps lie in pages, a copy
+shares them, and a page is copied when one of its owners writes to it. Used by FastSLAM.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamlab._checks import Array
+
+__all__ = ["ABSENT", "FIELDS", "PAGE", "SharedMaps"]
+
+Indices = NDArray[np.intp]
+
+PAGE = 32
+# What is kept of a landmark: mean (x, y), covariance (xx, xy, yy), log odds that it exists.
+FIELDS = 6
+ABSENT = -np.inf
+
+
+class SharedMaps:
+    """Maps of M particles; landmark c of a particle lies in column c of its map.
+
+    The index table `table` (M, blocks) names the page that holds columns ``PAGE * b`` to
+    ``PAGE * (b + 1) - 1`` of each particle. Page 0 is empty, belongs to everybody, and is never
+    written.
+
+    Parameters
+    ----------
+    n_particles : int
+
+    Attributes
+    ----------
+    table : ndarray of int32, shape (M, blocks)
+    pages : ndarray, shape (capacity, PAGE, FIELDS)
+    """
+
+    def __init__(self, n_particles: int) -> None:
+        self.table: NDArray[np.int32] = np.zeros((n_particles, 0), np.int32)
+        self.pages = np.empty((1, PAGE, FIELDS))
+        self.pages[0] = [0.0] * (FIELDS - 1) + [ABSENT]
+        self._owners = np.zeros(1, np.int64)
+        self._free: Indices = np.zeros(0, np.intp)
+
+    @property
+    def n_columns(self) -> int:
+        """Columns that the index table has room for."""
+        return int(self.table.shape[1]) * PAGE
+
+    @property
+    def pages_in_use(self) -> int:
+        """Different pages that the particles own together."""
+        return len(np.unique(self.table[self.table > 0]))
+
+    def grow(self, columns: int) -> None:
+        """Make room for at least so many columns; nothing is stored yet."""
+        missing = -(-columns // PAGE) - self.table.shape[1]
+        if missing > 0:
+            more = np.zeros((len(self.table), missing), np.int32)
+            self.table = np.concatenate([self.table, more], 1)
+
+    def read(self, columns: Indices) -> Array:
+        """Return columns (M, k), some for each particle, shape (FIELDS, M, k)."""
+        block, place = np.divmod(columns, PAGE)
+        found = self.pages[np.take_along_axis(self.table, block, 1), place]
+        return np.ascontiguousarray(np.moveaxis(found, -1, 0))
+
+    def read_blocks(self, first: int, last: int | None) -> Array:
+        """Return all columns of blocks ``first:last``, shape (FIELDS, M, columns)."""
+        found = self.pages[self.table[:, first:last]].reshape(len(self.table), -1, FIELDS)
+        return np.ascontiguousarray(np.moveaxis(found, -1, 0))
+
+    def map_of(self, particle: int) -> Array:
+        """Return the whole map of one particle, shape (n_columns, FIELDS)."""
+        return self.pages[self.table[particle]].reshape(-1, FIELDS)
+
+    def write(self, particles: Indices, columns: Indices, values: Array) -> None:
+        """Store values (L, FIELDS) in columns (L,) of particles (L,)."""
+        self.grow(int(columns.max(initial=-1)) + 1)
+        block, place = np.divmod(columns, PAGE)
+        self._own(particles, block)
+        self.pages[self.table[particles, block], place] = values
+
+    def resample(self, chosen: Indices) -> None:
+        """Replace particle i by a copy of particle ``chosen[i]``: only the index table moves."""
+        self.table = self.table[chosen]
+        self._owners = np.bincount(self.table.ravel(), minlength=len(self.pages))
+        self._free = np.flatnonzero(self._owners[1:] == 0) + 1
+
+    def _own(self, particles: Indices, blocks: Indices) -> None:
+        """Give each of these particles pages of its own: copy what it still shares."""
+        touched = np.zeros(self.table.shape, bool)
+        touched[particles, blocks] = True
+        row, block = np.nonzero(touched)
+        page = self.table[row, block].astype(np.intp)
+        shared = (page == 0) | (self._owners[page] > 1)
+        # Where all owners of a page write, one of them keeps the original.
+        _, first, back, writers = np.unique(
+            page, return_index=True, return_inverse=True, return_counts=True
+        )
+        keeper = np.zeros(len(page), bool)
+        keeper[first] = True
+        shared &= ~(keeper & (writers[back] == self._owners[page]) & (page > 0))
+        row, block, page = row[shared], block[shared], page[shared]
+        new = self._allocate(len(page))
+        self.pages[new] = self.pages[page]
+        np.subtract.at(self._owners, page, 1)
+        self._owners[new] = 1
+        self.table[row, block] = new
+
+    def _allocate(self, count: int) -> Indices:
+        """Take `count` pages that nobody owns, after making more of them if needed."""
+        missing = count - len(self._free)
+        if missing > 0:
+            size = len(self.pages)
+            bigger = max(size + missing, size + size // 4)
+            pages = np.empty((bigger, PAGE, FIELDS))
+            pages[:size] = self.pages
+            self.pages = pages
+            self._owners = np.concatenate([self._owners, np.zeros(bigger - size, np.int64)])
+            self._free = np.concatenate([self._free, np.arange(size, bigger)])
+        split = len(self._free) - count
+        taken, self._free = self._free[split:], self._free[:split]
+        return taken
