@@ -1,5 +1,14 @@
-"""Maps from scans: occupancy grids. Floor 2 of the house."""
+"""Maps from scans: occupancy grids, walls. Floor 2 of the house."""
 
 from slamlab.mapping.occupancy import BeamSensor, OccupancyGrid
+from slamlab.mapping.walls import Walls, extract_walls, fit_line, line_cov, point_covs
 
-__all__ = ["BeamSensor", "OccupancyGrid"]
+__all__ = [
+    "BeamSensor",
+    "OccupancyGrid",
+    "Walls",
+    "extract_walls",
+    "fit_line",
+    "line_cov",
+    "point_covs",
+]
