@@ -6,6 +6,7 @@ up as log odds. Chapter 00 shows one, chapter 08 builds it.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -90,7 +91,8 @@ class OccupancyGrid:
         self._limit = _log_odds(as_scalar("clamp", clamp, 0.5, below_one))
         self._grow = grow
         self.log_odds = np.zeros((rows, columns))
-        self._mark = np.zeros(rows * columns, dtype=np.intp)
+        self._scans = 0
+        self._mark = np.zeros((rows, columns), dtype=np.int64)
 
     def __repr__(self) -> str:
         """Return size and resolution."""
@@ -131,7 +133,7 @@ class OccupancyGrid:
         ranges: ArrayLike,
         lidar: BeamSensor,
         max_range: float = np.inf,
-        free_missing: bool = False,
+        free_missing: bool = True,
     ) -> None:
         """Add the evidence of one scan, or of many scans one after the other.
 
@@ -143,20 +145,21 @@ class OccupancyGrid:
         pose : array_like, shape (3,) or (n, 3)
             Poses of the body in the world (m, m, rad).
         ranges : array_like, shape (n_beams,) or (n, n_beams)
-            Measured ranges (m); NaN, or ``lidar.max_range`` and more, is a missing return.
+            Measured ranges (m); inf, or ``lidar.max_range`` and more, is a beam that met nothing;
+            NaN is a lost reading and says nothing.
         lidar : BeamSensor
             Knows `beam_angles`, `max_range` and `offset`.
         max_range : float, default inf
             Trust beams up to this distance (m): longer ones free the cells before it and hit none.
-        free_missing : bool, default False
-            Whether a missing return frees the cells up to the smaller of `max_range` and
-            ``lidar.max_range``. By default it says nothing (glass and black walls give none).
+        free_missing : bool, default True
+            Whether a beam that met nothing frees the cells up to the smaller of `max_range` and
+            ``lidar.max_range``. If False it says nothing (glass and black walls send none back).
 
         Raises
         ------
         ValueError
-            If a shape does not fit, a pose is not finite, a range is negative, or missing returns
-            should free cells without end.
+            If a shape does not fit, a pose is not finite, a range is negative, or a beam that met
+            nothing should free cells without end.
         """
         poses = as_array("pose", pose, ("...", 3))
         angles = np.asarray(lidar.beam_angles, dtype=float)
@@ -164,47 +167,98 @@ class OccupancyGrid:
         if (scans < 0).any():
             raise ValueError(f"ranges: expected distances, got {np.nanmin(scans):g}")
         trusted = min(as_scalar("max_range", max_range, 0.0), float(lidar.max_range))
-        missing = ~(scans < lidar.max_range)
-        if free_missing and missing.any() and not np.isfinite(trusted):
-            raise ValueError("free_missing: expected a finite max_range, got inf")
-        lengths = np.where(missing, trusted if free_missing else np.nan, scans)
-        hits = ~missing & (lengths <= trusted)
+        met_nothing = scans >= lidar.max_range
+        if free_missing and met_nothing.any() and not np.isfinite(trusted):
+            raise ValueError(
+                "max_range: expected a finite range, up to which beams that met nothing free "
+                "cells, got inf (or say free_missing=False)"
+            )
+        lengths = np.where(met_nothing, trusted if free_missing else np.nan, scans)
+        hits = ~met_nothing & (lengths <= trusted)
         lengths = np.minimum(lengths, trusted)
         poses, shape = poses.reshape(-1, 3), (-1, len(angles))
         starts, ends = _beams(poses, lengths.reshape(shape), angles, float(lidar.offset))
         if self._grow:
             self._make_room(np.concatenate([starts.reshape(-1, 2), ends.reshape(-1, 2)]))
-        for start, end, hit in zip(starts, ends, hits.reshape(shape), strict=True):
-            self._add(start, end, hit)
+        self._add(starts, ends, hits.reshape(shape))
 
-    def _add(self, start: Array, ends: Array, hit: NDArray[np.bool_]) -> None:
-        """Add one scan: beams from `start` (2,) to `ends` (k, 2)."""
-        there = np.isfinite(ends[:, 0])
-        if not there.any():
-            return
-        a = (start - self.origin) / self.resolution
-        b = (ends[there] - self.origin) / self.resolution
-        crossed = _crossed_cells(a, b)
-        ended = np.floor(b[hit[there]]).astype(np.intp)
-        cells, n_crossed = self._flat(crossed, ended)
-        # The last mark of a cell wins, so a cell where any beam ended counts as ended.
-        order = np.arange(len(cells))
-        self._mark[cells] = order
-        once = self._mark[cells] == order
-        evidence = np.where(order >= n_crossed, self._hit, self._miss)[once]
-        flat = self.log_odds.reshape(-1)
-        cells = cells[once]
-        flat[cells] = np.clip(flat[cells] + evidence, -self._limit, self._limit)
+    def to_image(
+        self, occupied_above: float = 0.65, free_below: float = 0.35
+    ) -> NDArray[np.uint8]:
+        """Return the map as grey values, the way ROS draws it.
 
-    def _flat(self, crossed: NDArray[np.intp], ended: NDArray[np.intp]) -> tuple[NDArray, int]:
-        """Flat indices of the cells on the sheet, crossed ones first, and how many these are."""
-        rows, columns = self.shape
-        kept = []
-        for cells in (crossed, ended):
-            x, y = cells[:, 0], cells[:, 1]
-            inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-            kept.append((y * columns + x)[inside])
-        return np.concatenate(kept), len(kept[0])
+        Parameters
+        ----------
+        occupied_above, free_below : float, default 0.65 and 0.35
+            Cells with a higher probability are drawn as occupied, with a lower one as free.
+
+        Returns
+        -------
+        ndarray of uint8, shape (rows, columns)
+            0 occupied, 254 free, 205 unknown. The first row is the top of the map.
+
+        Raises
+        ------
+        ValueError
+            If the thresholds are no probabilities or in the wrong order.
+        """
+        free_below = as_scalar("free_below", free_below, 0.0, 1.0)
+        occupied_above = as_scalar("occupied_above", occupied_above, free_below, 1.0)
+        probability = self.probability[::-1]
+        image = np.full(self.shape, 205, dtype=np.uint8)
+        image[probability > occupied_above] = 0
+        image[probability < free_below] = 254
+        return image
+
+    def save_ros(
+        self, path: str | Path, occupied_above: float = 0.65, free_below: float = 0.35
+    ) -> None:
+        """Write the map as ROS' `map_server` does: a YAML file and beside it a PGM image.
+
+        ``BitmapWorld.from_file`` reads it back, unknown cells as occupied.
+
+        Parameters
+        ----------
+        path : str or Path
+            Name of the YAML file, ending in ``.yaml``; the image has the same name and ``.pgm``.
+        occupied_above, free_below : float, default 0.65 and 0.35
+            As in `to_image`.
+
+        Raises
+        ------
+        ValueError
+            If the name ends in anything else or a threshold is wrong.
+        """
+        import yaml
+        from PIL import Image
+
+        path = Path(path)
+        if path.suffix != ".yaml":
+            raise ValueError(f"path: expected a name ending in .yaml, got {path.name!r}")
+        image_path = path.with_suffix(".pgm")
+        entries = {
+            "image": image_path.name,
+            "resolution": self.resolution,
+            "origin": [*map(float, self.origin), 0.0],
+            "negate": 0,
+            # These belong to the grey values 0, 205 and 254, whatever was drawn as which.
+            "occupied_thresh": 0.65,
+            "free_thresh": 0.196,
+        }
+        Image.fromarray(self.to_image(occupied_above, free_below)).save(image_path)
+        path.write_text(yaml.safe_dump(entries, sort_keys=False))
+
+    def _add(self, starts: Array, ends: Array, hits: NDArray[np.bool_]) -> None:
+        """Add scans: beams from starts (n, 2) to ends (n, k, 2), in the world."""
+        # Loaded here: the compiler behind it takes half a second to come up.
+        from slamlab.mapping._beams import add_scan
+
+        evidence = (self._hit, self._miss, self._limit)
+        starts = (starts - self.origin) / self.resolution
+        ends = (ends - self.origin) / self.resolution
+        for start, end, hit in zip(starts, ends, hits, strict=True):
+            self._scans += 1
+            add_scan(self.log_odds, self._mark, self._scans, start, end, hit, evidence)
 
     def _make_room(self, points: Array) -> None:
         """Enlarge the sheet until it holds all points (n, 2), a quarter more where it grows."""
@@ -220,7 +274,7 @@ class OccupancyGrid:
         after += np.where(after > 0, spare, 0)
         self.log_odds = np.pad(self.log_odds, ((before[1], after[1]), (before[0], after[0])))
         self.origin = self.origin - before * self.resolution
-        self._mark = np.zeros(self.log_odds.size, dtype=np.intp)
+        self._mark = np.zeros(self.log_odds.shape, dtype=np.int64)
 
 
 def _log_odds(p: float) -> float:
@@ -235,29 +289,3 @@ def _beams(poses: Array, lengths: Array, angles: Array, offset: float) -> tuple[
     beams = heading[:, None] + angles
     direction = np.stack([np.cos(beams), np.sin(beams)], -1)
     return starts, starts[:, None] + lengths[..., None] * direction
-
-
-def _crossed_cells(a: Array, b: Array) -> NDArray[np.intp]:
-    """Cells (m, 2), as column and row, that the beams from a (2,) to b (k, 2) enter.
-
-    A beam enters a cell through a vertical or a horizontal grid line. The cells entered through
-    vertical lines are found at all their crossings at once, the others likewise; with the start's
-    cell these are all cells, without any order, which a map does not need.
-    """
-    first = np.floor(a).astype(np.intp)
-    parts = [first[None]]
-    for axis in (0, 1):
-        other = 1 - axis
-        last = np.floor(b[:, axis]).astype(np.intp)
-        count = np.abs(last - first[axis])
-        sign = np.where(last >= first[axis], 1, -1)
-        beam = np.repeat(np.arange(len(b)), count)
-        # 1, 2, ..., count for every beam.
-        ordinal = np.arange(len(beam)) - np.repeat(np.cumsum(count) - count, count) + 1
-        cell = first[axis] + sign[beam] * ordinal
-        line = cell + (sign[beam] < 0)
-        slope = (b[beam, other] - a[other]) / (b[beam, axis] - a[axis])
-        entered = np.floor(a[other] + (line - a[axis]) * slope).astype(np.intp)
-        pair = (cell, entered) if axis == 0 else (entered, cell)
-        parts.append(np.stack(pair, -1))
-    return np.concatenate(parts)

@@ -4,14 +4,22 @@ import numpy as np
 import pytest
 
 from slamlab.mapping import OccupancyGrid
-from slamlab.mapping.occupancy import _crossed_cells
 from slamlab.sensors.scan import ScanGeometry
+from slamlab.worlds import BitmapWorld
 
 
 def walked(a, b, n=5001):
     """Cells under n points of the segment from a to b: the naive way."""
     points = a + np.linspace(0, 1, n)[:, None] * (b - a)
     return {tuple(cell) for cell in np.unique(np.floor(points).astype(int), axis=0)}
+
+
+def freed(a, b):
+    """Cells that a beam from a to b frees, as column and row."""
+    grid = OccupancyGrid((20, 20), 1.0, (-10, -10), grow=False)
+    length, angle = np.hypot(*(b - a)), np.arctan2(*(b - a)[::-1])
+    grid.insert([*a, angle], [np.inf], ScanGeometry([0.0], max_range=length))
+    return {(c - 10, r - 10) for r, c in np.argwhere(grid.log_odds < 0)}
 
 
 def one_a_step(a, b):
@@ -27,7 +35,7 @@ def test_beams_cross_exactly_the_cells_of_the_segment():
     for _ in range(100):
         a, b = rng.uniform(-8, 8, (2, 2))
         due = walked(a, b)
-        found = {tuple(cell) for cell in _crossed_cells(a, b[None])}
+        found = freed(a, b)
         # The walk may miss a corner that it cuts by less than its step, never the other way.
         assert due <= found
         assert len(found) <= len(due) + 2
@@ -36,8 +44,10 @@ def test_beams_cross_exactly_the_cells_of_the_segment():
 
 
 def test_axis_parallel_beams_and_beams_within_one_cell():
-    cells = _crossed_cells(np.array([0.5, 0.5]), np.array([[3.5, 0.5], [0.5, -2.5], [0.9, 0.1]]))
-    assert {tuple(c) for c in cells} == {(0, 0), (1, 0), (2, 0), (3, 0), (0, -1), (0, -2), (0, -3)}
+    start = np.array([0.5, 0.5])
+    assert freed(start, np.array([3.5, 0.5])) == {(0, 0), (1, 0), (2, 0), (3, 0)}
+    assert freed(start, np.array([0.5, -2.5])) == {(0, 0), (0, -1), (0, -2), (0, -3)}
+    assert freed(start, np.array([0.9, 0.1])) == {(0, 0)}
 
 
 def test_a_scan_frees_what_it_crossed_and_fills_where_it_ended():
@@ -101,14 +111,17 @@ def test_a_sheet_that_may_not_grow_cuts_the_beams():
     assert grid.probability.round(3).tolist() == [[0.4, 0.4]]
 
 
-def test_a_missing_return_says_nothing_unless_asked():
+def test_a_beam_that_met_nothing_frees_and_a_lost_reading_says_nothing():
     lidar = ScanGeometry([0.0], max_range=3.0)
-    for missing in (np.nan, 3.0, 99.0, np.inf):
+    for nothing in (3.0, 99.0, np.inf):
         quiet, told = (OccupancyGrid((1, 5), 1.0) for _ in range(2))
-        quiet.insert([0.5, 0.5, 0.0], [missing], lidar)
+        quiet.insert([0.5, 0.5, 0.0], [nothing], lidar, free_missing=False)
         assert not quiet.log_odds.any()
-        told.insert([0.5, 0.5, 0.0], [missing], lidar, free_missing=True)
+        told.insert([0.5, 0.5, 0.0], [nothing], lidar)
         assert told.probability.round(3).tolist() == [[0.4, 0.4, 0.4, 0.4, 0.5]]
+    lost = OccupancyGrid((1, 5), 1.0)
+    lost.insert([0.5, 0.5, 0.0], [np.nan], lidar)
+    assert not lost.log_odds.any()
 
 
 def test_beams_beyond_the_trusted_range_free_and_do_not_hit():
@@ -149,7 +162,7 @@ def test_bad_parameters_are_named(call, message):
         ([0, 0, np.nan], [1.0], {}, "pose: expected finite"),
         ([0, 0, 0], [1.0, 2.0], {}, "ranges: expected shape"),
         ([0, 0, 0], [-1.0], {}, "ranges: expected distances, got -1"),
-        ([0, 0, 0], [np.nan], {"free_missing": True}, "free_missing: expected a finite max_range"),
+        ([0, 0, 0], [np.inf], {}, "max_range: expected a finite range"),
     ],
 )
 def test_a_bad_scan_is_named_and_changes_nothing(pose, ranges, options, message):
@@ -157,3 +170,34 @@ def test_a_bad_scan_is_named_and_changes_nothing(pose, ranges, options, message)
     with pytest.raises(ValueError, match=message):
         grid.insert(pose, ranges, ScanGeometry([0.0]), **options)
     assert not grid.log_odds.any()
+
+
+def test_a_map_saved_for_ros_comes_back_as_a_world(tmp_path):
+    from PIL import Image
+
+    grid = OccupancyGrid((3, 4), 0.25, (-1.0, 2.0), grow=False)
+    grid.log_odds[0] = 2.0
+    grid.log_odds[1, :3] = -2.0
+    grid.save_ros(tmp_path / "room.yaml")
+    world = BitmapWorld.from_file(tmp_path / "room.yaml")
+    # Occupied below, free in the middle, unknown elsewhere: where a robot must not go.
+    assert world.occupied.tolist() == [[True] * 4, [False] * 3 + [True], [True] * 4]
+    assert world.resolution == 0.25
+    assert world.origin.tolist() == [-1.0, 2.0]
+    image = np.asarray(Image.open(tmp_path / "room.pgm"))
+    assert image.tolist() == [[205] * 4, [254] * 3 + [205], [0] * 4]
+    with pytest.raises(ValueError, match="path: expected a name ending in .yaml"):
+        grid.save_ros(tmp_path / "room.png")
+    with pytest.raises(ValueError, match="occupied_above: expected a number in"):
+        grid.to_image(0.2, 0.4)
+
+
+def test_entropy_falls_as_the_room_is_seen():
+    grid = OccupancyGrid((40, 40), 0.1, grow=False)
+    lidar = ScanGeometry(np.linspace(-3, 3, 60))
+    totals = [grid.entropy.sum()]
+    for _ in range(3):
+        grid.insert([2.0, 2.0, 0.0], np.full(60, 1.5), lidar)
+        totals.append(grid.entropy.sum())
+    assert totals[0] == grid.log_odds.size
+    assert (np.diff(totals) < 0).all()
