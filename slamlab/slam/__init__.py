@@ -3,5 +3,15 @@
 from slamlab.slam.ekf import EKFSlam
 from slamlab.slam.fast import FastSlam
 from slamlab.slam.graph import PoseGraph, Result, Scans, edge_error, edge_jacobians
+from slamlab.slam.wall_slam import WallSlam
 
-__all__ = ["EKFSlam", "FastSlam", "PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
+__all__ = [
+    "EKFSlam",
+    "FastSlam",
+    "PoseGraph",
+    "Result",
+    "Scans",
+    "edge_error",
+    "edge_jacobians",
+    "WallSlam",
+]
