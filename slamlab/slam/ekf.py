@@ -559,11 +559,12 @@ class Arrivals:
 
 
 def times_H(H_pose: Array, H_landmark: Array, rows: Array) -> Array:
-    """H A, shape (2m, N), from the rows (3 + 2m, N) of A that H does not multiply by zero."""
-    m, N = len(H_pose), rows.shape[1]
-    product = H_pose.reshape(2 * m, 3) @ rows[:3]
-    product += (H_landmark @ rows[3:].reshape(m, 2, N)).reshape(2 * m, N)
-    return product
+    """H A, shape (..., 2m, N), from the rows (..., 3 + 2m, N) of A that H does not make zero."""
+    *lead, m, _, _ = H_pose.shape
+    N = rows.shape[-1]
+    pose = H_pose.reshape(*lead, 2 * m, 3) @ rows[..., :3, :]
+    landmarks = H_landmark @ rows[..., 3:, :].reshape(*lead, m, 2, N)
+    return np.asarray(pose + landmarks.reshape(*lead, 2 * m, N))
 
 
 def _likelihood(white: Array, root: Array) -> tuple[Any, Any]:

@@ -1,0 +1,233 @@
+"""The formulas of P1 as the paper prints them, as models that a filter can be run with.
+
+P1 (17), (18), (26)-(29), (34), (41) and "repeat (16)-(36) for each landmark". For tests and for
+chapter 09, which runs them to see what each one costs; nothing else should import this.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array
+from slamlab.sensors import RangeBearing
+
+__all__ = [
+    "BearingAsPrinted",
+    "BearingWithoutQuadrant",
+    "BeamlessLocate",
+    "LeverlessBearingSlopes",
+    "LeverlessBearingSlopesWorst",
+    "LeverlessRangeSlope",
+    "MotionAsPrinted",
+    "Variant",
+    "gain_as_printed",
+    "variants",
+]
+
+
+@dataclass(frozen=True)
+class MotionAsPrinted:
+    """A motion model whose F_u lacks the factor dt, P1 (17).
+
+    A velocity acts for the time dt, so the paper's process noise F_u V F_u^T is 1/dt^2 times too
+    large: a hundred times at ten steps a second.
+
+    Parameters
+    ----------
+    motion : motion model
+        The right one; its `step` and its F_x are kept.
+    """
+
+    motion: Any
+
+    def step(self, pose: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """Return the pose after the step, P1 (10), as the right model does."""
+        return np.asarray(self.motion.step(pose, u, dt))
+
+    def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
+        """Return the right F_x, P1 (16), and F_u as printed in (17)."""
+        F_x, F_u = self.motion.jacobians(pose, u, dt)
+        return F_x, F_u / dt
+
+    def sample(
+        self,
+        pose: ArrayLike,
+        u: ArrayLike,
+        dt: float,
+        control_cov: ArrayLike,
+        rng: np.random.Generator,
+    ) -> Array:
+        """Draw next poses as the right model does: the world is not what the paper got wrong."""
+        return np.asarray(self.motion.sample(pose, u, dt, control_cov, rng))
+
+
+@dataclass(frozen=True)
+class BearingAsPrinted(RangeBearing):
+    """Bearing arctan(d_x / d_y) - theta, P1 (18): the fraction inverted, no quadrant."""
+
+    def observe(self, pose: ArrayLike, landmark: ArrayLike) -> Array:
+        """Return range and the printed bearing, neither reflected back nor wrapped."""
+        pose, d_x, d_y, _, _ = _lever(self, pose, landmark)
+        with np.errstate(divide="ignore"):
+            bearing = np.arctan(d_x / d_y) - pose[..., 2]
+        return np.stack([np.hypot(d_x, d_y), bearing], -1)
+
+
+@dataclass(frozen=True)
+class BearingWithoutQuadrant(RangeBearing):
+    """Bearing arctan(d_y / d_x) - theta: P1 (18) with the fraction the right way up."""
+
+    def observe(self, pose: ArrayLike, landmark: ArrayLike) -> Array:
+        """Return range and a bearing that takes a landmark behind for one ahead."""
+        pose, d_x, d_y, _, _ = _lever(self, pose, landmark)
+        with np.errstate(divide="ignore"):
+            bearing = np.arctan(d_y / d_x) - pose[..., 2]
+        return np.stack([np.hypot(d_x, d_y), bearing], -1)
+
+
+@dataclass(frozen=True)
+class LeverlessBearingSlopes(RangeBearing):
+    """P1 (26), (27), (29) in their kindest reading: signs right, lever terms as printed.
+
+    C and D use the body centre where the sensor should stand; F has -p_y s + L cos(2 theta) in
+    place of +p_y s + L.
+    """
+
+    def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
+        """Return H with the printed C, D, F; A, B and E are right."""
+        return _slopes_as_printed(self, pose, landmark, sign=1.0)
+
+
+@dataclass(frozen=True)
+class LeverlessBearingSlopesWorst(RangeBearing):
+    """P1 (26), (27), (29) in their worst reading: the illegible signs of C and F are wrong too."""
+
+    def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
+        """Return H with the printed C, D, F, the doubtful signs reversed."""
+        return _slopes_as_printed(self, pose, landmark, sign=-1.0)
+
+
+@dataclass(frozen=True)
+class LeverlessRangeSlope(RangeBearing):
+    """P1 (28) without its factor L: the range seems to change by metres for a radian of turn."""
+
+    def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
+        """Return H with E = (p_y c - p_x s) / rho."""
+        H_pose, H_landmark = super().jacobians(pose, landmark)
+        pose, d_x, d_y, c, s = _lever(self, pose, landmark)
+        # The lever cancels in p_y c - p_x s = d_y c - d_x s.
+        H_pose[..., 0, 2] = (d_y * c - d_x * s) / np.hypot(d_x, d_y)
+        return H_pose, H_landmark
+
+
+@dataclass(frozen=True)
+class BeamlessLocate(RangeBearing):
+    """P1 (41): a new landmark turns with the lever of the sensor, but not with the beam."""
+
+    def locate_jacobians(self, pose: ArrayLike, z: ArrayLike) -> tuple[Array, Array]:
+        """Return G_pose with the heading column (-L s, L c) alone, and the right G_z."""
+        G_pose, G_z = super().locate_jacobians(pose, z)
+        theta = as_array("pose", pose, ("...", 3))[..., 2]
+        G_pose[..., 0, 2] = -self.offset * np.sin(theta)
+        G_pose[..., 1, 2] = self.offset * np.cos(theta)
+        return G_pose, G_z
+
+
+def gain_as_printed(P: ArrayLike, H: ArrayLike, S: ArrayLike, R: ArrayLike) -> Array:
+    """Gain K = P H^T S^-1 + R, P1 (34): a sum of (N, 2) and (2, 2) that does not exist.
+
+    Raises
+    ------
+    ValueError
+        Always, by NumPy, unless the state happens to have two numbers.
+    """
+    P, H, S = (np.asarray(matrix, dtype=float) for matrix in (P, H, S))
+    return np.asarray(P @ H.T @ np.linalg.inv(S) + np.asarray(R, dtype=float))
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to run the filter: its models, and how often a step is predicted.
+
+    Attributes
+    ----------
+    motion, sensor
+        What the filter believes; the world keeps the right models.
+    repeat_prediction : bool
+        Predict the covariance once for each landmark seen, as P1's text after (36) demands.
+    """
+
+    motion: Any
+    sensor: Any
+    repeat_prediction: bool = False
+
+
+def variants(motion: Any, sensor: RangeBearing) -> dict[str, Variant]:
+    """Return the repaired filter and each printed one, by the name the tables show.
+
+    (34) is not among them: it cannot be run (`gain_as_printed`). Walls treated as points need
+    another world: give ``Variant(motion, RangeBearing(...))`` a world seen by `Wall`.
+
+    Parameters
+    ----------
+    motion : motion model
+        The right one.
+    sensor : RangeBearing
+        The right one; the printed ones take over its parameters.
+
+    Returns
+    -------
+    dict of str to Variant
+        The repaired one first.
+    """
+    arguments = (
+        sensor.sigma_range,
+        sensor.sigma_bearing,
+        sensor.offset,
+        sensor.max_range,
+        sensor.field_of_view,
+    )
+    return {
+        "repaired": Variant(motion, sensor),
+        "(17) without dt": Variant(MotionAsPrinted(motion), sensor),
+        "(18) as printed": Variant(motion, BearingAsPrinted(*arguments)),
+        "(18) arctan without quadrant": Variant(motion, BearingWithoutQuadrant(*arguments)),
+        "(26), (27), (29) kindest signs": Variant(motion, LeverlessBearingSlopes(*arguments)),
+        "(26), (27), (29) worst signs": Variant(motion, LeverlessBearingSlopesWorst(*arguments)),
+        "(28) without L": Variant(motion, LeverlessRangeSlope(*arguments)),
+        "(41) without the beam": Variant(motion, BeamlessLocate(*arguments)),
+        "prediction per landmark": Variant(motion, sensor, repeat_prediction=True),
+    }
+
+
+def _lever(
+    sensor: RangeBearing, pose: ArrayLike, landmark: ArrayLike
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Pose, d_x, d_y (sensor minus landmark, as the paper has it), cosine and sine."""
+    pose = as_array("pose", pose, ("...", 3))
+    landmark = as_array("landmark", landmark, ("...", 2))
+    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    d_x = pose[..., 0] + sensor.offset * c - landmark[..., 0]
+    d_y = pose[..., 1] + sensor.offset * s - landmark[..., 1]
+    return pose, d_x, d_y, c, s
+
+
+def _slopes_as_printed(
+    sensor: RangeBearing, pose: ArrayLike, landmark: ArrayLike, sign: float
+) -> tuple[Array, Array]:
+    """H with (26), (27), (29) as printed; `sign` reads the two signs that cannot be read."""
+    H_pose, _ = RangeBearing.jacobians(sensor, pose, landmark)
+    pose, d_x, d_y, c, s = _lever(sensor, pose, landmark)
+    L, squared = sensor.offset, d_x * d_x + d_y * d_y
+    p_x, p_y = d_x - L * c, d_y - L * s
+    # (26), (27)
+    H_pose[..., 1, 0], H_pose[..., 1, 1] = -sign * p_y / squared, p_x / squared
+    # (29)
+    wrong = p_x * c - p_y * s + L * np.cos(2 * pose[..., 2])
+    H_pose[..., 1, 2] = sign * wrong * L / squared - 1.0
+    # (31), (32)
+    return H_pose, -H_pose[..., :2]
