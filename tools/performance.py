@@ -34,6 +34,12 @@ TABLES = {
         "graph is not counted.",
     ),
     "test_kalman_speed": ("Kalman filters", [], ""),
+    "test_signature_speed": (
+        "Localization by signatures",
+        ["promised"],
+        "The peer of the map casts every beam of every place by itself; the peer of the lookup "
+        "aligns the scan with all places.",
+    ),
     "test_particle_speed": (
         "Particle filter beside bare NumPy",
         ["promised ratio"],

@@ -1,0 +1,650 @@
+"""Can one scan tell the place? Signatures that do not depend on where the robot looks.
+
+P5, section 3.2.6: circular autocorrelation (the second formula numbered 14), the three-number
+signature as printed and repaired, and a map of signatures. Chapter 19 tells the story.
+"""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped
+from slamlab.geometry import wrap_angle
+from slamlab.localization._align import capped_misfits
+from slamlab.sensors.lidar import Lidar
+from slamlab.worlds import BitmapWorld, World
+
+__all__ = [
+    "Location",
+    "SignatureMap",
+    "autocorrelation",
+    "relative_heading",
+    "spectrum",
+    "three_numbers",
+]
+
+Bools = NDArray[np.bool_]
+
+N_HARMONICS = 16
+"""Harmonics that a map compares: the low ones hold the room, the high ones mostly how the beams
+happen to fall."""
+SEPARATION = 7
+"""Places more than this many pitches apart are distinct: at P5's stride of two pixels 14 pixels,
+half the side of its robot."""
+CAP = 5
+"""A beam that misfits by more than this many pitches counts as this many: at the edge of an
+obstacle a range jumps."""
+N_CANDIDATES = 192
+"""Places that the tree proposes and whose whole scans are compared. At most 149 points of a grid
+lie within SEPARATION of one of them, so that many stand elsewhere."""
+OTHER_HEADING = np.deg2rad(30)
+"""The same place counts as a distinct pose if the heading differs by more than this (rad)."""
+
+FORMAT = "slamlab signature map 1"
+
+
+# What a scan keeps when the robot turns.
+
+
+def autocorrelation(scan: ArrayLike) -> Array:
+    """Circular autocorrelation of a full-circle scan, P5's second (14) on a ring of beams.
+
+    R[tau] = sum_j d[j] d[(j - tau) mod N]. A turn of the robot by a whole number of beams leaves
+    it as it is, and so does reading the beams backwards.
+
+    Parameters
+    ----------
+    scan : array_like, shape (..., n_beams)
+        Ranges, evenly spread over the full circle, every one finite.
+
+    Returns
+    -------
+    ndarray, shape (..., n_beams)
+        In squared units of the scan; index 0 is the shift 0.
+
+    Raises
+    ------
+    ValueError
+        If there is no beam or a number is not finite.
+
+    Examples
+    --------
+    >>> autocorrelation([1, 2, 0, 0]).round(6).tolist()
+    [5.0, 2.0, 0.0, 2.0]
+    >>> autocorrelation([0, 0, 1, 2]).round(6).tolist()
+    [5.0, 2.0, 0.0, 2.0]
+    """
+    scan = _as_scan(scan)
+    # Wiener and Khinchin: the transform of R is the squared modulus of the scan's transform.
+    power = np.abs(np.fft.rfft(scan)) ** 2
+    return np.fft.irfft(power, scan.shape[-1])
+
+
+def spectrum(scan: ArrayLike, n_harmonics: int | None = None) -> Array:
+    """Root of the autocorrelation's Fourier transform: the same content, in units of the scan.
+
+    With all harmonics it holds what the autocorrelation holds, and the distance of two spectra
+    never exceeds the distance of the two scans at their best alignment (in the norm of n_beams
+    numbers).
+
+    Parameters
+    ----------
+    scan : array_like, shape (..., n_beams)
+        Ranges, evenly spread over the full circle.
+    n_harmonics : int, optional
+        How many to keep, the mean (harmonic 0) included; all ``n_beams // 2 + 1`` without it.
+
+    Returns
+    -------
+    ndarray, shape (..., n_harmonics)
+        Scaled so that the squares of all harmonics sum to the squares of the ranges.
+
+    Raises
+    ------
+    ValueError
+        If there is no beam, a number is not finite, or `n_harmonics` is below 1.
+    """
+    scan = _as_scan(scan)
+    n_beams = scan.shape[-1]
+    # Harmonic k of a real scan stands for k and -k, except the mean and, if any, the last.
+    weight = np.full(n_beams // 2 + 1, 2.0)
+    weight[0] = 1.0
+    if n_beams % 2 == 0:
+        weight[-1] = 1.0
+    keep = None if n_harmonics is None else as_count("n_harmonics", n_harmonics, low=1)
+    amplitude = np.abs(np.fft.rfft(scan))[..., :keep]
+    return amplitude * np.sqrt(weight[:keep] / n_beams)
+
+
+def three_numbers(scan: ArrayLike, form: str = "printed") -> Array:
+    """P5's signature of three numbers: largest, smallest, difference of their indices.
+
+    Parameters
+    ----------
+    scan : array_like, shape (..., n_beams)
+        Ranges, evenly spread over the full circle.
+    form : {"printed", "modular", "autocorrelation"}
+        "printed": of the raw scan, indices subtracted as they are. "modular": the difference
+        modulo n_beams, so that it survives a turn. "autocorrelation": of the autocorrelation,
+        whose largest value stands at index 0 and whose smallest stands twice, at tau and
+        n_beams - tau; the smaller index is taken.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+
+    Raises
+    ------
+    ValueError
+        If there is no beam, a number is not finite, or `form` is unknown.
+    """
+    scan = _as_scan(scan)
+    form = as_choice("form", form, ("printed", "modular", "autocorrelation"))
+    n_beams = scan.shape[-1]
+    if form == "autocorrelation":
+        half = autocorrelation(scan)[..., : n_beams // 2 + 1]
+        return np.stack([half[..., 0], half.min(-1), half.argmin(-1).astype(float)], -1)
+    difference = scan.argmax(-1) - scan.argmin(-1)
+    if form == "modular":
+        difference = difference % n_beams
+    return np.stack([scan.max(-1), scan.min(-1), difference.astype(float)], -1)
+
+
+def relative_heading(scan: ArrayLike, reference: ArrayLike) -> Array:
+    """How far the robot turned between two scans from one place.
+
+    Circular cross-correlation by FFT finds the whole number of beams, a parabola through the
+    peak and its neighbours the fraction.
+
+    Parameters
+    ----------
+    scan, reference : array_like, shape (..., n_beams)
+        Ranges of the same place; leading axes broadcast.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Heading of `scan` less heading of `reference` (rad, counterclockwise, in (-pi, pi]).
+
+    Raises
+    ------
+    ValueError
+        If there is no beam, a number is not finite, or the numbers of beams differ.
+    """
+    reference = _as_scan(reference, "reference")
+    scan = as_array("scan", scan, ("...", reference.shape[-1]))
+    misfit = _squared_misfits(scan, None, reference)
+    shift = _refined_minimum(misfit)
+    return np.asarray(wrap_angle(shift * (2 * np.pi / scan.shape[-1])))
+
+
+# Where in a known world was this seen?
+
+SIGNATURES: dict[str, Callable[[Array], Array]] = {
+    "spectrum": lambda scan: spectrum(scan, N_HARMONICS),
+    "autocorrelation": lambda scan: autocorrelation(scan)[..., : scan.shape[-1] // 2 + 1],
+    "three numbers": lambda scan: three_numbers(scan, "autocorrelation"),
+    "modular": lambda scan: three_numbers(scan, "modular"),
+    "printed": lambda scan: three_numbers(scan, "printed"),
+}
+
+
+@dataclass(frozen=True)
+class Location:
+    """Answer of `SignatureMap.locate`; every array has the leading axes of the scans.
+
+    Attributes
+    ----------
+    pose : ndarray, shape (..., 3)
+        Best pose of the body (m, m, rad).
+    residual : ndarray, shape (...)
+        Mean misfit of a beam there (m); a single beam counts at most 5 pitches.
+    second_pose : ndarray, shape (..., 3)
+        Best distinct pose: farther away than 7 pitches, or turned by more than 30 degrees.
+    second_residual : ndarray, shape (...)
+        Its mean misfit (m).
+    ambiguous : ndarray of bool, shape (...)
+        True if the second pose fits worse by less than the pitch of the map.
+    """
+
+    pose: Array
+    residual: Array
+    second_pose: Array
+    second_residual: Array
+    ambiguous: Bools
+
+    @property
+    def margin(self) -> Array:
+        """How much worse (m) the second pose fits, shape (...)."""
+        return np.asarray(self.second_residual - self.residual)
+
+
+class SignatureMap:
+    """Scans of many places of a known world, found again by signatures that ignore the heading.
+
+    A tree over the signatures proposes candidates, the whole scans of the best of them are
+    aligned with the one measured, and the best fit wins. The best fit elsewhere is reported too.
+
+    A beam that met nothing (infinity, or `max_range` and more) counts as `reach`: that it is
+    free so far is knowledge. A missed return (NaN) knows nothing: the signature bridges it by
+    interpolation along the circle, and it has no vote when scans are compared.
+
+    Parameters
+    ----------
+    places : array_like, shape (n, 2)
+        Where the lidar stood (m).
+    scans : array_like, shape (n, n_beams)
+        Noise-free ranges (m) with heading 0; beam i at the angle 2 pi i / n_beams. Kept as
+        float32.
+    pitch : float
+        Distance of neighbouring places (m).
+    reach : float
+        Range (m) that stands for a beam that met nothing.
+    offset : float, default 0.0
+        Distance of the lidar ahead of the body centre (m).
+    signature : {"spectrum", "autocorrelation", "three numbers", "modular", "printed"}
+        What the tree compares: 16 harmonics of `spectrum`, the autocorrelation, or one of the
+        forms of `three_numbers`.
+
+    Attributes
+    ----------
+    places, scans : ndarray
+    pitch, reach, offset : float
+    signature : str
+    tree : scipy.spatial.cKDTree
+        Over the signatures, row for row.
+
+    Raises
+    ------
+    ValueError
+        If there is no place, a shape does not fit, there are fewer than three beams, or a number
+        is out of range.
+    """
+
+    def __init__(
+        self,
+        places: ArrayLike,
+        scans: ArrayLike,
+        pitch: float,
+        reach: float,
+        offset: float = 0.0,
+        signature: str = "spectrum",
+    ) -> None:
+        tiny = float(np.finfo(float).tiny)
+        self.places = as_array("places", places, ("n", 2)).astype(float)
+        if len(self.places) == 0:
+            raise ValueError("places: expected at least one, got none: no cell is free")
+        ranges = as_shaped("scans", scans, (len(self.places), "n_beams"))
+        if ranges.shape[1] < 3:
+            raise ValueError(f"scans: expected at least three beams, got {ranges.shape[1]}")
+        self.pitch = as_scalar("pitch", pitch, low=tiny, high=1e300)
+        self.reach = as_scalar("reach", reach, low=tiny, high=1e300)
+        self.offset = as_scalar("offset", offset, low=-1e300, high=1e300)
+        self.signature = as_choice("signature", signature, tuple(SIGNATURES))
+        self.scans = self._bounded("scans", ranges).astype(np.float32)
+        if np.isnan(self.scans).any():
+            raise ValueError("scans: expected no missed return (NaN) in the scans of a map")
+        self.tree = cKDTree(SIGNATURES[self.signature](_as_scan(self.scans, "scans")))
+
+    @classmethod
+    def build(
+        cls,
+        world: World,
+        lidar: Lidar,
+        stride: int = 2,
+        resolution: float | None = None,
+        signature: str = "spectrum",
+        progress: bool = False,
+    ) -> SignatureMap:
+        """Scan a known world from every `stride`-th cell that is free.
+
+        Parameters
+        ----------
+        world : World
+            A `BitmapWorld` is scanned from the centres of its cells.
+        lidar : Lidar
+            Full circle, beam 0 straight ahead. Its noise is left out; `max_range` and `offset`
+            count.
+        stride : int, default 2
+            P5 takes every second pixel of every second row.
+        resolution : float, optional
+            Side of a cell (m), for worlds without cells such as `WallWorld`.
+        signature : str, default "spectrum"
+            See the class.
+        progress : bool, default False
+            Show a progress bar if tqdm is installed.
+
+        Returns
+        -------
+        SignatureMap
+
+        Raises
+        ------
+        ValueError
+            If the lidar does not see the full circle, `stride` is below 1, the resolution is
+            missing or one too many, or no cell is free.
+        """
+        stride = as_count("stride", stride, low=1)
+        angles = _full_circle(lidar)
+        grid, pitch = _grid(world, stride, resolution)
+        left, bottom, right, top = world.bounds
+        reach = min(float(lidar.max_range), float(np.hypot(right - left, top - bottom)))
+        free = np.asarray(world.is_free(grid))
+        scans = np.empty((int(free.sum()), len(angles)), np.float32)
+        for part in _with_bar(
+            np.array_split(np.arange(len(angles)), len(angles) // 8 + 1), progress
+        ):
+            scans[:, part] = _ranges(world, grid, free, stride, angles[part])
+        return cls(grid[free], scans, pitch, reach, lidar.offset, signature)
+
+    def with_signature(self, signature: str) -> SignatureMap:
+        """Return a map of the same scans that is searched by another signature."""
+        return SignatureMap(
+            self.places, self.scans, self.pitch, self.reach, self.offset, signature
+        )
+
+    @property
+    def n_beams(self) -> int:
+        """Number of beams of a scan."""
+        return int(self.scans.shape[1])
+
+    def __len__(self) -> int:
+        """Return the number of places."""
+        return len(self.places)
+
+    def __repr__(self) -> str:
+        """Return one stable line."""
+        return (
+            f"SignatureMap({len(self)} places, {self.n_beams} beams, "
+            f"pitch {self.pitch:g} m, {self.signature})"
+        )
+
+    def locate(self, scan: ArrayLike, n_candidates: int = N_CANDIDATES) -> Location:
+        """Find pose and heading from one scan, and the best distinct pose that it may be instead.
+
+        Parameters
+        ----------
+        scan : array_like, shape (..., n_beams)
+            Measured ranges (m): infinity met nothing, NaN was missed.
+        n_candidates : int, default 192
+            Among how many of the nearest signatures the best fit of the whole scan decides;
+            1 trusts the signature alone. At least 192 are searched for the second pose.
+
+        Returns
+        -------
+        Location
+
+        Raises
+        ------
+        ValueError
+            If the number of beams differs, a range is negative, or fewer than three returns came.
+        """
+        scan = as_shaped("scan", scan, ("...", self.n_beams))
+        n_candidates = as_count("n_candidates", n_candidates, low=1)
+        ranges = self._bounded("scan", scan).reshape(-1, self.n_beams)
+        few = np.flatnonzero((~np.isnan(ranges)).sum(1) < 3)
+        if few.size:
+            raise ValueError(
+                f"scan: expected at least three returns, scan {few[0]} has "
+                f"{(~np.isnan(ranges[few[0]])).sum()}"
+            )
+        # A few scans at a time: their candidates then stay in the cache.
+        parts = [self._locate(ranges[i : i + 8], n_candidates) for i in range(0, len(ranges), 8)]
+        parts = parts or [self._locate(ranges, n_candidates)]
+        lead = scan.shape[:-1]
+        poses = np.concatenate([part[0] for part in parts]).reshape(*lead, 2, 3)
+        residuals = np.concatenate([part[1] for part in parts]).reshape(*lead, 2)
+        margin = residuals[..., 1] - residuals[..., 0]
+        return Location(
+            pose=poses[..., 0, :],
+            residual=residuals[..., 0],
+            second_pose=poses[..., 1, :],
+            second_residual=residuals[..., 1],
+            ambiguous=np.asarray(margin < self.pitch),
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the map to an npz file, which holds arrays only and no pickle."""
+        with open(path, "wb") as file:
+            np.savez(
+                file,
+                format=np.array(FORMAT),
+                places=self.places,
+                scans=self.scans,
+                numbers=np.array([self.pitch, self.reach, self.offset]),
+                signature=np.array(self.signature),
+            )
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> SignatureMap:
+        """Read a map that `save` wrote.
+
+        Raises
+        ------
+        ValueError
+            If the file is no such map, is truncated or damaged; the message names file and part.
+        FileNotFoundError
+            If there is no file.
+        """
+        parts = _read_parts(path)
+        if str(parts["format"]) != FORMAT:
+            raise ValueError(f"{path}: format: expected {FORMAT!r}, got {str(parts['format'])!r}")
+        try:
+            pitch, reach, offset = as_array("numbers", parts["numbers"], (3,))
+            name = str(parts["signature"])
+            return cls(parts["places"], parts["scans"], pitch, reach, offset, name)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+
+    # Inside the house.
+
+    def _bounded(self, name: str, ranges: Array) -> Array:
+        """Ranges with `reach` for beams that met nothing; NaN stays."""
+        if (ranges < 0).any():
+            raise ValueError(f"{name}: expected distances, got {np.nanmin(ranges):g}")
+        return np.minimum(ranges, self.reach)
+
+    def _locate(self, ranges: Array, n_candidates: int) -> tuple[Array, Array]:
+        """Best and second poses (M, 2, 3) of the body, with residuals (M, 2), of M scans."""
+        known = ~np.isnan(ranges)
+        signatures = SIGNATURES[self.signature](_bridged(ranges, known))
+        k = np.arange(1, min(max(N_CANDIDATES, n_candidates), len(self)) + 1)
+        candidates = self.tree.query(signatures, k=k)[1]
+        poses, residuals = self._fits(ranges, known, candidates)
+        rows = np.arange(len(ranges))
+        best = residuals[:, :n_candidates].argmin(1)
+        # The same place once more, with every heading but the best, is the last candidate.
+        turned = self._fits(ranges, known, candidates[rows, best, None], poses[rows, best, 2])
+        candidates = np.column_stack([candidates, candidates[rows, best]])
+        distinct = self._distinct(poses, poses[rows, best][:, None])
+        misfits = np.column_stack([np.where(distinct, residuals, np.inf), turned[1]])
+        poses = np.concatenate([poses, turned[0]], 1)
+        two = rows[:, None], np.column_stack([best, misfits.argmin(1)])
+        heading, residual = self._polished(ranges, known, candidates[two], poses[two][..., 2])
+        poses = np.concatenate([self.places[candidates[two]], heading[..., None]], -1)
+        if n_candidates > 1:  # otherwise the nearest signature comes first, however it fits
+            order = rows[:, None], residual.argsort(1, kind="stable")
+            poses, residual = poses[order], residual[order]
+        return _body(poses, self.offset), residual
+
+    def _distinct(self, poses: Array, best: Array) -> Bools:
+        """Whether poses of the lidar stand elsewhere than the best one, or look elsewhere."""
+        gap = np.linalg.norm(poses[..., :2] - best[..., :2], axis=-1)
+        turn = np.abs(wrap_angle(poses[..., 2] - best[..., 2]))
+        return np.asarray((gap > SEPARATION * self.pitch) | (turn > OTHER_HEADING))
+
+    def _fits(
+        self,
+        ranges: Array,
+        known: Bools,
+        candidates: NDArray[np.intp],
+        shut_out: Array | None = None,
+    ) -> tuple[Array, Array]:
+        """Poses (M, k, 3) of the lidar at its candidate places (M, k), and residuals (M, k).
+
+        Headings around `shut_out` (M,) do not count, if given.
+        """
+        stored = self.scans[candidates].astype(float)
+        scan = np.where(known, ranges, 0.0)[:, None]
+        misfit = _squared_misfits(scan, None if known.all() else known[:, None], stored)
+        step = 2 * np.pi / self.n_beams
+        if shut_out is not None:
+            away = wrap_angle(np.arange(self.n_beams) * step - shut_out[:, None, None])
+            misfit = np.where(np.abs(away) > OTHER_HEADING, misfit, np.inf)
+        shift = _refined_minimum(misfit)
+        heading = np.asarray(wrap_angle(shift * step))
+        poses = np.concatenate([self.places[candidates], heading[..., None]], -1)
+        return poses, self._residuals(ranges, known, candidates, shift[..., None])[..., 0]
+
+    def _polished(
+        self, ranges: Array, known: Bools, candidates: NDArray[np.intp], heading: Array
+    ) -> tuple[Array, Array]:
+        """Headings (M, k) with the least capped misfit within half a beam, and that misfit.
+
+        The parabola serves squares, which one jump at a corner can rule; the cap bounds its say.
+        """
+        step = 2 * np.pi / self.n_beams
+        shift = heading[..., None] / step + np.linspace(-0.5, 0.5, 21)
+        residual = self._residuals(ranges, known, candidates, shift)
+        best = residual.argmin(-1)[..., None]
+        shift = np.take_along_axis(shift, best, -1)[..., 0]
+        return wrap_angle(shift * step), np.take_along_axis(residual, best, -1)[..., 0]
+
+    def _residuals(
+        self, ranges: Array, known: Bools, candidates: NDArray[np.intp], shift: Array
+    ) -> Array:
+        """Mean capped misfit (M, k, s) of scans at candidates (M, k) turned by shifts."""
+        out = np.empty(shift.shape)
+        cap = CAP * self.pitch
+        capped_misfits(self.scans, candidates, ranges, known, shift, cap, out)
+        return out
+
+
+def _body(poses: Array, offset: float) -> Array:
+    """Poses of the body from those of a lidar mounted `offset` ahead."""
+    heading = poses[..., 2]
+    lever = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], -1)
+    return poses - offset * lever
+
+
+def _as_scan(scan: ArrayLike, name: str = "scan") -> Array:
+    scan = as_array(name, scan, ("...", "n_beams")).astype(float, copy=False)
+    if scan.shape[-1] == 0:
+        raise ValueError(f"{name}: expected at least one beam, got none")
+    return scan
+
+
+def _squared_misfits(scan: Array, known: Bools | None, reference: Array) -> Array:
+    """Sum of squared differences at every shift: scan[i] against reference[i + shift].
+
+    Unknown beams must be 0 in `scan`; None says that all are known.
+    """
+    n_beams = scan.shape[-1]
+    transform = np.conj(np.fft.rfft(scan))
+    product = np.fft.irfft(transform * np.fft.rfft(reference), n_beams)
+    square = (scan**2).sum(-1)[..., None]
+    if known is None:
+        return square + (reference**2).sum(-1)[..., None] - 2 * product
+    voting = np.conj(np.fft.rfft(known.astype(float)))
+    return square + np.fft.irfft(voting * np.fft.rfft(reference**2), n_beams) - 2 * product
+
+
+def _refined_minimum(misfit: Array) -> Array:
+    """Position (in beams, with fraction) of the least entry along the circle."""
+    n_beams = misfit.shape[-1]
+    best = misfit.argmin(-1)
+    before, at, after = (
+        np.take_along_axis(misfit, (best + step)[..., None] % n_beams, -1)[..., 0]
+        for step in (-1, 0, 1)
+    )
+    # Vertex of the parabola through three points; none where a neighbour is shut out or level.
+    curvature = before - 2 * at + after
+    usable = np.isfinite(curvature) & (curvature > 0)
+    rise = np.where(usable, before, 0.0) - np.where(usable, after, 0.0)
+    fraction = 0.5 * rise / np.where(usable, curvature, 1.0)
+    return np.asarray(best + np.clip(fraction, -0.5, 0.5))
+
+
+def _bridged(ranges: Array, known: Bools) -> Array:
+    """Missed returns filled in between their neighbours on the circle."""
+    if known.all():
+        return ranges
+    filled = ranges.copy()
+    beams = np.arange(ranges.shape[1])
+    for row in np.flatnonzero(~known.all(1)):
+        there = known[row]
+        filled[row] = np.interp(beams, beams[there], ranges[row, there], period=len(beams))
+    return filled
+
+
+def _full_circle(lidar: Lidar) -> Array:
+    """Beam angles, if they are those of a full circle."""
+    angles = lidar.beam_angles
+    due = np.arange(len(angles)) * (2 * np.pi / len(angles))
+    if len(angles) < 3 or np.abs(wrap_angle(angles - due)).max() > 1e-9:
+        raise ValueError(
+            "lidar: expected three or more beams over the full circle, got "
+            f"{len(angles)} over {lidar.field_of_view:g} rad"
+        )
+    return angles
+
+
+def _grid(world: World, stride: int, resolution: float | None) -> tuple[Array, float]:
+    """Points (rows, columns, 2) from which a world is scanned, and their distance."""
+    if isinstance(world, BitmapWorld):
+        if resolution is not None:
+            raise ValueError(
+                f"resolution: expected None, a bitmap has its own, got {resolution:g}"
+            )
+        return world.centres(stride), stride * world.resolution
+    if resolution is None:
+        raise ValueError("resolution: expected the side of a cell (m) for a world without cells")
+    cell = as_scalar("resolution", resolution, 1e-9, 1e9)
+    left, bottom, right, top = world.bounds
+    x = np.arange(left + cell / 2, right, stride * cell)
+    y = np.arange(bottom + cell / 2, top, stride * cell)
+    return np.stack(np.meshgrid(x, y), -1), stride * cell
+
+
+def _ranges(world: World, grid: Array, free: Bools, stride: int, angles: Array) -> Array:
+    """Ranges (n, n_angles) from the free points of the grid; inf where a beam met nothing."""
+    if isinstance(world, BitmapWorld):
+        # All cells share their directions: one sweep over the bitmap for each.
+        return world.cast_everywhere(angles, stride=stride)[:, free].T
+    return world.cast(grid[free][:, None], angles)
+
+
+def _with_bar(parts: list[NDArray[np.intp]], progress: bool) -> Iterable[NDArray[np.intp]]:
+    if not progress:
+        return parts
+    try:
+        from tqdm import tqdm
+    except ImportError:
+        return parts
+    return tqdm(parts, desc="scanning", unit="directions")
+
+
+def _read_parts(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
+    """All arrays of the file, or an error that names what is wrong with it."""
+    names = ("format", "places", "scans", "numbers", "signature")
+    try:
+        file = np.load(path, allow_pickle=False)
+        if not isinstance(file, np.lib.npyio.NpzFile):
+            raise ValueError("a single array")
+        with file:
+            missing = [name for name in names if name not in file.files]
+            if missing:
+                raise ValueError(f"a file where {missing[0]!r} is missing")
+            return {name: file[name] for name in names}
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: expected a signature map (npz), got {error}") from error
