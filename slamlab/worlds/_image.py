@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,25 +32,41 @@ def read_map(path: Path) -> MapImage:
 
 
 def read_grey(path: Path) -> NDArray[np.uint8]:
-    """Grey values (rows, columns) of an image, row 0 at the bottom."""
-    from PIL import Image, UnidentifiedImageError
+    """Grey values (rows, columns) of an image, row 0 at the bottom; transparent is white."""
+    from PIL import Image
 
     with path.open("rb") as file:
-        try:
-            with Image.open(file) as image:
-                if image.width * image.height > MOST_PIXELS:
-                    raise ValueError(
-                        f"{path}: expected at most {MOST_PIXELS} pixels, "
-                        f"got {image.width} x {image.height}"
-                    )
-                if image.mode.startswith(("I", "F")):
-                    raise ValueError(f"{path}: expected 8 bits a channel, got {image.mode}")
-                grey = np.asarray(image.convert("L"))
-        except (UnidentifiedImageError, Image.DecompressionBombError, OSError) as error:
-            raise ValueError(f"{path}: expected a readable image, got: {error}") from error
-        except (SyntaxError, EOFError, IndexError, TypeError, OverflowError) as error:
-            raise ValueError(f"{path}: expected a readable image, got: {error}") from error
-    return grey[::-1]
+        image = _guarded(path, lambda: Image.open(file))
+        # Only the head of the file has been read so far.
+        if image.width * image.height > MOST_PIXELS:
+            raise ValueError(
+                f"{path}: expected at most {MOST_PIXELS} pixels, "
+                f"got {image.width} x {image.height}"
+            )
+        if image.mode.startswith(("I", "F")):
+            raise ValueError(f"{path}: expected 8 bits a channel, got mode {image.mode}")
+        return _guarded(path, lambda: _grey(image))[::-1]
+
+
+def _grey(image: Any) -> NDArray[np.uint8]:
+    from PIL import Image
+
+    if image.has_transparency_data:
+        image = image.convert("RGBA")
+        image = Image.alpha_composite(Image.new("RGBA", image.size, "white"), image)
+    return np.asarray(image.convert("L"))
+
+
+def _guarded(path: Path, read: Callable[[], Any]) -> Any:
+    """Let Pillow read, and name the file whatever goes wrong in it."""
+    from PIL import Image
+
+    try:
+        return read()
+    except (OSError, ValueError, SyntaxError, EOFError, LookupError, TypeError) as error:
+        raise ValueError(f"{path}: expected a readable image, got: {error}") from error
+    except (Image.DecompressionBombError, OverflowError, struct.error) as error:
+        raise ValueError(f"{path}: expected a readable image, got: {error}") from error
 
 
 def _read_ros(path: Path) -> MapImage:

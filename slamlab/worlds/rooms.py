@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_rng
+from slamlab.worlds._clearance import segment_clearance
 from slamlab.worlds.bitmap import BitmapWorld
 from slamlab.worlds.walls import WallWorld
 
@@ -100,7 +101,7 @@ def random_room(rng: np.random.Generator, n_obstacles: int = 5) -> BitmapWorld:
     Returns
     -------
     BitmapWorld
-        All places with a clearance of 0.23 m or more are connected, so a square robot of 0.30 m
+        All cells with a clearance of 0.23 m or more are connected, so a square robot of 0.30 m
         (half diagonal 0.212 m) can reach every one from every other.
     """
     rng = as_rng("rng", rng)
@@ -109,7 +110,8 @@ def random_room(rng: np.random.Generator, n_obstacles: int = 5) -> BitmapWorld:
     while placed < n_obstacles:
         trial = cells.copy()
         _random_obstacle(trial, rng)
-        if _connected(trial, 23.0):
+        room = BitmapWorld(trial, 0.01)
+        if _connected(room.clearance(room.centres()) >= 0.23):
             cells, placed = trial, placed + 1
     return BitmapWorld(cells, 0.01)
 
@@ -125,7 +127,7 @@ def box_room() -> WallWorld:
 
 
 def random_box_room(rng: np.random.Generator) -> WallWorld:
-    """Draw a room of 7 m to 12 m by 6 m to 9 m with two to five turned boxes.
+    """Draw a room of 7 m to 12 m by 6 m to 9 m with up to five turned boxes, at least one.
 
     Parameters
     ----------
@@ -134,22 +136,29 @@ def random_box_room(rng: np.random.Generator) -> WallWorld:
     Returns
     -------
     WallWorld
-        All places with a clearance of 0.42 m or more are connected, so a robot of 0.6 m x 0.4 m
-        (half diagonal 0.36 m) can reach every one from every other. Boxes stand apart.
+        Boxes keep 1 m from the walls and from each other. Grown by half of that they are convex
+        and apart, so what is left hangs together: a robot of 0.6 m x 0.4 m (half diagonal 0.36 m)
+        reaches every place that has a clearance of its half diagonal.
     """
     rng = as_rng("rng", rng)
     size = rng.uniform((7, 6), (12, 9)).round(2)
     outlines = [_box(0, 0, *size)]
-    n_boxes = rng.integers(2, 6)
-    while len(outlines) <= n_boxes:
-        centre, sides = rng.uniform((0, 0), size), rng.uniform(0.5, 2.0, 2)
-        box = _turned_box(centre, sides, rng.uniform(0, np.pi / 2)).round(4)
+    for _ in range(20 * rng.integers(2, 6)):
+        sides = rng.uniform(0.5, 2.0, 2)
+        box = _turned_box(rng.uniform(0, size), sides, rng.uniform(0, np.pi / 2)).round(4)
         room = WallWorld.from_polygons(*outlines)
-        apart = not room.collides(box - centre + 0.3 * np.sign(box - centre), [*centre, 0.0])
-        bitmap = WallWorld.from_polygons(*outlines, box).to_bitmap(0.05)
-        if apart and _connected(bitmap.occupied, 8.4):
+        gap = min(room.clearance(box).min(), _distance(box, np.concatenate(outlines)))
+        if gap >= 1.0 and len(outlines) <= 5:
             outlines.append(box)
-    return WallWorld.from_polygons(*outlines)
+    return WallWorld.from_polygons(*outlines) if len(outlines) > 1 else random_box_room(rng)
+
+
+def _distance(outline: Array, points: Array) -> float:
+    """Distance from the nearest of points (n, 2) to the sides of an outline."""
+    segments = np.stack([outline, np.roll(outline, -1, axis=0)], 1)
+    out = np.empty(len(points))
+    segment_clearance(segments, points, out)
+    return float(out.min())
 
 
 def _empty(rows: int, columns: int) -> NDArray[np.bool_]:
@@ -193,8 +202,6 @@ def _random_obstacle(cells: NDArray[np.bool_], rng: np.random.Generator) -> None
     _polygon(cells, _turned_box((x, y), rng.uniform(20, 110, 2), angle))
 
 
-def _connected(occupied: NDArray[np.bool_], clearance: float) -> bool:
-    """Tell whether the cells with this clearance (cells) form one piece, and a large one."""
-    # From cell centre to cell centre; a border is up to 0.71 cells nearer than its cell's centre.
-    wide = ndimage.distance_transform_edt(~occupied) >= clearance
+def _connected(wide: NDArray[np.bool_]) -> bool:
+    """Tell whether the wide places form one piece, and a large one."""
     return ndimage.label(wide)[1] == 1 and wide.sum() > 0.2 * wide.size

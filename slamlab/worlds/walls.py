@@ -142,9 +142,10 @@ class WallWorld:
         centres = np.stack(np.meshgrid(x, y), -1)
         half = 0.5 * resolution
         cell = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        occupied = ~self.is_free(centres)
+        clearance = self.clearance(centres)
+        occupied = clearance == 0
         poses = np.concatenate([centres, np.zeros((*centres.shape[:-1], 1))], -1)
-        near = ~occupied & (self.clearance(centres) <= 1.5 * half)
+        near = ~occupied & (clearance <= 1.5 * half)
         occupied[near] = self._crosses(cell, poses[near], poses[near])
         return BitmapWorld(occupied, resolution, (left - margin, bottom - margin))
 
