@@ -77,10 +77,10 @@ def autocorrelation(scan: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> autocorrelation([1, 2, 0, 0]).round(6).tolist()
-    [5.0, 2.0, 0.0, 2.0]
-    >>> autocorrelation([0, 0, 1, 2]).round(6).tolist()
-    [5.0, 2.0, 0.0, 2.0]
+    >>> autocorrelation([1, 2, 4, 0]).round(6).tolist()
+    [21.0, 10.0, 8.0, 10.0]
+    >>> autocorrelation([4, 0, 1, 2]).round(6).tolist()
+    [21.0, 10.0, 8.0, 10.0]
     """
     scan = _as_scan(scan)
     # Wiener and Khinchin: the transform of R is the squared modulus of the scan's transform.
@@ -267,6 +267,16 @@ class SignatureMap:
     ValueError
         If there is no place, a shape does not fit, there are fewer than three beams, or a number
         is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.sensors import Lidar
+    >>> from slamlab.worlds import rooms
+    >>> room, lidar = rooms.thesis_room(), Lidar(120)
+    >>> atlas = SignatureMap.build(room, lidar, stride=8)
+    >>> found = atlas.locate(lidar.scan(room, [1.0, 2.0, 0.7]))
+    >>> found.pose.round(1).tolist(), bool(found.ambiguous)
+    ([1.0, 2.0, 0.7], False)
     """
 
     def __init__(
