@@ -9,12 +9,14 @@ from slamlab.sensors.scan_motion import (
     turn_as_printed,
     turn_between,
 )
+from slamlab.sensors.sonar import Sonar
 from slamlab.sensors.wall import Wall
 
 __all__ = [
     "Lidar",
     "RangeBearing",
     "ScanGeometry",
+    "Sonar",
     "Wall",
     "displacement_as_printed",
     "motion_between",

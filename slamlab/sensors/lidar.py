@@ -130,7 +130,7 @@ class Lidar:
         heading = poses[..., 2]
         ahead = np.stack([np.cos(heading), np.sin(heading)], -1)
         positions = poses[..., :2] + self.offset * ahead
-        _refuse_walls(world, positions)
+        refuse_walls(world, positions)
         beams = heading[..., None] + self.beam_angles
         ranges = world.cast(positions[..., None, :], beams, self.max_range)
         return ranges if rng is None else self._disturbed(ranges, rng)
@@ -164,12 +164,13 @@ class Lidar:
         return noisy
 
 
-def _refuse_walls(world: BeamWorld, positions: Array) -> None:
+def refuse_walls(world: BeamWorld, positions: Array) -> None:
+    """Raise ValueError if a sensor at one of the positions (..., 2) would stand in a wall."""
     inside = ~np.asarray(world.is_free(positions))
     if inside.any():
         where = tuple(int(i) for i in np.argwhere(inside)[0])
         x, y = positions[where]
         raise ValueError(
-            f"poses: expected the lidar in free space, at index {where} it stands at "
+            f"poses: expected the sensor in free space, at index {where} it stands at "
             f"({x:.3g}, {y:.3g}), inside an obstacle or outside the world"
         )
