@@ -26,7 +26,6 @@ __all__ = [
     "Location",
     "SignatureMap",
     "autocorrelation",
-    "relative_heading",
     "spectrum",
     "three_numbers",
 ]
@@ -156,34 +155,6 @@ def three_numbers(scan: ArrayLike, form: str = "printed") -> Array:
     if form == "modular":
         difference = difference % n_beams
     return np.stack([scan.max(-1), scan.min(-1), difference.astype(float)], -1)
-
-
-def relative_heading(scan: ArrayLike, reference: ArrayLike) -> Array:
-    """How far the robot turned between two scans from one place.
-
-    Circular cross-correlation by FFT finds the whole number of beams, a parabola through the
-    peak and its neighbours the fraction.
-
-    Parameters
-    ----------
-    scan, reference : array_like, shape (..., n_beams)
-        Ranges of the same place; leading axes broadcast.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Heading of `scan` less heading of `reference` (rad, counterclockwise, in (-pi, pi]).
-
-    Raises
-    ------
-    ValueError
-        If there is no beam, a number is not finite, or the numbers of beams differ.
-    """
-    reference = _as_scan(reference, "reference")
-    scan = as_array("scan", scan, ("...", reference.shape[-1]))
-    misfit = _squared_misfits(scan, None, reference)
-    shift = _refined_minimum(misfit)
-    return np.asarray(wrap_angle(shift * (2 * np.pi / scan.shape[-1])))
 
 
 # Where in a known world was this seen?

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 
 from slamlab.localization.signature import (
     autocorrelation,
-    relative_heading,
     spectrum,
     three_numbers,
 )
-from slamlab.sensors.lidar import Lidar
+from slamlab.sensors import Lidar, turn_as_printed, turn_between
 from slamlab.worlds import rooms
 
 PIXELS = st.lists(st.integers(0, 566), min_size=2, max_size=60)  # 566: diagonal of 400 x 400
@@ -299,21 +298,22 @@ def test_a_turn_by_whole_beams_is_found_exactly_and_in_radians(scans, beams):
     step = 2 * np.pi / 120
     turned = np.roll(scans[0], -beams)  # beam 0 now looks where beam `beams` did
     due = (beams * step + np.pi) % (2 * np.pi) - np.pi
-    found = relative_heading(turned, scans[0])
+    found = turn_between(scans[0], turned)
     assert found == pytest.approx(due, abs=1e-9) or abs(abs(due) - np.pi) < 1e-9
     # Wrong: `Whatangle` returns the number of beams, and calls it degrees.
+    printed = turn_as_printed(scans[0], turned)
+    assert np.cos(printed * step - due) == pytest.approx(1)
     if beams:
-        assert abs(np.rad2deg(found) - beams) > 0.5
+        assert abs(np.rad2deg(found) - printed) > 0.5
 
 
 def test_a_turn_between_two_beams_is_found_to_a_fraction_of_a_beam():
     room, lidar, rng = rooms.thesis_room(), Lidar(120), np.random.default_rng(3)
     turns = rng.uniform(-np.pi, np.pi, 200)
     poses = np.column_stack([np.full((200, 2), [1.937, 2.113]), turns])
-    error = (
-        relative_heading(lidar.scan(room, poses), lidar.scan(room, [1.937, 2.113, 0.0])) - turns
-    )
+    before = lidar.scan(room, [1.937, 2.113, 0.0])
+    error = turn_between(before, lidar.scan(room, poses)) - turns
     error = np.rad2deg(np.abs((error + np.pi) % (2 * np.pi) - np.pi))
     whole = np.rad2deg(np.abs(turns - np.rint(turns * 120 / (2 * np.pi)) * 2 * np.pi / 120))
-    assert np.median(error) < 0.6 * np.median(whole)
-    assert error.max() < 2.0
+    assert np.median(error) < 0.2 * np.median(whole)
+    assert error.max() < 1.0

@@ -11,7 +11,6 @@ from slamlab.localization.signature import (
     SEPARATION,
     SIGNATURES,
     SignatureMap,
-    relative_heading,
     spectrum,
     three_numbers,
 )
@@ -436,20 +435,16 @@ def test_an_unknown_form_of_three_numbers_is_refused(form):
 
 
 def test_signatures_refuse_scans_that_are_not_whole():
-    for function in (spectrum, three_numbers, lambda scan: relative_heading(scan, scan)):
+    for function in (spectrum, three_numbers):
         with pytest.raises(ValueError, match="expected finite numbers"):
             function([1.0, np.nan, 2.0])
         with pytest.raises(ValueError, match="expected at least one beam"):
             function(np.ones((3, 0)))
     with pytest.raises(ValueError, match="n_harmonics: expected at least 1"):
         spectrum(np.ones(4), 0)
-    with pytest.raises(ValueError, match=r"scan: expected shape \(..., 4\)"):
-        relative_heading(np.ones(3), np.ones(4))
 
 
 def test_batches_of_signatures_are_row_by_row():
     scans = np.random.default_rng(7).uniform(0, 4, (2, 5, 9))
     for function in (spectrum, three_numbers):
         np.testing.assert_allclose(function(scans)[1, 3], function(scans[1, 3]), atol=1e-12)
-    turned = relative_heading(scans, np.roll(scans, 2, axis=-1))
-    np.testing.assert_allclose(turned, 2 * 2 * np.pi / 9, atol=0.4)
