@@ -77,7 +77,9 @@ class FastSlam:
     threshold : float, default 0.5
         Resample when the effective sample size falls below this share of the particles.
     gate : float, default 0.99
-        Probability that a true pair passes the gate of the built-in association.
+        Probability that a true pair passes the gate of the built-in association. A measurement
+        starts a landmark if it lies twice as far (in squared distance) from all others, where a
+        true pair comes with probability (1 - gate)^2; in between it is left out.
     detection : (float, float), optional
         Probability that a landmark in view is measured if it exists, and if it does not. With
         unknown association each landmark then keeps log odds of its existence, and is removed
@@ -269,6 +271,8 @@ class FastSlam:
         new = correct(self.sensor, prediction, comparison, old).fields
         if (seen & ~met).any():
             new = np.where(met, new, self._started(poses, z).fields)
+        if not np.isfinite(new[:5, seen]).all():
+            raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         new[5] += self._hit
         # 3. Nothing can fail any more: change the filter, and resample if the weights say so.
         self.poses, self.log_weights = poses, log_weights
@@ -357,7 +361,8 @@ class FastSlam:
         """Landmarks that each particle would start from each measurement: g and G_z R G_z^T."""
         mean = self.sensor.locate(poses[:, None], z)
         _, G = self.sensor.locate_jacobians(poses[:, None], z)
-        cov = G @ self.sensor.cov @ np.swapaxes(G, -1, -2)
+        with np.errstate(over="ignore", invalid="ignore"):
+            cov = G @ self.sensor.cov @ np.swapaxes(G, -1, -2)
         return Landmarks.from_moments(mean, cov, np.zeros(mean.shape[:-1]))
 
     def _doubt_the_unseen(self, columns: Indices) -> None:
@@ -390,7 +395,10 @@ class FastSlam:
         names = list(np.asarray(ids).tolist() if isinstance(ids, np.ndarray) else ids)
         if len(names) != k:
             raise ValueError(f"ids: expected {k} names, one a measurement, got {len(names)}")
-        repeated = [name for name, count in Counter(names).items() if count > 1]
+        try:
+            repeated = [name for name, count in Counter(names).items() if count > 1]
+        except TypeError as error:
+            raise ValueError(f"ids: expected names that can be keys, got {names!r}") from error
         if repeated:
             raise ValueError(f"ids: expected each name once, got {repeated[0]!r} twice or more")
         return names
@@ -432,12 +440,12 @@ class FastSlam:
         if n == 0:
             return columns
         prediction = predict(self.sensor, poses, landmarks, root)
-        score = np.empty((M, len(z), n))
+        score, near = np.empty((M, len(z), n)), np.empty((M, len(z)), bool)
         for j, one in enumerate(z):
             pair = compare(self.sensor, prediction, one)
-            fits = landmarks.present & (pair.distance <= self._gate)
-            score[:, j] = np.where(fits, pair.log_density, -np.inf)
-        inside = (score > -np.inf).any(2)
+            distance = np.where(landmarks.present, pair.distance, np.inf)
+            score[:, j] = np.where(distance <= self._gate, pair.log_density, -np.inf)
+            near[:, j] = (distance <= 2 * self._gate).any(1)
         for _ in range(min(len(z), n)):
             best = score.reshape(M, -1).argmax(1)
             j, column = np.divmod(best, n)
@@ -445,8 +453,8 @@ class FastSlam:
             columns[row, j[row]] = column[row]
             score[row, j[row]] = -np.inf
             score[row, :, column[row]] = -np.inf
-        # Inside the gate of a landmark that another measurement took: not new, and not that one.
-        return np.where((columns == NEW) & inside, IGNORED, columns)
+        # Too far to be a landmark of the map, too near to be another one.
+        return np.where((columns == NEW) & near, IGNORED, columns)
 
     def _ask(
         self, associate: Associate, z: Array, poses: Array, root: Array | None, all_: Landmarks
@@ -547,9 +555,8 @@ class FastSlam:
         """
         n = self._named().n_landmarks
         means, covs = self.landmark_estimates
-        deviation = np.concatenate(
-            [self._pose_deviation(), (means - self.landmarks).reshape(-1, 2 * n)], 1
-        )
+        off = (means - self.landmarks).reshape(self.n_particles, 2 * n)
+        deviation = np.concatenate([self._pose_deviation(), off], 1)
         cov = (deviation * self.weights[:, None]).T @ deviation
         inner = np.tensordot(self.weights, covs, 1)
         for j in range(n):
@@ -673,7 +680,8 @@ def _log_odds(detection: tuple[float, float] | None) -> tuple[float, float]:
     """Evidence for existence in a sighting, and in its absence."""
     if detection is None:
         return 0.0, 0.0
-    real, false = (as_scalar("detection", p, 1e-6, 1 - 1e-6) for p in detection)
+    both = as_array("detection", detection, (2,))
+    real, false = (as_scalar("detection", p, 1e-6, 1 - 1e-6) for p in both)
     if real <= false:
         raise ValueError(f"detection: expected the first above the second, got {detection}")
     return float(np.log(real / false)), float(np.log((1 - real) / (1 - false)))
