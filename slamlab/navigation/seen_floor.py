@@ -1,0 +1,422 @@
+"""What an exploring robot knows of the floor: seen free, seen occupied, or unknown.
+
+A coarse grid, fed with whole scans, that answers where the unknown begins (the frontier of
+Yamauchi 1997), where the body fits, and how to get there. Chapters 18 and 20.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab.mapping.occupancy import BeamSensor
+
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "SeenFloor"]
+
+UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+
+# Between beams that are farther apart than this (rad) nothing is known.
+_WIDEST_WEDGE = np.deg2rad(12.5)
+# End points of neighbouring beams nearer than this many cells belong to one wall.
+_WALL_STEP = 3.0
+
+
+class SeenFloor:
+    """A grid of cells that are unknown, free or occupied.
+
+    A cell is free when its centre lies between two neighbouring beams and nearer than both their
+    ends; it is occupied when a beam ended in it, and stays so.
+
+    Parameters
+    ----------
+    bounds : array_like, shape (4,)
+        Left, bottom, right, top of the sheet (m).
+    resolution : float, default 0.05
+        Side of a cell (m).
+
+    Attributes
+    ----------
+    state : ndarray of uint8, shape (rows, columns)
+        `UNKNOWN`, `FREE` or `OCCUPIED`; row 0 at the bottom.
+    resolution : float
+    origin : ndarray, shape (2,)
+        Lower left corner (m).
+    shut : ndarray of bool, shape (rows, columns)
+        Frontier cells that a scan from close by did not clear up: they are left alone.
+
+    Raises
+    ------
+    ValueError
+        If the sheet is empty or a number is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.sensors.scan import ScanGeometry
+    >>> floor = SeenFloor([0, 0, 4, 1], 1.0)
+    >>> beams = ScanGeometry(np.deg2rad([-5, 5]))
+    >>> floor.insert([0.5, 0.5, 0.0], [2.0, 2.0], beams)
+    >>> floor.state.tolist()
+    [[1, 1, 2, 0]]
+    """
+
+    def __init__(self, bounds: ArrayLike, resolution: float = 0.05) -> None:
+        left, bottom, right, top = as_array("bounds", bounds, (4,))
+        self.resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
+        if not (left < right and bottom < top):
+            raise ValueError(f"bounds: expected left < right and bottom < top, got {bounds!r}")
+        self.origin = np.array([left, bottom])
+        size = np.array([top - bottom, right - left]) / self.resolution
+        rows, columns = np.ceil(size - 1e-9).astype(int)
+        self.state = np.zeros((rows, columns), dtype=np.uint8)
+        self.shut = np.zeros((rows, columns), dtype=np.bool_)
+
+    def __repr__(self) -> str:
+        """Return size and resolution."""
+        rows, columns = self.state.shape
+        return f"SeenFloor({rows} x {columns} cells of {self.resolution:g} m)"
+
+    @property
+    def centres(self) -> Array:
+        """Centres of the cells (m), shape (rows, columns, 2)."""
+        rows, columns = self.state.shape
+        x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+        return self.origin + self.resolution * np.stack([x, y], -1)
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top (m), as matplotlib's `imshow` wants it."""
+        rows, columns = self.state.shape
+        left, bottom = (float(v) for v in self.origin)
+        width, height = columns * self.resolution, rows * self.resolution
+        return left, left + width, bottom, bottom + height
+
+    def cell(self, point: ArrayLike) -> tuple[int, int]:
+        """Row and column of the cell of a point (2,), or of the nearest cell of the sheet."""
+        point = as_array("point", point, (2,))
+        column, row = np.floor((point - self.origin) / self.resolution).astype(int)
+        rows, columns = self.state.shape
+        return int(np.clip(row, 0, rows - 1)), int(np.clip(column, 0, columns - 1))
+
+    def insert(self, pose: ArrayLike, ranges: ArrayLike, lidar: BeamSensor) -> None:
+        """Add what one scan shows.
+
+        Parameters
+        ----------
+        pose : array_like, shape (3,)
+            Body in the world (m, m, rad).
+        ranges : array_like, shape (n_beams,)
+            Measured ranges (m): inf, or ``lidar.max_range`` and more, met nothing up to there;
+            NaN says nothing.
+        lidar : BeamSensor
+
+        Raises
+        ------
+        ValueError
+            If a shape does not fit, the pose is not finite or a range is negative.
+        """
+        pose = as_array("pose", pose, (3,))
+        angles = np.asarray(lidar.beam_angles, dtype=float)
+        ranges = as_shaped("ranges", ranges, (len(angles),))
+        if (ranges < 0).any():
+            raise ValueError(f"ranges: expected distances, got {np.nanmin(ranges):g}")
+        order = np.argsort(angles)
+        angles, ranges = angles[order], ranges[order]
+        met = ranges < lidar.max_range
+        reach = np.where(np.isnan(ranges), 0.0, np.minimum(ranges, lidar.max_range))
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        x = (pose[0] + lidar.offset * c - self.origin[0]) / self.resolution
+        y = (pose[1] + lidar.offset * s - self.origin[1]) / self.resolution
+        # Endless beams are cut where they have left the sheet for certain.
+        longest = sum(self.state.shape) + np.hypot(x, y)
+        reach = np.minimum(reach / self.resolution, longest)
+        _mark_walls(self.state, x, y, pose[2], angles, reach, met)
+        _mark_free(self.state, x, y, pose[2], angles, reach)
+
+    def frontier(self) -> NDArray[np.bool_]:
+        """Free cells beside an unknown one, shape (rows, columns), without the `shut` ones."""
+        unknown = self.state == UNKNOWN
+        beside = np.zeros_like(unknown)
+        beside[1:] |= unknown[:-1]
+        beside[:-1] |= unknown[1:]
+        beside[:, 1:] |= unknown[:, :-1]
+        beside[:, :-1] |= unknown[:, 1:]
+        return beside & (self.state == FREE) & ~self.shut
+
+    def shut_near(self, point: ArrayLike, radius: float) -> None:
+        """Give up the frontier cells within `radius` (m) of a point (2,): the scan is taken."""
+        row, column = self.cell(point)
+        reach = int(np.ceil(radius / self.resolution))
+        rows = slice(max(row - reach, 0), row + reach + 1)
+        columns = slice(max(column - reach, 0), column + reach + 1)
+        gap = self.centres_of(rows, columns) - np.asarray(point, dtype=float)
+        near = np.hypot(gap[..., 0], gap[..., 1]) <= radius
+        self.shut[rows, columns] |= near & self.frontier()[rows, columns]
+
+    def centres_of(self, rows: slice, columns: slice) -> Array:
+        """Centres (m) of a part of the sheet, shape (rows, columns, 2)."""
+        row = np.arange(*rows.indices(self.state.shape[0])) + 0.5
+        column = np.arange(*columns.indices(self.state.shape[1])) + 0.5
+        return self.origin + self.resolution * np.stack(np.meshgrid(column, row), -1)
+
+    def fits(self, radius: float) -> NDArray[np.bool_]:
+        """Cells where a disc lies on seen free floor, shape (rows, columns).
+
+        Parameters
+        ----------
+        radius : float
+            Radius of the disc (m). Half the diagonal of a cell is kept in addition, for only the
+            centres of cells were seen.
+        """
+        free = np.pad(self.state == FREE, 1)
+        distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
+        return distance >= radius + self.resolution * np.sqrt(0.5)
+
+    def distances(self, start: ArrayLike, radius: float) -> tuple[Array, NDArray[np.int32]]:
+        """Lengths of the shortest ways of a disc from a point to all cells.
+
+        Parameters
+        ----------
+        start : array_like, shape (2,)
+            Where the way begins (m). If the disc does not fit there, the nearest cell within
+            its radius where it fits takes its place.
+        radius : float
+            Radius of the disc (m).
+
+        Returns
+        -------
+        lengths : ndarray, shape (rows, columns)
+            In metres, by steps to the eight neighbours; inf where there is no way.
+        parents : ndarray of int, shape (rows, columns)
+            Flat index of the cell before, -1 at the start and where there is no way.
+        """
+        fits = self.fits(as_scalar("radius", radius, 0.0))
+        begin = self._nearest(fits, as_array("start", start, (2,)), radius)
+        if begin is None:
+            return np.full(fits.shape, np.inf), np.full(fits.shape, -1, dtype=np.int32)
+        lengths, parents = _wavefront(fits, *begin)
+        return lengths * self.resolution, parents
+
+    def way(self, parents: NDArray[np.int32], goal: tuple[int, int], radius: float) -> Array:
+        """Corners of the way to a cell, shortened where a straight line fits.
+
+        Parameters
+        ----------
+        parents : ndarray of int, shape (rows, columns)
+            From `distances`.
+        goal : (int, int)
+            Row and column.
+        radius : float
+            As given to `distances`.
+
+        Returns
+        -------
+        ndarray, shape (k, 2)
+            Points to drive through, one after the other, the goal last (m).
+        """
+        columns = self.state.shape[1]
+        cells = [goal]
+        while (before := parents[cells[-1]]) >= 0:
+            cells.append((int(before) // columns, int(before) % columns))
+        cells.reverse()
+        corners = _corners(self.fits(radius), np.array(cells, dtype=np.int64))
+        return self.origin + self.resolution * (corners[:, ::-1] + 0.5)
+
+    def route(self, start: ArrayLike, goal: ArrayLike, radius: float) -> Array | None:
+        """Way of a disc from one point to another over seen free floor.
+
+        Parameters
+        ----------
+        start, goal : array_like, shape (2,)
+            In the world (m).
+        radius : float
+            Radius of the disc (m).
+
+        Returns
+        -------
+        ndarray, shape (k, 2), or None
+            Points to drive through, the cell of the goal last; None if there is no way.
+        """
+        lengths, parents = self.distances(start, radius)
+        cell = self.cell(as_array("goal", goal, (2,)))
+        return self.way(parents, cell, radius) if np.isfinite(lengths[cell]) else None
+
+    def _nearest(
+        self, mask: NDArray[np.bool_], point: Array, radius: float
+    ) -> tuple[int, int] | None:
+        """Cell of the mask nearest to a point, if there is one within the radius."""
+        row, column = self.cell(point)
+        if mask[row, column]:
+            return row, column
+        rows, columns = np.nonzero(mask)
+        if len(rows) == 0:
+            return None
+        centres = self.origin + self.resolution * (np.stack([columns, rows], -1) + 0.5)
+        gap = np.hypot(*(centres - point).T)
+        best = int(np.argmin(gap))
+        return (int(rows[best]), int(columns[best])) if gap[best] <= radius else None
+
+    def unseen_area(self, points: ArrayLike, reach: float, n_rays: int = 36) -> Array:
+        """Unknown floor that a scan from each point would show, as far as one can tell.
+
+        Rays run over free and unknown cells alike and stop at an occupied one.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, 2)
+            In the world (m).
+        reach : float
+            Length of the rays (m).
+        n_rays : int, default 36
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Square metres.
+        """
+        points = as_array("points", points, ("n", 2))
+        out = np.zeros(len(points))
+        scaled = np.ascontiguousarray((points - self.origin) / self.resolution)
+        _unseen(self.state, scaled, as_scalar("reach", reach, 0.0) / self.resolution, n_rays, out)
+        return out * self.resolution**2
+
+
+# Compiled loops; coordinates in cells.
+
+
+@njit(cache=True)
+def _mark_walls(state, x, y, heading, angles, reach, met):  # type: ignore[no-untyped-def]
+    """Mark the cells in which beams ended, and those between two ends that are neighbours."""
+    n, rows, columns = len(angles), state.shape[0], state.shape[1]
+    for i in range(n):
+        if not met[i]:
+            continue
+        # A little behind the surface: on a grid line the free side must not be blamed.
+        a, r = heading + angles[i], reach[i] + 0.02
+        x0, y0 = x + r * np.cos(a), y + r * np.sin(a)
+        steps, x1, y1 = 0, x0, y0
+        j = (i + 1) % n
+        if met[j]:
+            a, r = heading + angles[j], reach[j] + 0.02
+            x1, y1 = x + r * np.cos(a), y + r * np.sin(a)
+            length = np.hypot(x1 - x0, y1 - y0)
+            if length <= _WALL_STEP:
+                steps = int(2 * length) + 1
+        for k in range(steps + 1):
+            u = k / steps if steps else 0.0
+            column = int(np.floor(x0 + u * (x1 - x0)))
+            row = int(np.floor(y0 + u * (y1 - y0)))
+            if 0 <= row < rows and 0 <= column < columns:
+                state[row, column] = OCCUPIED
+
+
+@njit(cache=True)
+def _mark_free(state, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
+    """Mark unknown cells whose centre lies nearer than the ends of both beams beside it."""
+    n, rows, columns = len(angles), state.shape[0], state.shape[1]
+    far = reach.max() + 1.0
+    for row in range(max(int(y - far), 0), int(min(y + far + 1, rows))):
+        for column in range(max(int(x - far), 0), int(min(x + far + 1, columns))):
+            if state[row, column] != UNKNOWN:
+                continue
+            dx, dy = column + 0.5 - x, row + 0.5 - y
+            angle = np.arctan2(dy, dx) - heading
+            angle -= 2 * np.pi * np.rint(angle / (2 * np.pi))
+            after = np.searchsorted(angles, angle) % n
+            before = after - 1 if after > 0 else n - 1
+            wedge = angles[after] - angles[before]
+            if wedge <= 0:
+                wedge += 2 * np.pi
+            near = np.hypot(dx, dy) <= min(reach[before], reach[after])
+            if near and wedge <= _WIDEST_WEDGE:
+                state[row, column] = FREE
+
+
+@njit(cache=True)
+def _wavefront(fits, row, column):  # type: ignore[no-untyped-def]
+    """Lengths (cells) of the shortest eight-connected ways, and the cell before each."""
+    rows, columns = fits.shape
+    size = rows * columns
+    lengths = np.full((rows, columns), np.inf)
+    parents = np.full((rows, columns), -1, dtype=np.int32)
+    queue, waiting = np.empty(size, dtype=np.int32), np.zeros(size, dtype=np.bool_)
+    queue[0], head, count = row * columns + column, 0, 1
+    lengths[row, column] = 0.0
+    while count:
+        cell = queue[head]
+        head, count = (head + 1) % size, count - 1
+        waiting[cell] = False
+        r, c = cell // columns, cell % columns
+        for dr in range(-1, 2):
+            for dc in range(-1, 2):
+                i, j = r + dr, c + dc
+                if not (0 <= i < rows and 0 <= j < columns) or not fits[i, j]:
+                    continue
+                # A diagonal step must not cut a corner.
+                if dr != 0 and dc != 0 and not (fits[r, j] and fits[i, c]):
+                    continue
+                length = lengths[r, c] + np.sqrt(float(dr * dr + dc * dc))
+                if length < lengths[i, j] - 1e-9:
+                    lengths[i, j], parents[i, j] = length, cell
+                    if not waiting[i * columns + j]:
+                        waiting[i * columns + j] = True
+                        queue[(head + count) % size] = i * columns + j
+                        count += 1
+    return lengths, parents
+
+
+@njit(cache=True)
+def _corners(fits, cells):  # type: ignore[no-untyped-def]
+    """Keep only the cells (k, 2) of a way at which it must bend."""
+    kept = [len(cells) - 1]
+    kept.clear()
+    at = 0
+    while at < len(cells) - 1:
+        ahead = len(cells) - 1
+        while ahead > at + 1 and not _straight(fits, cells[at], cells[ahead]):
+            ahead -= 1
+        kept.append(ahead)
+        at = ahead
+    if len(kept) == 0:
+        kept.append(0)
+    out = np.empty((len(kept), 2))
+    for k in range(len(kept)):
+        out[k, 0], out[k, 1] = cells[kept[k], 0], cells[kept[k], 1]
+    return out
+
+
+@njit(cache=True)
+def _straight(fits, a, b):  # type: ignore[no-untyped-def]
+    """Tell whether all cells on the straight line between two cells fit."""
+    steps = int(2 * max(abs(b[0] - a[0]), abs(b[1] - a[1])))
+    for k in range(1, steps):
+        u = k / steps
+        row, column = a[0] + u * (b[0] - a[0]), a[1] + u * (b[1] - a[1])
+        if not fits[int(np.rint(row)), int(np.rint(column))]:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _unseen(state, points, reach, n_rays, out):  # type: ignore[no-untyped-def]
+    """Unknown area (cells) around each point, sector by sector up to the first occupied cell."""
+    rows, columns = state.shape
+    width = 2 * np.pi / n_rays
+    for i in range(len(points)):
+        for k in range(n_rays):
+            dx, dy = np.cos(k * width), np.sin(k * width)
+            r = 0.5
+            while r <= reach:
+                row, column = (
+                    int(np.floor(points[i, 1] + r * dy)),
+                    int(np.floor(points[i, 0] + r * dx)),
+                )
+                if not (0 <= row < rows and 0 <= column < columns):
+                    break
+                if state[row, column] == OCCUPIED:
+                    break
+                if state[row, column] == UNKNOWN:
+                    out[i] += r * width
+                r += 1.0
