@@ -81,14 +81,21 @@ class Runs:
 
     @property
     def nees(self) -> Array:
-        """NEES of the pose after each step, shape (T, M); 3 is due on average."""
-        pair = self.poses[1:], self.drives.poses[1:]
-        return nees(pair, self.pose_covs[1:], angles=(2,))
+        """NEES of the pose after each step, shape (T, M); 3 is due on average.
+
+        NaN where a covariance is singular: a unicycle cannot err sideways in its first step.
+        """
+        spread = np.linalg.eigvalsh(self.pose_covs[1:])
+        regular = spread[..., 0] > 1e-12 * spread[..., -1]
+        pair = self.poses[1:][regular], self.drives.poses[1:][regular]
+        values = np.full(regular.shape, np.nan)
+        values[regular] = nees(pair, self.pose_covs[1:][regular], angles=(2,))
+        return values
 
     @property
     def mean_nees(self) -> float:
         """NEES of the pose, averaged over steps and runs."""
-        return float(self.nees.mean())
+        return float(np.nanmean(self.nees))
 
     @property
     def position_errors(self) -> Array:
@@ -103,7 +110,7 @@ class Runs:
 
     @property
     def landmark_errors(self) -> Array:
-        """Distance between the landmarks of the map and the true ones (m), shape (M, n)."""
+        """Distance between point landmarks of the map and the true ones (m), shape (M, n)."""
         difference = self.landmarks - self.drives.landmarks
         return np.hypot(difference[..., 0], difference[..., 1])
 
@@ -176,7 +183,7 @@ def room_drives(
     landmarks: ArrayLike | None = None,
     *,
     n_steps: int = 600,
-    sigma_wheel: float = 2.0,
+    sigma_wheel: float = 0.4,
 ) -> Drives:
     """Drive a youBot two rounds through a room of 10 x 8 m: what stands in for P1's experiment.
 
@@ -191,10 +198,11 @@ def room_drives(
     sensor : sensor model, optional
         Range and bearing with 5 cm, 1 degree, 0.3 m ahead of the centre, 5 m far, if left out.
     landmarks : array_like, shape (n, 2), optional
-        24 points anywhere in the room, which lies around the origin, if left out.
+        24 points in the room, which lies around the origin, half a metre and more off the path,
+        if left out.
     n_steps : int, default 600
         T, at least 1.
-    sigma_wheel : float, default 2.0
+    sigma_wheel : float, default 0.4
         Noise of each wheel's speed (rad/s).
 
     Returns
@@ -212,10 +220,12 @@ def room_drives(
     u = np.stack([np.full(n_steps, 0.5), 0.15 * np.sin(0.5 * t), np.full(n_steps, np.pi / 15)], 1)
     if sensor is None:
         sensor = RangeBearing(0.05, np.radians(1.0), offset=0.3, max_range=5.0)
+    start, control_cov = np.array([0.0, -2.4, 0.0]), YOUBOT.control_cov(sigma_wheel)
     if landmarks is None:
-        landmarks = rng.uniform([-5.0, -4.0], [5.0, 4.0], (24, 2))
-    control_cov = YOUBOT.control_cov(sigma_wheel)
-    return simulate(YOUBOT, sensor, landmarks, u, dt, control_cov, n_runs, rng, (0.0, -2.4, 0.0))
+        many = rng.uniform([-5.0, -4.0], [5.0, 4.0], (200, 2))
+        gap = many[:, None] - _path(YOUBOT, start, u, dt)[:, :2]
+        landmarks = many[np.hypot(gap[..., 0], gap[..., 1]).min(1) > 0.5][:24]
+    return simulate(YOUBOT, sensor, landmarks, u, dt, control_cov, n_runs, rng, start)
 
 
 def run(
@@ -279,9 +289,14 @@ def run(
 
 def dead_reckoning(drives: Drives) -> Array:
     """Return the pose that the controls alone give, shape (T + 1, 3), the same for all runs."""
-    poses = [drives.poses[0, 0]]
-    for u in drives.u:
-        poses.append(drives.motion.step(poses[-1], u, drives.dt))
+    return _path(drives.motion, drives.poses[0, 0], drives.u, drives.dt)
+
+
+def _path(motion: Any, start: Array, u: Array, dt: float) -> Array:
+    """Poses (T + 1, 3) that controls (T, l) lead to without noise."""
+    poses = [start]
+    for control in u:
+        poses.append(motion.step(poses[-1], control, dt))
     return np.array(poses)
 
 
