@@ -240,9 +240,9 @@ def check_wall_cov(student: Function) -> Report:
         Printed too, one line a property.
     """
     cases = [
-        ("points around the perpendicular", np.linspace(-1, 1, 5), [4e-4] * 5),
-        ("points to one side of it", np.linspace(1, 3, 9), [4e-4] * 9),
-        ("unequal points", [-2.0, 0.5, 1.0, 4.0], [1e-4, 2e-4, 8e-4, 1e-3]),
-        ("to the other side", [-5.0, -4.0, -2.5], [1e-2, 3e-2, 2e-2]),
+        ("points around the perpendicular", np.linspace(-1, 1, 5), [0.04] * 5),
+        ("points to one side of it", np.linspace(1, 3, 9), [0.04] * 9),
+        ("unequal points", [-2.0, 0.5, 1.0, 4.0], [0.1, 0.2, 0.8, 1.5]),
+        ("to the other side", [-5.0, -4.0, -2.5], [0.1, 0.3, 0.2]),
     ]
     return run_cases("wall_cov", student, wall_cov, cases, MISTAKES_WALL_COV)
