@@ -1,0 +1,332 @@
+"""One cubic of the plane on [0, 1]: value, box, fit, arc length, nearest point, own crossing.
+
+P3 sections 2 and 4 in compiled loops; a cubic is an array (4, 2), rows are powers of tau.
+Chapter 17 reaches them through `slamlab.navigation.path_memory`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+# Pieces of a segment whose lengths the inverse table t(s) keeps.
+PIECES = 16
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
+
+
+@njit(cache=True)
+def value(c, t, k):  # type: ignore[no-untyped-def]
+    """Coordinate k of the point at t."""
+    return c[0, k] + t * (c[1, k] + t * (c[2, k] + t * c[3, k]))
+
+
+@njit(cache=True)
+def slope(c, t, k):  # type: ignore[no-untyped-def]
+    """Coordinate k of the derivative at t."""
+    return c[1, k] + t * (2.0 * c[2, k] + t * 3.0 * c[3, k])
+
+
+@njit(cache=True)
+def restrict(c, a, b):  # type: ignore[no-untyped-def]
+    """Coefficients of the piece from a to b, again on [0, 1]."""
+    out = np.empty((4, 2))
+    h = b - a
+    for k in range(2):
+        out[0, k] = value(c, a, k)
+        out[1, k] = h * slope(c, a, k)
+        out[2, k] = h * h * (c[2, k] + 3.0 * a * c[3, k])
+        out[3, k] = h * h * h * c[3, k]
+    return out
+
+
+# Arc length.
+
+
+@njit(cache=True)
+def _gauss(c, a, b):  # type: ignore[no-untyped-def]
+    half, middle, total = 0.5 * (b - a), 0.5 * (a + b), 0.0
+    for i in range(len(_NODES)):
+        t = middle + half * _NODES[i]
+        total += _WEIGHTS[i] * np.hypot(slope(c, t, 0), slope(c, t, 1))
+    return half * total
+
+
+@njit(cache=True)
+def length_between(c, a, b):  # type: ignore[no-untyped-def]
+    """Arc length from a to b: Gauss-Legendre, halved until both halves agree with the whole."""
+    starts, ends, wholes = np.empty(64), np.empty(64), np.empty(64)
+    starts[0], ends[0], wholes[0] = a, b, _gauss(c, a, b)
+    top, total = 1, 0.0
+    while top > 0:
+        top -= 1
+        low, high, whole = starts[top], ends[top], wholes[top]
+        middle = 0.5 * (low + high)
+        left, right = _gauss(c, low, middle), _gauss(c, middle, high)
+        fine = abs(left + right - whole) <= 1e-14 * (abs(whole) + abs(total)) + 1e-300
+        if fine or high - low < 1e-12 or top > 61:
+            total += left + right
+        else:
+            starts[top], ends[top], wholes[top] = middle, high, right
+            starts[top + 1], ends[top + 1], wholes[top + 1] = low, middle, left
+            top += 2
+    return total
+
+
+@njit(cache=True)
+def fill_table(c, table):  # type: ignore[no-untyped-def]
+    """Lengths (PIECES + 1) from 0 to each of the evenly spaced parameters: the table s(t)."""
+    table[0] = 0.0
+    for i in range(PIECES):
+        table[i + 1] = table[i] + length_between(c, i / PIECES, (i + 1) / PIECES)
+
+
+@njit(cache=True)
+def length_to(c, table, t):  # type: ignore[no-untyped-def]
+    """Arc length from 0 to t."""
+    i = min(int(t * PIECES), PIECES - 1)
+    return table[i] + length_between(c, i / PIECES, t)
+
+
+@njit(cache=True)
+def parameter_at(c, table, s):  # type: ignore[no-untyped-def]
+    """Parameter t(s): the piece from the table, then Newton kept inside a shrinking bracket."""
+    if s <= 0.0:
+        return 0.0
+    if s >= table[PIECES]:
+        return 1.0
+    i = np.searchsorted(table, s, side="right") - 1
+    low, high = i / PIECES, (i + 1) / PIECES
+    base, start = table[i], low
+    t = low + (high - low) * (s - base) / (table[i + 1] - base)
+    for _ in range(60):
+        error = base + length_between(c, start, t) - s
+        if abs(error) <= 2e-16 * s or high - low < 1e-16:
+            break
+        if error > 0.0:
+            high = t
+        else:
+            low = t
+        speed = np.hypot(slope(c, t, 0), slope(c, t, 1))
+        step = t - error / speed if speed > 0.0 else low
+        t = step if low < step < high else 0.5 * (low + high)
+    return t
+
+
+# Nearest point.
+
+
+@njit(cache=True)
+def _pull(c, t, x, y):  # type: ignore[no-untyped-def]
+    return (value(c, t, 0) - x) * slope(c, t, 0) + (value(c, t, 1) - y) * slope(c, t, 1)
+
+
+@njit(cache=True)
+def nearest_parameter(c, x, y, a, b):  # type: ignore[no-untyped-def]
+    """Parameter in [a, b] of the point nearest to (x, y), and the squared distance there.
+
+    The distance is flat where derivative and offset are orthogonal; every sign change of their
+    product on a grid is bisected.
+    """
+    best_t, best = a, (value(c, a, 0) - x) ** 2 + (value(c, a, 1) - y) ** 2
+    n, before, pull_before = 24, a, _pull(c, a, x, y)
+    for i in range(1, n + 1):
+        t = a + (b - a) * i / n
+        pull = _pull(c, t, x, y)
+        found = t
+        if pull_before < 0.0 < pull:
+            low, high = before, t
+            for _ in range(52):
+                found = 0.5 * (low + high)
+                if _pull(c, found, x, y) < 0.0:
+                    low = found
+                else:
+                    high = found
+        squared = (value(c, found, 0) - x) ** 2 + (value(c, found, 1) - y) ** 2
+        if squared < best:
+            best_t, best = found, squared
+        before, pull_before = t, pull
+    return best_t, best
+
+
+# Shape.
+
+
+@njit(cache=True)
+def monotone_cuts(c, cuts):  # type: ignore[no-untyped-def]
+    """Write 0, the extrema of x and y in between, and 1 to `cuts` (6,); return how many."""
+    count = 1
+    cuts[0] = 0.0
+    for k in range(2):
+        # Roots of the derivative c1 + 2 c2 t + 3 c3 t^2, in the form that does not cancel.
+        A, B, C = 3.0 * c[3, k], 2.0 * c[2, k], c[1, k]
+        disc = B * B - 4.0 * A * C
+        if disc < 0.0:
+            continue
+        q = -0.5 * (B + (np.sqrt(disc) if B >= 0.0 else -np.sqrt(disc)))
+        for upper, lower in ((q, A), (C, q)):
+            if lower != 0.0 and abs(upper) < abs(lower) and upper * lower > 0.0:
+                cuts[count] = upper / lower
+                count += 1
+    cuts[count] = 1.0
+    cuts[: count + 1].sort()
+    return count + 1
+
+
+@njit(cache=True)
+def fill_box(c, box):  # type: ignore[no-untyped-def]
+    """Exact bounding box: x low, y low, x high, y high, from the ends and the extrema."""
+    cuts = np.empty(6)
+    n = monotone_cuts(c, cuts)
+    for k in range(2):
+        box[k], box[2 + k] = np.inf, -np.inf
+        for i in range(n):
+            v = value(c, cuts[i], k)
+            box[k], box[2 + k] = min(box[k], v), max(box[2 + k], v)
+
+
+@njit(cache=True)
+def runs_forward(c):  # type: ignore[no-untyped-def]
+    """Whether the cubic always advances along its chord, so that it cannot meet itself."""
+    nx, ny = c[1, 0] + c[2, 0] + c[3, 0], c[1, 1] + c[2, 1] + c[3, 1]
+    d0 = nx * c[1, 0] + ny * c[1, 1]
+    d1 = d0 + nx * c[2, 0] + ny * c[2, 1]
+    d2 = 2.0 * d1 - d0 + 3.0 * (nx * c[3, 0] + ny * c[3, 1])
+    return d0 > 0.0 and d1 > 0.0 and d2 > 0.0
+
+
+@njit(cache=True)
+def own_crossing(c):  # type: ignore[no-untyped-def]
+    """Parameters t_a < t_b in [0, 1] at which the cubic crosses itself; NaN twice without.
+
+    x(t_b) = x(t_a), divided by t_b - t_a, is linear in sigma = t_a + t_b and
+    w = sigma^2 - t_a t_b: a_1 + a_2 sigma + a_3 w = 0, and the same in y.
+    """
+    det = c[2, 0] * c[3, 1] - c[3, 0] * c[2, 1]
+    scale = np.hypot(c[2, 0], c[2, 1]) * np.hypot(c[3, 0], c[3, 1])
+    if abs(det) <= 1e-12 * scale or det == 0.0:
+        return np.nan, np.nan
+    sigma = (c[3, 0] * c[1, 1] - c[1, 0] * c[3, 1]) / det
+    w = (c[1, 0] * c[2, 1] - c[2, 0] * c[1, 1]) / det
+    # Both are roots of t^2 - sigma t + (sigma^2 - w): real and distinct if 4 w > 3 sigma^2.
+    disc = 4.0 * w - 3.0 * sigma * sigma
+    if disc <= 0.0:
+        return np.nan, np.nan
+    first, second = 0.5 * (sigma - np.sqrt(disc)), 0.5 * (sigma + np.sqrt(disc))
+    if first < 0.0 or second > 1.0:
+        return np.nan, np.nan
+    return first, second
+
+
+# Constrained least squares.
+
+
+@njit(cache=True)
+def fit(tau, points, has_end, has_slope, slope_x, slope_y):  # type: ignore[no-untyped-def]
+    """Constrained least-squares cubic through points[0], P3 section 2, by orthogonalisation.
+
+    tau (n,) runs from 0 to 1; points (n, 2). The slope is by tau. Free shapes:
+    1: tau, tau^2, tau^3;             2 (slope): tau^2, tau^3;
+    3 (end): tau(1-tau), tau^2(1-tau); 4 (both): tau^2(tau-1).
+    Shapes that the data cannot tell from the earlier ones are left out: a lower degree.
+    """
+    n = len(tau)
+    columns = 3 - int(has_end) - int(has_slope)
+    A, b = np.empty((n, columns)), np.empty((n, 2))
+    base = np.zeros((4, 2))
+    base[0, 0], base[0, 1] = points[0, 0], points[0, 1]
+    if has_slope:
+        base[1, 0], base[1, 1] = slope_x, slope_y
+    if has_end:
+        row = 2 if has_slope else 1
+        for k in range(2):
+            base[row, k] = points[n - 1, k] - base[0, k] - (base[1, k] if has_slope else 0.0)
+    for i in range(n):
+        t = tau[i]
+        for k in range(2):
+            b[i, k] = points[i, k] - value(base, t, k)
+        if has_end and has_slope:
+            A[i, 0] = t * t * (t - 1.0)
+        elif has_end:
+            A[i, 0] = t * (1.0 - t)
+            A[i, 1] = t * A[i, 0]
+        else:
+            power = t * t if has_slope else t
+            for j in range(columns):
+                A[i, j] = power
+                power *= t
+    x = _least_squares(A, b)
+    for k in range(2):
+        if has_end and has_slope:
+            base[2, k] -= x[0, k]
+            base[3, k] = x[0, k]
+        elif has_end:
+            base[1, k] += x[0, k]
+            base[2, k] = x[1, k] - x[0, k]
+            base[3, k] = -x[1, k]
+        else:
+            for j in range(columns):
+                base[4 - columns + j, k] += x[j, k]
+    return base
+
+
+@njit(cache=True)
+def _least_squares(A, b):  # type: ignore[no-untyped-def]
+    """Solve A x = b by QR: modified Gram-Schmidt on [A | b], which is backward stable."""
+    n, m = A.shape
+    R, x = np.zeros((m, m + 2)), np.zeros((m, 2))
+    kept = np.zeros(m, dtype=np.bool_)
+    for j in range(m):
+        before = 0.0
+        for i in range(n):
+            before += A[i, j] * A[i, j]
+        for k in range(j):
+            if kept[k]:
+                R[k, j] = _dot(A, k, A, j)
+                for i in range(n):
+                    A[i, j] -= R[k, j] * A[i, k]
+        norm = np.sqrt(_dot(A, j, A, j))
+        kept[j] = norm > 1e-9 * np.sqrt(before) and before > 0.0
+        if not kept[j]:
+            continue
+        R[j, j] = norm
+        for i in range(n):
+            A[i, j] /= norm
+        for k in range(2):
+            R[j, m + k] = _dot(A, j, b, k)
+            for i in range(n):
+                b[i, k] -= R[j, m + k] * A[i, j]
+    for j in range(m - 1, -1, -1):
+        for k in range(2):
+            if kept[j]:
+                total = R[j, m + k]
+                for later in range(j + 1, m):
+                    total -= R[j, later] * x[later, k]
+                x[j, k] = total / R[j, j]
+    return x
+
+
+@njit(cache=True)
+def _dot(A, j, B, k):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for i in range(A.shape[0]):
+        total += A[i, j] * B[i, k]
+    return total
+
+
+@njit(cache=True)
+def deviation(c, tau, points, between):  # type: ignore[no-untyped-def]
+    """Largest distance of a point from the curve at its parameter, P3 step 1.4.
+
+    With `between` also of the curve, halfway between two points, from the line that joins them.
+    """
+    worst = 0.0
+    for i in range(len(tau)):
+        dx = points[i, 0] - value(c, tau[i], 0)
+        dy = points[i, 1] - value(c, tau[i], 1)
+        worst = max(worst, dx * dx + dy * dy)
+        if between and i > 0:
+            t = 0.5 * (tau[i - 1] + tau[i])
+            dx = 0.5 * (points[i - 1, 0] + points[i, 0]) - value(c, t, 0)
+            dy = 0.5 * (points[i - 1, 1] + points[i, 1]) - value(c, t, 1)
+            worst = max(worst, dx * dx + dy * dy)
+    return np.sqrt(worst)
