@@ -40,6 +40,13 @@ TABLES = {
         "The peer of the map casts every beam of every place by itself; the peer of the lookup "
         "aligns the scan with all places.",
     ),
+    "test_lidar_speed": (
+        "Lidar beams beside a plain compiled traversal",
+        ["promised (ratio or time)"],
+        "The peer walks every beam from grid line to grid line, compiled by numba like ours, "
+        "which jumps over empty cells. P5's walk is in plain Python. In the last two rows the "
+        "second column is a limit, not a measurement.",
+    ),
     "test_particle_speed": (
         "Particle filter beside bare NumPy",
         ["promised ratio"],
