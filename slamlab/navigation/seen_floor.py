@@ -109,7 +109,7 @@ class SeenFloor:
             Body in the world (m, m, rad).
         ranges : array_like, shape (n_beams,)
             Measured ranges (m): inf, or ``lidar.max_range`` and more, met nothing up to there;
-            NaN says nothing.
+            NaN says nothing. Between beams more than 12.5 degrees apart nothing is known.
         lidar : BeamSensor
 
         Raises
@@ -122,10 +122,14 @@ class SeenFloor:
         ranges = as_shaped("ranges", ranges, (len(angles),))
         if (ranges < 0).any():
             raise ValueError(f"ranges: expected distances, got {np.nanmin(ranges):g}")
+        # A lost beam is left out: its neighbours are neighbours now.
         order = np.argsort(angles)
+        order = order[~np.isnan(ranges[order])]
+        if len(order) == 0:
+            return
         angles, ranges = angles[order], ranges[order]
         met = ranges < lidar.max_range
-        reach = np.where(np.isnan(ranges), 0.0, np.minimum(ranges, lidar.max_range))
+        reach = np.minimum(ranges, lidar.max_range)
         c, s = np.cos(pose[2]), np.sin(pose[2])
         x = (pose[0] + lidar.offset * c - self.origin[0]) / self.resolution
         y = (pose[1] + lidar.offset * s - self.origin[1]) / self.resolution
@@ -390,12 +394,15 @@ def _corners(fits, cells):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _straight(fits, a, b):  # type: ignore[no-untyped-def]
     """Tell whether all cells on the straight line between two cells fit."""
-    steps = int(2 * max(abs(b[0] - a[0]), abs(b[1] - a[1])))
+    steps = int(4 * max(abs(b[0] - a[0]), abs(b[1] - a[1])))
     for k in range(1, steps):
         u = k / steps
         row, column = a[0] + u * (b[0] - a[0]), a[1] + u * (b[1] - a[1])
-        if not fits[int(np.rint(row)), int(np.rint(column))]:
-            return False
+        # A quarter of a cell to all sides: no cell that the line only grazes is left out.
+        for i in (row - 0.25, row + 0.25):
+            for j in (column - 0.25, column + 0.25):
+                if not fits[int(np.rint(i)), int(np.rint(j))]:
+                    return False
     return True
 
 

@@ -1,0 +1,269 @@
+"""Exploration: coverage, collisions, the record, the protocol; P5's faults beside their repair."""
+
+import numpy as np
+import pytest
+
+from slamlab.navigation import (
+    InformationGain,
+    LongestBeam,
+    NearestFrontier,
+    Quadrants,
+    RandomFraction,
+    SeenFloor,
+    View,
+    explore,
+)
+from slamlab.navigation.explore import _revisits
+from slamlab.robots import SquareRobot
+from slamlab.sensors import Lidar
+from slamlab.worlds import BitmapWorld, free_poses, rooms
+
+ROBOT, LIDAR = SquareRobot(0.30), Lidar(120)
+ROOM, ROOM_TWO = rooms.thesis_room(), rooms.thesis_room_two()
+STRATEGIES = {
+    "longest": LongestBeam(),
+    "fraction": RandomFraction(),
+    "quadrants": Quadrants(),
+    "frontier": NearestFrontier(),
+    "information": InformationGain(),
+}
+
+
+def starts(world, n, seed=1):
+    return free_poses(world, n, np.random.default_rng(seed), ROBOT.circumradius + 0.03)
+
+
+def runs(world, strategy, n=6, **settings):
+    settings = {"max_path": 12.0, "until": 0.99, "max_moves": 60, **settings}
+    return [
+        explore(world, ROBOT, LIDAR, strategy, pose, np.random.default_rng(k), **settings)
+        for k, pose in enumerate(starts(world, n))
+    ]
+
+
+def view_of(ranges, **more):
+    floor = SeenFloor([-5, -5, 5, 5])
+    return View(np.zeros(3), np.asarray(ranges, float), Lidar(len(ranges)), ROBOT, floor, **more)
+
+
+def bearing(point):
+    return np.rad2deg(np.arctan2(point[0, 1], point[0, 0])) % 360
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+@pytest.mark.parametrize("world", [ROOM, ROOM_TWO], ids=["first", "second"])
+def test_mended_guard_never_collides_and_coverage_never_falls(name, world):
+    for run in runs(world, STRATEGIES[name]):
+        assert run.collisions[-1] == 0
+        assert (np.diff(run.coverage) >= 0).all()
+        assert (np.diff(run.path_length) >= 0).all()
+        assert run.coverage[-1] > 0.7
+        assert len(run.poses) == len(run.ranges) == len(run.coverage) == len(run.collisions)
+        assert not world.collides(ROBOT.footprint, run.poses).any()
+
+
+@pytest.mark.slow
+def test_no_collision_in_random_rooms():
+    for seed in range(8):
+        world = rooms.random_room(np.random.default_rng(seed))
+        for strategy in STRATEGIES.values():
+            assert sum(run.collisions[-1] for run in runs(world, strategy)) == 0
+
+
+@pytest.mark.parametrize("stride", [0.1, 0.3, np.inf])
+def test_can_move_as_printed_collides_in_most_runs(stride):
+    printed = runs(ROOM, Quadrants(), guard="as-printed", stride=stride, n=4)
+    assert np.mean([run.collisions[-1] > 0 for run in printed]) >= 0.75
+    nobody = runs(ROOM, Quadrants(), guard="none", stride=stride, n=4)
+    assert all(run.collisions[-1] > 0 for run in nobody)
+
+
+def test_after_a_collision_the_robot_stands_at_the_contact():
+    run = explore(
+        ROOM, ROBOT, LIDAR, LongestBeam(1.0), [1.0, 1.0, 0.0], np.random.default_rng(0),
+        guard="none", max_moves=1, stride=np.inf,
+    )  # fmt: skip
+    assert run.collisions[-1] == 1
+    last = run.poses[-1]
+    assert not ROOM.collides(ROBOT.footprint, last)
+    assert ROOM.collides(ROBOT.footprint, ROBOT.forward(last, 0.01))
+
+
+def test_frontiers_see_the_room_on_a_shorter_way_than_the_longest_beam():
+    frontier, longest = runs(ROOM, NearestFrontier(), n=8), runs(ROOM, LongestBeam(), n=8)
+    assert all(run.finished for run in frontier)
+    assert min(run.coverage[-1] for run in frontier) >= 0.985
+    assert np.mean([run.path_length[-1] for run in frontier]) < 9
+    assert np.mean([run.coverage[-1] for run in longest]) < 0.95
+    assert (
+        np.mean([run.revisits for run in longest])
+        > 10 * np.mean([run.revisits for run in frontier]) + 5
+    )
+
+
+def test_a_frontier_explorer_stops_by_itself_when_nothing_is_left():
+    run = explore(ROOM, ROBOT, LIDAR, NearestFrontier(), [2.0, 2.0, 0.0], np.random.default_rng(0))
+    assert run.finished
+    assert 0.98 < run.coverage[-1] <= 1.0
+
+
+def test_noise_and_lost_beams_do_not_stop_it():
+    noisy = Lidar(120, max_range=3.0, sigma_range=0.005, p_miss=0.05)
+    run = explore(
+        ROOM,
+        ROBOT,
+        noisy,
+        NearestFrontier(),
+        [2.0, 2.0, 0.0],
+        np.random.default_rng(0),
+        margin=0.04,
+    )
+    assert run.coverage[-1] > 0.9
+    assert run.collisions[-1] == 0
+
+
+def test_same_seed_same_run():
+    a, b = (
+        explore(ROOM, ROBOT, LIDAR, Quadrants(), [2, 2, 0], np.random.default_rng(7), max_path=5)
+        for _ in range(2)
+    )
+    np.testing.assert_array_equal(a.poses, b.poses)
+    c = explore(ROOM, ROBOT, LIDAR, Quadrants(), [2, 2, 0], np.random.default_rng(8), max_path=5)
+    assert len(c.poses) != len(a.poses) or not np.allclose(c.poses, a.poses)
+
+
+def test_longest_beam_goes_where_the_beam_is_longest():
+    ranges = np.full(120, 1.0)
+    ranges[30] = 4.0
+    rng = np.random.default_rng(0)
+    np.testing.assert_allclose(
+        LongestBeam(0.25).choose(view_of(ranges), rng), [[0, 1.0]], atol=1e-12
+    )
+    again = [LongestBeam().choose(view_of(ranges, refused=True), rng) for _ in range(20)]
+    assert len({round(bearing(p)) for p in again}) > 10
+
+
+def test_a_missing_beam_is_never_the_longest():
+    ranges = np.full(120, 1.0)
+    ranges[10], ranges[50] = np.nan, 2.0
+    point = LongestBeam().choose(view_of(ranges), np.random.default_rng(0))
+    assert bearing(point) == pytest.approx(150.0)
+
+
+def test_random_fraction_as_printed_is_longer_than_the_beam_in_47_percent():
+    rng = np.random.default_rng(1)
+    view = view_of(np.full(120, 1.0))
+    printed, mended = (
+        np.array([np.hypot(*RandomFraction(p).choose(view, rng)[0]) for _ in range(4000)])
+        for p in (True, False)
+    )
+    assert np.mean(printed > 1.0) == pytest.approx(0.9 / 1.9, abs=0.025)
+    assert printed.max() > 8
+    assert 0.5 <= mended.min() < mended.max() <= 1.0
+
+
+def test_quarters_overlap_as_printed_and_not_when_mended():
+    angles = Lidar(120).beam_angles
+    printed, mended = Quadrants(True).quarters(angles), Quadrants().quarters(angles)
+    assert (mended.sum(axis=0) == 1).all()
+    doubled = np.flatnonzero(printed.sum(axis=0) == 2)
+    np.testing.assert_array_equal(3 * doubled, np.arange(162, 180, 3))
+
+
+def test_quadrants_do_not_go_back_while_another_way_is_open():
+    ranges = np.full(120, 2.0)
+    ranges[60] = 4.0  # straight back, at 180 degrees
+    rng = np.random.default_rng(2)
+    free = {round(bearing(Quadrants().choose(view_of(ranges), rng))) for _ in range(60)}
+    kept = {
+        round(bearing(Quadrants().choose(view_of(ranges, came_from=np.pi), rng)))
+        for _ in range(60)
+    }
+    assert 180 in free
+    assert 180 not in kept
+    blocked = np.full(120, 0.1)
+    blocked[60] = 2.0
+    only = Quadrants().choose(view_of(blocked, came_from=np.pi), rng)
+    assert bearing(only) == pytest.approx(180)
+
+
+def test_any_object_with_choose_is_a_strategy_and_can_come_home():
+    class ThereAndBack:
+        """Explore a little, then return to the start: chapter 20's protocol."""
+
+        home = np.array([0.6, 0.6])
+
+        def choose(self, view, rng):
+            if view.floor.state.any() and np.hypot(*(view.pose[:2] - self.home)) > 1.0:
+                return view.floor.route(view.pose[:2], self.home, view.body_radius)
+            return None if self.gone else self.go(view)
+
+        gone = False
+
+        def go(self, view):
+            self.gone = True
+            return np.array([[2.0, 0.6], [2.0, 2.0]])
+
+    run = explore(ROOM, ROBOT, LIDAR, ThereAndBack(), [0.6, 0.6, 0.0], np.random.default_rng(0))
+    assert run.path_length[-1] > 4
+    assert np.hypot(*(run.poses[-1, :2] - [0.6, 0.6])) < 0.1
+
+
+def test_coverage_at_reads_the_record():
+    run = runs(ROOM, NearestFrontier(), n=1)[0]
+    at = run.coverage_at([0.0, run.path_length[-1], 1e6])
+    assert run.coverage[0] <= at[0] < at[1] == at[2] == run.coverage[-1]
+
+
+def test_revisits_count_entries_into_squares_left_before():
+    line = np.array([[0.15, 0.15], [1.35, 0.15]])
+    assert _revisits(line, 0.3) == 0
+    there_and_back = np.vstack([line, line[:1]])
+    assert _revisits(there_and_back, 0.3) == 4
+    assert _revisits(line[:1], 0.3) == 0
+
+
+SOLID = BitmapWorld(np.ones((40, 40)), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"start": [0.02, 0.02, 0.0]}, "start"),
+        ({"start": [0.15, 2.0, 0.0]}, "start: expected a pose at which the robot touches no"),
+        ({"start": [1.0, 1.0]}, "start"),
+        ({"world": SOLID}, "world: expected free floor"),
+        ({"rng": 3}, "rng"),
+        ({"strategy": "frontier"}, "strategy"),
+        ({"guard": "printed"}, "guard"),
+        ({"margin": -0.1}, "margin"),
+        ({"stride": 0.0}, "stride"),
+        ({"until": 1.5}, "until"),
+        ({"max_moves": -1}, "max_moves"),
+        ({"max_path": -1.0}, "max_path"),
+        ({"resolution": 0.0}, "resolution"),
+    ],
+)
+def test_bad_input_is_named(change, message):
+    call = {
+        "world": ROOM, "robot": ROBOT, "lidar": LIDAR, "strategy": NearestFrontier(),
+        "start": [2.0, 2.0, 0.0], "rng": np.random.default_rng(0), **change,
+    }  # fmt: skip
+    with pytest.raises(ValueError, match=message):
+        explore(**call)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: LongestBeam(0.0), "fraction"),
+        (lambda: LongestBeam(1.1), "fraction"),
+        (lambda: NearestFrontier(0), "smallest"),
+        (lambda: InformationGain(decay=-1), "decay"),
+        (lambda: InformationGain(reach=-1), "reach"),
+        (lambda: InformationGain(smallest=-1), "smallest"),
+    ],
+)
+def test_bad_settings_are_named(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

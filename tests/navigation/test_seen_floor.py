@@ -1,0 +1,202 @@
+"""The map of an explorer: what is seen, where the unknown begins, where the body gets through."""
+
+import numpy as np
+import pytest
+
+from slamlab.navigation.seen_floor import FREE, OCCUPIED, UNKNOWN, SeenFloor
+from slamlab.sensors import Lidar
+from slamlab.sensors.scan import ScanGeometry
+from slamlab.worlds import BitmapWorld, free_poses, rooms
+
+LIDAR = Lidar(120)
+ROOM = rooms.thesis_room()
+
+
+def floor_of(text, resolution=0.1):
+    """A floor drawn with '.' free, '#' occupied, '?' unknown; the first line is the top."""
+    rows = text.split()[::-1]
+    floor = SeenFloor([0, 0, len(rows[0]) * resolution, len(rows) * resolution], resolution)
+    code = {".": FREE, "#": OCCUPIED, "?": UNKNOWN}
+    floor.state[...] = [[code[c] for c in row] for row in rows]
+    return floor
+
+
+def test_free_cells_are_truly_free_and_the_rest_is_no_lie():
+    floor = SeenFloor(ROOM.bounds)
+    for pose in free_poses(ROOM, 12, np.random.default_rng(1), 0.25):
+        floor.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
+    free = ROOM.is_free(floor.centres)
+    claimed = floor.state == FREE
+    assert claimed.sum() > 0.85 * free.sum()
+    assert (claimed & ~free).sum() < 0.002 * claimed.sum()
+    walls = floor.centres[floor.state == OCCUPIED]
+    assert ROOM.clearance(walls).max() < 0.08
+
+
+def test_without_the_shorter_of_two_beams_free_cells_would_lie_behind_edges():
+    pose = np.array([2.0, 2.0, 0.3])
+    floor = SeenFloor(ROOM.bounds)
+    floor.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
+    ranges = LIDAR.scan(ROOM, pose)
+    longer = np.maximum(ranges, np.maximum(np.roll(ranges, 1), np.roll(ranges, -1)))
+    bold = SeenFloor(ROOM.bounds)
+    bold.insert(pose, longer, LIDAR)
+    lies = [((f.state == FREE) & ~ROOM.is_free(f.centres)).sum() for f in (floor, bold)]
+    assert lies[0] <= 2 < 20 < lies[1]
+
+
+def test_a_lost_beam_says_nothing_and_an_endless_one_frees():
+    beams = ScanGeometry(np.deg2rad([-8.0, 0.0, 8.0]))
+    pose = np.array([0.05, 0.55, 0.0])
+    states = {}
+    for name, middle in (("lost", np.nan), ("endless", np.inf), ("met", 1.0)):
+        floor = SeenFloor([0, 0, 2, 1.1], 0.1)
+        floor.insert(pose, [3.0, middle, 3.0], beams)
+        states[name] = floor.state[5]
+    assert not (states["lost"][1:] == FREE).any()
+    assert (states["endless"][1:] == FREE).all()
+    assert states["met"].tolist() == [FREE] * 10 + [OCCUPIED] + [UNKNOWN] * 9
+
+
+def test_the_neighbours_of_one_lost_beam_speak_for_it():
+    ranges = LIDAR.scan(ROOM, [2.0, 2.0, 0.0])
+    seen = {}
+    for name, scan in (("whole", ranges), ("lost", ranges.copy()), ("none", ranges * np.nan)):
+        if name == "lost":
+            scan[::7] = np.nan
+        floor = SeenFloor(ROOM.bounds)
+        floor.insert([2.0, 2.0, 0.0], scan, LIDAR)
+        seen[name] = (floor.state == FREE).sum()
+    assert 0.9 * seen["whole"] < seen["lost"] < seen["whole"]
+    assert seen["none"] == 0
+
+
+def test_beams_beyond_the_range_free_only_up_to_it():
+    lidar = Lidar(120, max_range=1.0)
+    floor = SeenFloor(ROOM.bounds)
+    pose = np.array([0.9, 1.2, 0.0])
+    floor.insert(pose, lidar.scan(ROOM, pose), lidar)
+    far = np.hypot(*(floor.centres - pose[:2]).transpose(2, 0, 1))
+    assert far[floor.state == FREE].max() <= 1.0
+    assert (floor.state[far < 0.8] == FREE).all()
+
+
+def test_a_narrow_view_and_an_offset_are_understood():
+    lidar = Lidar(61, field_of_view=np.pi / 2, offset=0.1)
+    floor = SeenFloor(ROOM.bounds)
+    pose = np.array([1.5, 1.0, np.pi / 2])
+    floor.insert(pose, lidar.scan(ROOM, pose), lidar)
+    free = floor.centres[floor.state == FREE] - [1.5, 1.1]
+    angle = np.arctan2(free[:, 1], free[:, 0])
+    assert len(free) > 100
+    assert (np.abs(angle - np.pi / 2) <= np.pi / 4 + 1e-9).all()
+
+
+def test_frontier_is_free_beside_unknown():
+    floor = floor_of("???? .... ####")
+    assert floor.frontier().astype(int).tolist() == [[0, 0, 0, 0], [1, 1, 1, 1], [0, 0, 0, 0]]
+    floor.shut_near([0.05, 0.15], 0.12)
+    assert floor.frontier()[1].tolist() == [False, False, True, True]
+
+
+def test_way_avoids_what_the_disc_cannot_pass():
+    room = "\n".join(["." * 20] * 6 + ["#" * 14 + "." * 6] + ["." * 20] * 6)
+    floor = floor_of(room)
+    thin, thick = (
+        floor.route([0.3, 0.3], [0.3, 1.0], 0.0),
+        floor.route([0.3, 0.3], [0.3, 1.0], 0.15),
+    )
+    assert thin is not None
+    assert thick is not None
+    assert thin[:, 0].max() > 1.4
+    lengths = [
+        np.hypot(*np.diff(np.vstack([[0.3, 0.3], way]), axis=0).T).sum() for way in (thin, thick)
+    ]
+    assert 2.3 < lengths[0] < lengths[1]
+    assert floor.route([0.3, 0.3], [0.3, 1.0], 0.4) is None
+
+
+def test_way_lies_on_fitting_cells_and_distances_are_shortest():
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        floor = SeenFloor([0, 0, 4, 3], 0.1)
+        floor.state[...] = np.where(rng.random((30, 40)) < 0.15, OCCUPIED, FREE)
+        floor.state[:3, :3] = FREE
+        lengths, parents = floor.distances([0.15, 0.15], 0.0)
+        reached = np.argwhere(np.isfinite(lengths))
+        for row, column in reached[rng.integers(len(reached), size=6)]:
+            goal = (int(row), int(column))
+            way = floor.way(parents, goal, 0.0)
+            legs = np.vstack([[0.15, 0.15], way])
+            np.testing.assert_allclose(way[-1], floor.centres[goal], atol=1e-12)
+            assert np.hypot(*np.diff(legs, axis=0).T).sum() <= lengths[goal] + 0.15
+            dense = np.concatenate(
+                [
+                    a + np.linspace(0, 1, 30)[:, None] * (b - a)
+                    for a, b in zip(legs, legs[1:], strict=False)
+                ]
+            )
+            assert all(floor.state[floor.cell(p)] == FREE for p in dense)
+
+
+def test_distances_agree_with_dijkstra_of_scipy():
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    rng = np.random.default_rng(4)
+    floor = SeenFloor([0, 0, 2.0, 1.5], 0.1)
+    floor.state[...] = np.where(rng.random((15, 20)) < 0.25, UNKNOWN, FREE)
+    floor.state[7, 10] = FREE
+    fits = floor.fits(0.0)
+    edges = []
+    for r, c in np.argwhere(fits):
+        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            i, j = r + dr, c + dc
+            if 0 <= i < 15 and 0 <= j < 20 and fits[i, j] and fits[r, j] and fits[i, c]:
+                edges.append((r * 20 + c, i * 20 + j, np.hypot(dr, dc)))
+    a, b, w = np.array(edges).T
+    graph = coo_array((w, (a.astype(int), b.astype(int))), shape=(300, 300))
+    due = dijkstra(graph, directed=False, indices=7 * 20 + 10).reshape(15, 20) * 0.1
+    lengths, _ = floor.distances([1.05, 0.75], 0.0)
+    np.testing.assert_allclose(lengths[fits], due[fits], atol=1e-9)
+
+
+def test_unseen_area_stops_at_walls_and_counts_the_unknown():
+    open_floor, walled = floor_of("\n".join(["?" * 21] * 21)), floor_of("\n".join(["?" * 21] * 21))
+    walled.state[:, 12] = OCCUPIED
+    centre = [[1.05, 1.05]]
+    disc = open_floor.unseen_area(centre, 0.9, n_rays=360)[0]
+    assert disc == pytest.approx(np.pi * 0.81, rel=0.03)
+    assert 0.5 * disc < walled.unseen_area(centre, 0.9, n_rays=360)[0] < 0.75 * disc
+    open_floor.state[...] = FREE
+    assert open_floor.unseen_area(centre, 0.9)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: SeenFloor([0, 0, 0, 1]), "bounds"),
+        (lambda: SeenFloor([0, 0, 1, 1], 0.0), "resolution"),
+        (lambda: SeenFloor([0, 0, 1, 1]).insert([0, 0], [1.0], ScanGeometry([0.0])), "pose"),
+        (lambda: SeenFloor([0, 0, 1, 1]).insert([0, 0, 0], [1, 2], ScanGeometry([0.0])), "ranges"),
+        (
+            lambda: SeenFloor([0, 0, 1, 1]).insert([0, 0, 0], [-1], ScanGeometry([0.0])),
+            "distances",
+        ),
+        (lambda: SeenFloor([0, 0, 1, 1]).route([0, 0], [0], 0.1), "goal"),
+        (lambda: SeenFloor([0, 0, 1, 1]).distances([0, 0], -0.1), "radius"),
+        (lambda: SeenFloor([0, 0, 1, 1]).unseen_area([0, 0], 1.0), "points"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_nothing_seen_leads_nowhere():
+    floor = SeenFloor([0, 0, 1, 1])
+    assert floor.route([0.5, 0.5], [0.2, 0.2], 0.1) is None
+    assert not floor.frontier().any()
+    world = BitmapWorld(np.zeros((10, 10)), 0.1)
+    floor.insert([0.5, 0.5, 0.0], LIDAR.scan(world, [0.5, 0.5, 0.0]), LIDAR)
+    assert (floor.state == FREE).all(), "without walls the whole sheet is open"
