@@ -15,7 +15,7 @@ __all__ = ["ABSENT", "FIELDS", "PAGE", "SharedMaps"]
 
 Indices = NDArray[np.intp]
 
-PAGE = 32
+PAGE = 64
 # What is kept of a landmark: mean (x, y), covariance (xx, xy, yy), log odds that it exists.
 FIELDS = 6
 ABSENT = -np.inf
@@ -92,18 +92,18 @@ class SharedMaps:
 
     def _own(self, particles: Indices, blocks: Indices) -> None:
         """Give each of these particles pages of its own: copy what it still shares."""
-        touched = np.zeros(self.table.shape, bool)
-        touched[particles, blocks] = True
-        row, block = np.nonzero(touched)
+        used = np.zeros(self.table.shape[1], bool)
+        used[blocks] = True
+        place = np.cumsum(used) - 1
+        touched = np.zeros((len(self.table), place[-1] + 1), bool)
+        touched[particles, place[blocks]] = True
+        row, column = np.nonzero(touched)
+        block = np.flatnonzero(used)[column]
         page = self.table[row, block].astype(np.intp)
         shared = (page == 0) | (self._owners[page] > 1)
         # Where all owners of a page write, one of them keeps the original.
-        _, first, back, writers = np.unique(
-            page, return_index=True, return_inverse=True, return_counts=True
-        )
-        keeper = np.zeros(len(page), bool)
-        keeper[first] = True
-        shared &= ~(keeper & (writers[back] == self._owners[page]) & (page > 0))
+        found, first, writers = np.unique(page, return_index=True, return_counts=True)
+        shared[first[(writers == self._owners[found]) & (found > 0)]] = False
         row, block, page = row[shared], block[shared], page[shared]
         new = self._allocate(len(page))
         self.pages[new] = self.pages[page]
