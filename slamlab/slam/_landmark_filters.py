@@ -48,6 +48,13 @@ class Landmarks:
         entries = cov[..., 0, 0], 0.5 * (cov[..., 0, 1] + cov[..., 1, 0]), cov[..., 1, 1]
         return cls(mean[..., 0], mean[..., 1], entries, log_odds)
 
+    def columns(self, some: NDArray[np.bool_]) -> Landmarks:
+        """Return only these columns, those of a mask (k,)."""
+        if some.all():
+            return self
+        x, y, xx, xy, yy, log_odds = self.fields[:, :, some]
+        return Landmarks(x, y, (xx, xy, yy), log_odds)
+
     @property
     def mean(self) -> Array:
         """Means (M, k, 2)."""

@@ -64,8 +64,7 @@ class SharedMaps:
 
     def read(self, columns: Indices) -> Array:
         """Return columns (M, k), some for each particle, shape (FIELDS, M, k)."""
-        block, place = np.divmod(columns, PAGE)
-        found = self.pages[np.take_along_axis(self.table, block, 1), place]
+        found = self.pages.reshape(-1, FIELDS).take(self._places(None, columns), axis=0)
         return np.ascontiguousarray(np.moveaxis(found, -1, 0))
 
     def read_blocks(self, first: int, last: int | None) -> Array:
@@ -80,15 +79,21 @@ class SharedMaps:
     def write(self, particles: Indices, columns: Indices, values: Array) -> None:
         """Store values (L, FIELDS) in columns (L,) of particles (L,)."""
         self.grow(int(columns.max(initial=-1)) + 1)
-        block, place = np.divmod(columns, PAGE)
-        self._own(particles, block)
-        self.pages[self.table[particles, block], place] = values
+        self._own(particles, columns // PAGE)
+        self.pages.reshape(-1, FIELDS)[self._places(particles, columns)] = values
 
     def resample(self, chosen: Indices) -> None:
         """Replace particle i by a copy of particle ``chosen[i]``: only the index table moves."""
         self.table = self.table[chosen]
         self._owners = np.bincount(self.table.ravel(), minlength=len(self.pages))
         self._free = np.flatnonzero(self._owners[1:] == 0) + 1
+
+    def _places(self, particles: Indices | None, columns: Indices) -> Indices:
+        """Rows of the landmarks in all pages; `particles` None: a row of columns for each."""
+        block, place = np.divmod(columns, PAGE)
+        if particles is None:
+            particles = np.arange(len(self.table))[:, None]
+        return self.table.take(particles * self.table.shape[1] + block) * np.intp(PAGE) + place
 
     def _own(self, particles: Indices, blocks: Indices) -> None:
         """Give each of these particles pages of its own: copy what it still shares."""
@@ -117,9 +122,8 @@ class SharedMaps:
         if missing > 0:
             size = len(self.pages)
             bigger = max(size + missing, size + size // 4)
-            pages = np.empty((bigger, PAGE, FIELDS))
-            pages[:size] = self.pages
-            self.pages = pages
+            # In place: the system moves large blocks without copying. No view outlives a call.
+            self.pages.resize((bigger, PAGE, FIELDS), refcheck=False)
             self._owners = np.concatenate([self._owners, np.zeros(bigger - size, np.int64)])
             self._free = np.concatenate([self._free, np.arange(size, bigger)])
         split = len(self._free) - count

@@ -20,7 +20,7 @@ from slamlab.filters.particle import systematic_resample
 from slamlab.geometry import wrap_angle
 from slamlab.slam._landmark_filters import Landmarks, compare, correct, information, predict
 from slamlab.slam._particle_view import IGNORED, NEW, ParticleView, check_rows
-from slamlab.slam._shared_maps import ABSENT, SharedMaps
+from slamlab.slam._shared_maps import ABSENT, FIELDS, SharedMaps
 
 __all__ = ["FastSlam", "ParticleView"]
 
@@ -255,29 +255,35 @@ class FastSlam:
 
     def _update(self, z: Array, columns: Indices, known: bool) -> float:
         """Run steps 1 to 4 of P2; measurement j (k, 2) is column (M, k) of each particle's map."""
-        seen = columns >= 0
-        old = self._read(columns)
-        # A landmark that is new, or a measurement left out, has nothing to compare with.
+        seen, old = columns >= 0, self._read(columns)
+        # What is new to a particle, or left out, has nothing to compare with.
         met = seen & old.present
+        some: NDArray[np.bool_] = np.asarray(met.any(0))
+        asked, old, its_own = z[some], old.columns(some), met[:, some]
         # 1. Propose: (16) was drawn by `predict`; (18) draws again, the measurement in sight.
-        poses, log_ratio = self._propose(z, old, met)
+        poses, log_ratio = self._propose(asked, old, its_own)
         # 2. Weigh, (14): likelihood (15) of the measurements, the landmarks integrated out.
         prediction = predict(self.sensor, poses, old)
-        comparison = compare(self.sensor, prediction, z)
-        other = 0.0 if known else self._log_density_at_the_gate()
-        log_likelihood = np.where(met, comparison.log_density, other).sum(1)
+        comparison = compare(self.sensor, prediction, asked)
+        log_likelihood = np.where(its_own, comparison.log_density, 0.0).sum(1)
+        if not known:
+            log_likelihood += self._log_density_at_the_gate() * (~met).sum(1)
         log_weights, evidence = _log_normalised(self.log_weights + log_ratio + log_likelihood)
         # 4. Correct the landmarks that were met, start those that were not.
-        new = correct(self.sensor, prediction, comparison, old).fields
-        if (seen & ~met).any():
-            new = np.where(met, new, self._started(poses, z).fields)
-        if not np.isfinite(new[:5, seen]).all():
-            raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
+        new = np.zeros((FIELDS, *columns.shape))
+        new[:, :, some] = correct(self.sensor, prediction, comparison, old).fields
+        fresh = (seen & ~met).any(0)
+        if fresh.any():
+            started = self._started(poses, z[fresh]).fields
+            new[:, :, fresh] = np.where(met[:, fresh], new[:, :, fresh], started)
         new[5] += self._hit
+        kept = new[:, seen]
+        if not np.isfinite(kept).all():
+            raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         # 3. Nothing can fail any more: change the filter, and resample if the weights say so.
         self.poses, self.log_weights = poses, log_weights
         self._unknown |= not known
-        self._maps.write(np.nonzero(seen)[0], columns[seen], new[:, seen].T)
+        self._maps.write(np.nonzero(seen)[0], columns[seen], kept.T)
         if not known and self._miss < 0:
             self._doubt_the_unseen(columns)
         self._resample_if_degenerate()
