@@ -1,6 +1,8 @@
 """Where the robot goes: routes, paths remembered and followed, exploration. Floor 4."""
 
+from slamlab.navigation.drive import YOUBOT_BODY, Belief, Body, Drive, drive_round
 from slamlab.navigation.explore import Exploration, explore
+from slamlab.navigation.follow import RegulatedPurePursuit, Return, ReturnLaw, return_to_start
 from slamlab.navigation.path_memory import Cubic, Loop, PathMemory, fit_cubic
 from slamlab.navigation.seen_floor import SeenFloor
 from slamlab.navigation.strategies import (
@@ -14,7 +16,10 @@ from slamlab.navigation.strategies import (
 )
 
 __all__ = [
+    "Belief",
+    "Body",
     "Cubic",
+    "Drive",
     "Exploration",
     "InformationGain",
     "LongestBeam",
@@ -23,9 +28,15 @@ __all__ = [
     "PathMemory",
     "Quadrants",
     "RandomFraction",
+    "RegulatedPurePursuit",
+    "Return",
+    "ReturnLaw",
     "SeenFloor",
     "Strategy",
     "View",
+    "YOUBOT_BODY",
+    "drive_round",
     "explore",
     "fit_cubic",
+    "return_to_start",
 ]

@@ -10,6 +10,7 @@ from slamlab.sensors.scan_motion import (
     turn_between,
 )
 from slamlab.sensors.sonar import Sonar
+from slamlab.sensors.visual_odometer import StereoOdometer, VisualOdometer
 from slamlab.sensors.wall import Wall
 
 __all__ = [
@@ -17,6 +18,8 @@ __all__ = [
     "RangeBearing",
     "ScanGeometry",
     "Sonar",
+    "StereoOdometer",
+    "VisualOdometer",
     "Wall",
     "displacement_as_printed",
     "motion_between",
