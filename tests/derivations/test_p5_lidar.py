@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamlab.sensors import Lidar
+from slamlab.sensors import Lidar, Sonar
 from slamlab.sensors.thesis_scan import dots_as_printed, scan_as_printed
 from slamlab.worlds import BitmapWorld, free_poses, rooms
 
@@ -129,3 +129,16 @@ def test_the_printed_scan_ignores_the_heading():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_sonar_differs_from_a_lidar_even_when_it_turns_perfectly():
+    # Section 1.2.1: "about the same as a lidar's, but the robot has to turn at every degree".
+    poses = free_poses(ROOM, 20, np.random.default_rng(3), 0.3)
+    cone, thin = Sonar(max_range=9.0), Sonar(0.0, 9.0, n_rays=1)
+    due = Lidar(360).scan(ROOM, poses)
+    share = [
+        np.mean([np.abs(s.sweep(ROOM, p, 360) - d) > 0.1 for p, d in zip(poses, due, strict=True)])
+        for s in (cone, thin)
+    ]
+    assert share[0] > 0.2
+    assert share[1] == 0
