@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg.blas import dsyrk, dtrsm
 
 from slamlab._checks import Array, as_array, as_count, as_covariance
 from slamlab.filters.kalman import Innovation
 from slamlab.geometry import wrap_angle
+from slamlab.slam._triangle import block_diagonal, downdate, mirror, times
 
 __all__ = ["EKFSlam"]
 
@@ -127,7 +127,7 @@ class EKFSlam:
         """
         P = self._P
         if not self._mirrored:
-            _mirror(P)
+            mirror(P)
             self._mirrored = True
         return _read_only(P)
 
@@ -229,16 +229,18 @@ class EKFSlam:
         """
         z, names, covs = self._as_look(z, ids, covs)
         known = np.array([name in self._row_of for name in names], dtype=bool)
+        fresh = [name for name in names if name not in self._row_of]
         rows = self._known_rows([name for name in names if name in self._row_of])
         # Everything that may fail comes first, everything that changes the filter last.
         correction = self._innovate(rows, z[known], covs[known])
-        arrivals = self._locate(correction.mean[:3], z[~known], covs[~known])
+        if fresh:
+            arrivals = self._locate(correction.mean[:3], z[~known], covs[~known])
         self._correct(correction)
         self.sightings[rows] += 1
         self.unseen_for[rows] = 0
-        if len(arrivals.points):
+        if fresh:
             self._augment(arrivals)
-            self._enrol([name for name in names if name not in self._row_of])
+            self._enrol(fresh)
         return correction.innovation
 
     def step(
@@ -368,8 +370,8 @@ class EKFSlam:
         H_pose, H_landmark = self.sensor.jacobians(self.pose, self.landmarks[rows])
         m = len(rows)
         i = np.concatenate([np.arange(3), (3 + 2 * rows[:, None] + np.arange(2)).ravel()])
-        H = np.concatenate([H_pose.reshape(2 * m, 3), _block_diagonal(H_landmark)], 1)
-        R = _block_diagonal(np.broadcast_to(self.sensor.cov, (m, 2, 2)))
+        H = np.concatenate([H_pose.reshape(2 * m, 3), block_diagonal(H_landmark)], 1)
+        R = block_diagonal(np.broadcast_to(self.sensor.cov, (m, 2, 2)))
         return H @ self._block(i) @ H.T + R
 
     # Inside: the algebra. From here on the data is trusted.
@@ -414,27 +416,23 @@ class EKFSlam:
         S = times_H(H_pose, H_landmark, HP[:, i].T)
         S.reshape(m, 2, m, 2)[np.arange(m), :, np.arange(m)] += covs
         S = 0.5 * (S + S.T)
-        root = _root(S)
-        # (34) in two halves: B = P H^T L^-T with S = L L^T, so that K = B L^-1, K S K^T = B B^T.
-        B = dtrsm(1.0, root.T, HP.T, side=1, overwrite_b=1) if m else HP.T
-        white = np.linalg.solve(root, v)
+        # (34) in two halves: B = L^-1 H P with S = L L^T, so that K = B^T L^-1, K S K^T = B^T B.
+        whiten = np.asarray(np.linalg.inv(_root(S)))
+        B, white = times(whiten, HP), np.asarray(whiten @ v)
         # (35)
-        mean = self.mean + B @ white
+        mean = self.mean + white @ B
         mean[2] = wrap_angle(mean[2])
         if not (np.isfinite(mean).all() and np.isfinite(B).all()):
             raise ValueError("z: expected measurements that can be weighed, the update overflows")
-        gain = np.linalg.solve(root.T, B.T).T
-        innovation = Innovation(v, S, gain, *_likelihood(white, root))
-        return Correction(rows, H_pose, H_landmark, root, white, B, mean, innovation)
+        gain = times(whiten.T, B).T
+        innovation = Innovation(v, S, gain, *_likelihood(white, whiten))
+        return Correction(rows, H_pose, H_landmark, whiten, white, B, mean, innovation)
 
     def _correct(self, correction: Correction) -> None:
         """P1 (35), (36), P2 (10), (11): P - K S K^T in place, the lower triangle only."""
         if len(correction.rows):
             self._mean[: self._size] = correction.mean
-            # BLAS counts columns first: our lower triangle is its upper one.
-            P = self._P.T
-            updated = dsyrk(-1.0, correction.B, beta=1.0, c=P, overwrite_c=1)
-            assert np.may_share_memory(updated, P), "dsyrk worked on a copy"
+            downdate(self._P, correction.B)
             self._mirrored = False
 
     def _locate(self, pose: Array, z: Array, covs: Array) -> Arrivals:
@@ -450,7 +448,7 @@ class EKFSlam:
         old, k = self._size, len(new.points)
         G = new.G_pose.reshape(2 * k, 3)
         cross = G @ self._full_rows(np.arange(3))
-        own = cross[:, :3] @ G.T + _block_diagonal(new.noise)
+        own = cross[:, :3] @ G.T + block_diagonal(new.noise)
         self._resize(old + 2 * k)
         self._mean[old : self._size] = new.points.ravel()
         self._P[old:, :old] = cross
@@ -542,9 +540,9 @@ class Correction:
     rows: Rows
     H_pose: Array  # (m, 2, 3)
     H_landmark: Array  # (m, 2, 2)
-    root: Array  # (2m, 2m) lower Cholesky factor L of S
+    whiten: Array  # (2m, 2m) inverse L^-1 of the lower Cholesky factor of S
     white: Array  # (2m,) L^-1 v
-    B: Array  # (N, 2m) P H^T L^-T
+    B: Array  # (2m, N) L^-1 H P
     mean: Array  # (N,) after the update
     innovation: Innovation
 
@@ -567,10 +565,10 @@ def times_H(H_pose: Array, H_landmark: Array, rows: Array) -> Array:
     return np.asarray(pose + landmarks.reshape(*lead, 2 * m, N))
 
 
-def _likelihood(white: Array, root: Array) -> tuple[Any, Any]:
+def _likelihood(white: Array, whiten: Array) -> tuple[Any, Any]:
     """Squared Mahalanobis distance and log density of the innovation."""
     nis = white @ white
-    log_scale = np.log(np.diag(root)).sum() + 0.5 * len(white) * np.log(2 * np.pi)
+    log_scale = 0.5 * len(white) * np.log(2 * np.pi) - np.log(np.diag(whiten)).sum()
     return nis, -0.5 * nis - log_scale
 
 
@@ -587,24 +585,6 @@ def _root(S: Array) -> Array:
 
 def _t(matrix: Array) -> Array:
     return np.swapaxes(matrix, -1, -2)
-
-
-def _block_diagonal(blocks: Array) -> Array:
-    """Matrix (2m, 2m) with the blocks (m, 2, 2) on its diagonal."""
-    m = len(blocks)
-    matrix = np.zeros((m, 2, m, 2))
-    matrix[np.arange(m), :, np.arange(m)] = blocks
-    return matrix.reshape(2 * m, 2 * m)
-
-
-def _mirror(P: Array, width: int = 128) -> None:
-    """Copy the lower triangle to the upper one, in place, a square of the cache at a time."""
-    for j in range(0, len(P), width):
-        e = j + width
-        square = P[j:e, j:e]
-        square[...] = np.tril(square) + np.tril(square, -1).T
-        for k in range(e, len(P), width):
-            P[j:e, k : k + width] = P[k : k + width, j:e].T
 
 
 def _read_only(view: Array) -> Array:

@@ -1,0 +1,191 @@
+"""EKF-SLAM against the textbook's dense matrices and against the bare arithmetic of one update."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from scipy.linalg.blas import dgemm, dsyrk
+
+from slamlab.robots import YOUBOT
+from slamlab.sensors import RangeBearing
+from slamlab.slam import EKFSlam
+
+DT, U, V = 0.1, np.array([0.5, 0.1, 0.2]), YOUBOT.control_cov(0.4)
+SENSOR = RangeBearing(0.05, 0.02, offset=0.3)
+SEEN = 10
+
+
+def alternate(*functions, rounds):
+    """Median seconds of each, run in turn, so that a busy machine slows all alike."""
+    seconds = np.empty((rounds + 1, len(functions)))
+    for row in seconds:
+        for column, function in enumerate(functions):
+            start = time.perf_counter()
+            function()
+            row[column] = time.perf_counter() - start
+    return np.median(seconds[1:], axis=0)
+
+
+def scene(n):
+    """A filter with n correlated landmarks, and one look at ten of them."""
+    rng = np.random.default_rng(5)
+    mean = np.concatenate([np.zeros(3), rng.uniform(-20, 20, 2 * n)])
+    root = 0.05 * rng.standard_normal((len(mean), 6))
+    cov = root @ root.T + 0.01 * np.eye(len(mean))
+    rows = rng.permutation(n)[:SEEN]
+    there = YOUBOT.step(mean[:3], U, DT)
+    z = SENSOR.observe(there, mean[3:].reshape(-1, 2)[rows])
+    return EKFSlam(YOUBOT, SENSOR, mean, cov, ids=range(n)), z, rows
+
+
+def our_step(slam, z, rows):
+    slam.predict(U, DT, V)
+    slam.update(z, rows)
+
+
+def textbook_step(mean, P, z, rows, dense_F=True):
+    """The step as a textbook prints it: dense F and H, K S K^T."""
+    N = len(mean)
+    F_x, F_u = YOUBOT.jacobians(mean[:3], U, DT)
+    mean = np.concatenate([YOUBOT.step(mean[:3], U, DT), mean[3:]])
+    if dense_F:
+        F, G = np.eye(N), np.zeros((N, 3))
+        F[:3, :3], G[:3] = F_x, F_u
+        P = F @ P @ F.T + G @ V @ G.T
+    else:
+        P = P.copy()
+        P[:3] = F_x @ P[:3]
+        P[:, :3] = P[:, :3] @ F_x.T
+        P[:3, :3] += F_u @ V @ F_u.T
+    landmarks = mean[3:].reshape(-1, 2)[rows]
+    H = np.zeros((2 * len(rows), N))
+    H_pose, H_landmark = SENSOR.jacobians(mean[:3], landmarks)
+    for k, row in enumerate(rows):
+        H[2 * k : 2 * k + 2, :3] = H_pose[k]
+        H[2 * k : 2 * k + 2, 3 + 2 * row : 5 + 2 * row] = H_landmark[k]
+    v = SENSOR.residual(z, SENSOR.observe(mean[:3], landmarks)).ravel()
+    S = H @ P @ H.T + np.kron(np.eye(len(rows)), SENSOR.cov)
+    K = P @ H.T @ np.linalg.inv(S)
+    return mean + K @ v, P - K @ S @ K.T
+
+
+def measure_textbook(n, rounds=5, dense_F=True):
+    slam, z, rows = scene(n)
+    mean, P = slam.mean.copy(), slam.cov.copy()
+    return alternate(
+        lambda: our_step(slam, z, rows),
+        lambda: textbook_step(mean, P, z, rows, dense_F),
+        rounds=rounds,
+    )
+
+
+def measure_bare(n=1000, rounds=9, blas=dgemm):
+    """Our step against nothing but P - B B^T in place, B of rank 20."""
+    slam, z, rows = scene(n)
+    N = len(slam.mean)
+    P = np.asfortranarray(slam.cov)
+    B = np.asfortranarray(1e-3 * np.random.default_rng(6).standard_normal((N, 2 * SEEN)))
+    if blas is dgemm:
+
+        def bare():
+            dgemm(-1.0, B, B, beta=1.0, c=P, trans_b=1, overwrite_c=1)
+
+    else:
+
+        def bare():
+            dsyrk(-1.0, B, beta=1.0, c=P, overwrite_c=1)
+
+    return alternate(lambda: our_step(slam, z, rows), bare, rounds=rounds)
+
+
+def measure_slope(rounds=7, sizes=(200, 400, 800, 1400, 2000)):
+    """Slope of log time over log n, and the seconds themselves."""
+    scenes = [scene(n) for n in sizes]
+    seconds = alternate(*(lambda s=s: our_step(*s) for s in scenes), rounds=rounds)
+    return np.polyfit(np.log(sizes), np.log(seconds), 1)[0], seconds
+
+
+THREADS = """
+import sys
+sys.path.insert(0, "tests/benchmarks")
+from test_ekf_speed import alternate, our_step, scene
+one = scene(50)
+print(alternate(lambda: our_step(*one), rounds=400)[0])
+"""
+
+
+def seconds_in_a_new_process(**threads):
+    """Median seconds of our step at n = 50 in a fresh interpreter."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    environment = {k: v for k, v in os.environ.items() if k not in names} | threads
+    command = [sys.executable, "-c", THREADS]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return float(run.stdout)
+
+
+def measure_threads():
+    """Default threads and a single one."""
+    return np.array([seconds_in_a_new_process(), seconds_in_a_new_process(OMP_NUM_THREADS="1")])
+
+
+def rows(rounds=9):
+    """Rows of the performance page: what, ours (ms), peer (ms), peer / ours or ours / peer."""
+    small, large = measure_textbook(100, 10 * rounds), measure_textbook(1000, 1)
+    sparse = measure_textbook(1000, rounds, dense_F=False)
+    bare, triangle = measure_bare(rounds=rounds), measure_bare(rounds=rounds, blas=dsyrk)
+    slope, seconds = measure_slope(rounds)
+    threads = measure_threads()
+    what = "EKF-SLAM, predict and 10 observations"
+    return [
+        (name, 1e3 * ours, 1e3 * peer, ours / peer, promise)
+        for name, (ours, peer), promise in (
+            (f"{what}, n = 100; dense textbook", small, 1 / 3),
+            (f"{what}, n = 1000; dense textbook", large, 1 / 40),
+            (f"{what}, n = 1000; textbook with a sparse prediction", sparse, 1.0),
+            (f"{what}, n = 1000; bare rank-20 update, both triangles", bare, 3.0),
+            (f"{what}, n = 1000; bare rank-20 update, one triangle", triangle, 3.0),
+            (f"{what}, n = 50; default threads against one", threads, 3.0),
+            (
+                f"{what}, n = 2000 against n = 200 (slope {slope:.2f})",
+                (seconds[-1], seconds[0]),
+                10**2.2,
+            ),
+        )
+    ]
+
+
+def test_our_step_and_the_textbooks_do_the_same():
+    slam, z, rows = scene(30)
+    for dense_F in (True, False):
+        mean, P = textbook_step(slam.mean.copy(), slam.cov.copy(), z, rows, dense_F)
+        ours = EKFSlam(YOUBOT, SENSOR, slam.mean, slam.cov, slam.ids)
+        our_step(ours, z, rows)
+        np.testing.assert_allclose(ours.mean, mean, atol=1e-12)
+        np.testing.assert_allclose(ours.cov, P, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("measure", "promise"),
+    [
+        pytest.param(lambda: measure_textbook(100, 60), 1 / 3, id="dense textbook, n = 100"),
+        pytest.param(lambda: measure_textbook(1000, 1), 1 / 40, id="dense textbook, n = 1000"),
+        pytest.param(measure_bare, 3.0, id="bare rank-20 update"),
+        pytest.param(measure_threads, 3.0, id="default threads, n = 50"),
+    ],
+)
+def test_speed_within_its_promise(measure, promise):
+    for _ in range(3):
+        ours, peer = measure()
+        if ours < promise * peer:
+            return
+    pytest.fail(f"{1e3 * ours:.2f} ms, peer {1e3 * peer:.2f} ms, promised {promise:.3f} x")
+
+
+def test_cost_grows_with_the_square_of_the_landmarks():
+    slope = min(measure_slope()[0] for _ in range(2))
+    assert slope < 2.2
