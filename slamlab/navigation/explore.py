@@ -83,6 +83,7 @@ def explore(
     max_moves: int = 200,
     max_path: float = 40.0,
     until: float = 1.0,
+    stop_at_collision: bool = False,
     resolution: float = 0.05,
 ) -> Exploration:
     """Explore a world.
@@ -113,6 +114,8 @@ def explore(
         No new choice after so many metres.
     until : float, default 1.0
         Stop when this part of the free floor has been seen.
+    stop_at_collision : bool, default False
+        End the run at the first collision; otherwise the robot goes on from the contact.
     resolution : float, default 0.05
         Cell of the map that the robot keeps (m).
 
@@ -138,7 +141,7 @@ def explore(
         if driver.coverage[-1] >= until:
             finished = True
             break
-        if driver.path_length[-1] >= max_path:
+        if driver.path_length[-1] >= max_path or (stop_at_collision and driver.hit):
             break
         points = strategy.choose(driver.view(), rng)
         if points is None:
@@ -189,6 +192,11 @@ class _Driver:
         self._look_anew()
         parts = (self.pose.copy(), self.scans[-1], self.lidar, self.robot, self.floor)
         return View(*parts, self.refused, self.came_from)
+
+    @property
+    def hit(self) -> bool:
+        """Whether something was hit so far."""
+        return self._count > 0
 
     def follow(self, points: Array) -> None:
         """Drive through the points; stop early where the guard refuses or something is hit."""
@@ -313,6 +321,8 @@ class _Driver:
         self.collisions.append(self._count)
 
     def report(self, finished: bool, refused: int) -> Exploration:
+        """Return the record, closed with a last look."""
+        self._look_anew()
         return Exploration(
             np.array(self.poses),
             np.array(self.scans),

@@ -78,6 +78,18 @@ def test_can_move_as_printed_collides_in_most_runs(stride):
     assert all(run.collisions[-1] > 0 for run in nobody)
 
 
+def test_the_run_may_end_at_the_first_collision():
+    settings = {"guard": "none", "n": 3, "stride": np.inf}
+    on, ended = (
+        runs(ROOM, LongestBeam(1.0), stop_at_collision=s, **settings) for s in (False, True)
+    )
+    assert all(
+        run.collisions[-1] == 1 and len(run.poses) <= len(other.poses)
+        for run, other in zip(ended, on, strict=True)
+    )
+    assert max(run.collisions[-1] for run in on) > 1
+
+
 def test_after_a_collision_the_robot_stands_at_the_contact():
     run = explore(
         ROOM, ROBOT, LIDAR, LongestBeam(1.0), [1.0, 1.0, 0.0], np.random.default_rng(0),
