@@ -2,5 +2,18 @@
 
 from slamlab.evaluation.consistency import chi2_band, monte_carlo, nees, nis
 from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
+from slamlab.evaluation.wall_maps import WallScores, seen_lengths, wall_scores
 
-__all__ = ["TrajectoryError", "align", "ate", "chi2_band", "monte_carlo", "nees", "nis", "rpe"]
+__all__ = [
+    "TrajectoryError",
+    "WallScores",
+    "align",
+    "ate",
+    "chi2_band",
+    "monte_carlo",
+    "nees",
+    "nis",
+    "rpe",
+    "seen_lengths",
+    "wall_scores",
+]
