@@ -33,10 +33,13 @@ def times(A: Array, B: Array) -> Array:
 def downdate(P: Array, B: Array) -> None:
     """P - B^T B in place for a square contiguous P (N, N) and B (k, N); lower triangle only."""
     N, k = len(P), len(B)
-    if N >= LARGE or N * (N + 1) * k <= PIECE:
-        # BLAS counts columns first: our lower triangle is its upper one, B^T its B.
-        updated = dsyrk(-1.0, B.T, beta=1.0, c=P.T, overwrite_c=1)
-        assert np.may_share_memory(updated, P), "dsyrk worked on a copy"
+    step = k if N >= LARGE else PIECE // (N * (N + 1))
+    if step >= 4:
+        for part in range(0, k, step):
+            # BLAS counts columns first: our lower triangle is its upper one, B^T its B.
+            some = B[part : part + step].T
+            updated = dsyrk(-1.0, some, beta=1.0, c=P.T, overwrite_c=1)
+            assert np.may_share_memory(updated, P), "dsyrk worked on a copy"
         return
     width = 64
     height = max(1, PIECE // (k * width))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.lapack import dtrtri
 
 from slamlab._checks import Array, as_array, as_count, as_covariance
 from slamlab.filters.kalman import Innovation
@@ -107,7 +108,7 @@ class EKFSlam:
         self._mirrored = True
         self.ids: tuple[Hashable, ...] = names
         self._row_of = {name: row for row, name in enumerate(names)}
-        self._next_id = 0
+        self._next_id, self._checked_cov = 0, np.empty((0, 0))
         self.sightings = np.ones(len(names), dtype=int)
         self.unseen_for = np.zeros(len(names), dtype=int)
 
@@ -187,7 +188,10 @@ class EKFSlam:
         u = as_array("u", u, ("l",))
         # (12), (13): both at the estimate before the step.
         F_x, F_u = self.motion.jacobians(self.pose, u, dt)
-        V = as_covariance("control_cov", as_array("control_cov", control_cov, u.shape * 2))
+        V = as_array("control_cov", control_cov, u.shape * 2)
+        if not np.array_equal(V, self._checked_cov):
+            # Looking for negative eigenvalues takes longer than the prediction: once will do.
+            self._checked_cov = as_covariance("control_cov", V).copy()
         # (8), P2 (8)
         pose = self.motion.step(self.pose, u, dt)
         # (14)
@@ -417,7 +421,7 @@ class EKFSlam:
         S.reshape(m, 2, m, 2)[np.arange(m), :, np.arange(m)] += covs
         S = 0.5 * (S + S.T)
         # (34) in two halves: B = L^-1 H P with S = L L^T, so that K = B^T L^-1, K S K^T = B^T B.
-        whiten = np.asarray(np.linalg.inv(_root(S)))
+        whiten = _whitener(S)
         B, white = times(whiten, HP), np.asarray(whiten @ v)
         # (35)
         mean = self.mean + white @ B
@@ -572,15 +576,19 @@ def _likelihood(white: Array, whiten: Array) -> tuple[Any, Any]:
     return nis, -0.5 * nis - log_scale
 
 
-def _root(S: Array) -> Array:
-    """Lower Cholesky factor of the innovation covariance."""
+def _whitener(S: Array) -> Array:
+    """Inverse of the lower Cholesky factor of an innovation covariance S."""
+    if not len(S):
+        return S
     try:
-        return np.asarray(np.linalg.cholesky(S))
+        root = np.linalg.cholesky(S)
     except np.linalg.LinAlgError as error:
         raise ValueError(
             "covs: expected an innovation covariance S = H P H^T + R that is positive definite, "
             f"its smallest eigenvalue is {np.linalg.eigvalsh(S)[0]:.3g}"
         ) from error
+    # LAPACK counts columns first and sees L^T, an upper triangle.
+    return np.asarray(dtrtri(root.T, lower=0)[0].T)
 
 
 def _t(matrix: Array) -> Array:
