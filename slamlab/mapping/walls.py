@@ -448,11 +448,13 @@ def _length(points: Array) -> float:
 def _line_cov(points: Array, covs: Array, alpha: Array) -> Array:
     """`line_cov` for a line already fitted."""
     alpha = np.asarray(alpha)[..., None]
-    normal = np.stack(np.broadcast_arrays(np.cos(alpha), np.sin(alpha)), -1)
-    across = np.einsum("...i,...ij,...j->...", normal, covs, normal)
-    along = _along(points, alpha)
-    middle = along.mean(-1, keepdims=True)
-    d_alpha = (middle - along) / ((along - middle) ** 2).sum(-1, keepdims=True)
-    d_r = 1.0 / points.shape[-2] + middle * d_alpha
-    d = np.stack([d_r, d_alpha], -2)
-    return np.einsum("...ik,...k,...jk->...ij", d, across, d)
+    c, s = np.cos(alpha), np.sin(alpha)
+    # Variance of each point across the wall: n^T C n.
+    across = c * c * covs[..., 0, 0] + 2 * c * s * covs[..., 0, 1] + s * s * covs[..., 1, 1]
+    along = points[..., 1] * c - points[..., 0] * s
+    k = points.shape[-2]
+    middle = along.sum(-1, keepdims=True) / k
+    off = along - middle
+    d_alpha = -off / (off * off).sum(-1, keepdims=True)
+    d = np.stack([1.0 / k + middle * d_alpha, d_alpha], -2)
+    return (d * across[..., None, :]) @ np.swapaxes(d, -1, -2)
