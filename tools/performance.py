@@ -52,6 +52,12 @@ TABLES = {
         ["promised ratio"],
         "The peer is the same arithmetic written down in NumPy without any check of its input.",
     ),
+    "test_path_speed": (
+        "Path memory beside P3's Table 1",
+        ["promised ratio"],
+        "The peer's milliseconds are those that P3 printed, on a computer of its own; the last row "
+        "compares the memory with itself. A cycle is `add` and a search for loops after each point.",
+    ),
 }
 
 

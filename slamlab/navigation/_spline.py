@@ -151,10 +151,18 @@ class Spline:
                 continue
             # It turns back on itself without a crossing, perhaps on its own trace: between its
             # extrema it cannot.
-            cuts = np.empty(6)
-            n = _cubic.monotone_cuts(piece, cuts)
-            for a, b in zip(cuts[: n - 1], cuts[1:n], strict=True):
-                loops += self._join(_cubic.restrict(piece, a, b), accuracy)
+            loops += self._join_in_pieces(piece, accuracy)
+        return loops
+
+    def _join_in_pieces(self, c: Array, accuracy: float) -> list[Loop]:
+        cuts, before, loops = np.empty(6), self.n, []
+        n = _cubic.monotone_cuts(c, cuts)
+        for a, b in zip(cuts[: n - 1], cuts[1:n], strict=True):
+            loops += self._join(_cubic.restrict(c, a, b), accuracy)
+        if not loops:
+            # Nothing was met, so it is stored whole.
+            self.cut(before, 0.0)
+            self.append(c)
         return loops
 
     def _own_loop(self, c: Array, first: float, second: float) -> Loop:
