@@ -191,7 +191,8 @@ class EKFSlam:
         V = as_array("control_cov", control_cov, u.shape * 2)
         if not np.array_equal(V, self._checked_cov):
             # Looking for negative eigenvalues takes longer than the prediction: once will do.
-            self._checked_cov = as_covariance("control_cov", V).copy()
+            as_covariance("control_cov", V)
+            self._checked_cov = V.copy()
         # (8), P2 (8)
         pose = self.motion.step(self.pose, u, dt)
         # (14)
