@@ -6,6 +6,7 @@ P1 leaves the extraction and the association to "a separate discussion"; here th
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
@@ -15,13 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from slamlab._checks import Array, as_count, as_scalar
-from slamlab.geometry import wrap_angle
+from slamlab.geometry import transform, wrap_angle
 from slamlab.mapping.walls import Walls, extract_walls
 from slamlab.sensors import Wall
 from slamlab.slam.ekf import EKFSlam
 
 __all__ = ["Sighting", "WallSlam"]
 
+# Along each wall the map counts how often every piece of so many metres was seen.
+_PIECE = 0.05
+# Stretches of a wall with a gap smaller than this (m) are one.
+_JOIN = 0.3
 # Cutting a scan at its corners leaves errors beside the noise of the beams: 2 mm, 0.08 degrees.
 _EXTRACTION_COV = np.diag([0.002, np.deg2rad(0.08)]) ** 2
 
@@ -117,7 +122,7 @@ class WallSlam:
         self._lidar = lidar
         # The covariance of each sighting comes from its points; the sensor's own is not used.
         self.filter = EKFSlam(motion, Wall(1.0, 1.0, offset=lidar.offset), pose, cov)
-        self._spans: dict[Hashable, Array] = {}
+        self._counts: dict[Hashable, Counter[int]] = {}
         self._next = 0
 
     @property
@@ -140,7 +145,7 @@ class WallSlam:
     def segments(self) -> Array:
         """The map: stretches of the confirmed walls that were seen, (k, 2, 2) in the world (m)."""
         lines = dict(zip(self.filter.ids, self.filter.landmarks, strict=True))
-        found = [_on_line(lines[id], self._spans[id]) for id in self.confirmed]
+        found = [_on_line(lines[id], self._stretches(id)) for id in self.confirmed]
         return np.concatenate(found) if found else np.empty((0, 2, 2))
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
@@ -175,7 +180,7 @@ class WallSlam:
             self._extend(id, ends)
         gone = self.filter.remove_unseen(self._patience, max(self._confirm - 1, 1))
         for id in gone:
-            del self._spans[id]
+            del self._counts[id]
         return Sighting(walls, ids, float(innovation.nis))
 
     def _associate(self, walls: Walls, covs: Array) -> tuple[Hashable | None, ...]:
@@ -226,29 +231,30 @@ class WallSlam:
     def _extend(self, id: Hashable, ends: Array) -> None:
         """Note which stretch of the wall was seen."""
         ekf = self.filter
-        pose, (_, alpha) = ekf.pose, ekf.landmarks[ekf.ids.index(id)]
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        world = (ends + [self._lidar.offset, 0.0]) @ np.array([[c, s], [-s, c]]) + pose[:2]
-        span = np.sort(world @ [-np.sin(alpha), np.cos(alpha)])
-        known = self._spans.get(id, np.empty((0, 2)))
-        self._spans[id] = _union(np.concatenate([known, span[None]]))
+        _, alpha = ekf.landmarks[ekf.ids.index(id)]
+        world = transform(ekf.pose, ends + [self._lidar.offset, 0.0])
+        low, high = np.sort(world @ [-np.sin(alpha), np.cos(alpha)]) / _PIECE
+        self._counts.setdefault(id, Counter()).update(range(round(low), round(high)))
+
+    def _stretches(self, id: Hashable) -> Array:
+        """Where the wall was seen often enough, (k, 2) along it: a grazing scan errs at its ends.
+
+        Often is as often as a wall must be seen, and a twentieth of what its best piece was.
+        """
+        counts = self._counts[id]
+        least = max(self._confirm, 0.05 * max(counts.values(), default=0))
+        pieces = np.array(sorted(piece for piece, n in counts.items() if n >= least), dtype=float)
+        if len(pieces) == 0:
+            return np.empty((0, 2))
+        cuts = np.flatnonzero(np.diff(pieces) > _JOIN / _PIECE)
+        starts, ends = pieces[np.r_[0, cuts + 1]], pieces[np.r_[cuts, -1]] + 1
+        return _PIECE * np.stack([starts, ends], -1)
 
 
 def _in_name_of(alpha: ArrayLike, other: ArrayLike, covs: Array) -> Array:
     """Covariance of (r, alpha), or of (-r, alpha + pi) where that name is nearer to `other`."""
     turned = np.abs(wrap_angle(np.subtract(alpha, other))) > np.pi / 2
     return covs * np.where(turned[..., None, None], [[1.0, -1.0], [-1.0, 1.0]], 1.0)
-
-
-def _union(spans: Array, gap: float = 0.3) -> Array:
-    """Join stretches (k, 2) of a line that overlap or lie less than `gap` apart."""
-    joined: list[list[float]] = []
-    for low, high in spans[np.argsort(spans[:, 0])].tolist():
-        if joined and low <= joined[-1][1] + gap:
-            joined[-1][1] = max(joined[-1][1], high)
-        else:
-            joined.append([low, high])
-    return np.array(joined)
 
 
 def _on_line(line: Array, spans: Array) -> Array:
