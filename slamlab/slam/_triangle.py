@@ -17,6 +17,8 @@ __all__ = ["block_diagonal", "downdate", "mirror", "times"]
 PIECE = 2**18
 # From this size on the work is worth the threads.
 LARGE = 1500
+# Rank of the pieces into which a small P's downdate is cut.
+RANK = 32
 
 
 def times(A: Array, B: Array) -> Array:
@@ -33,6 +35,12 @@ def times(A: Array, B: Array) -> Array:
 def downdate(P: Array, B: Array) -> None:
     """P - B^T B in place for a square contiguous P (N, N) and B (k, N); lower triangle only."""
     N, k = len(P), len(B)
+    if N == 0 or k == 0:
+        return
+    if k > RANK and N < LARGE:
+        for part in range(0, k, RANK):
+            downdate(P, B[part : part + RANK])
+        return
     step = k if N >= LARGE else PIECE // (N * (N + 1))
     if step >= 4:
         for part in range(0, k, step):

@@ -319,12 +319,15 @@ class EKFSlam:
         keep = np.ones(self.n_landmarks, dtype=bool)
         keep[self._known_rows(names)] = False
         entries = np.concatenate([np.ones(3, dtype=bool), np.repeat(keep, 2)])
-        mean, P = self._mean[: self._size][entries], self._P[np.ix_(entries, entries)]
-        self._size = len(mean)
-        self._mean[: self._size], self._P[...] = mean, P
-        self.sightings, self.unseen_for = self.sightings[keep], self.unseen_for[keep]
-        self.ids = tuple(name for name, stays in zip(self.ids, keep, strict=True) if stays)
-        self._row_of = {name: row for row, name in enumerate(self.ids)}
+        mirrored = self._mirrored
+        self._replace(
+            self.mean[entries],
+            self._P[np.ix_(entries, entries)],
+            tuple(name for name, stays in zip(self.ids, keep, strict=True) if stays),
+            self.sightings[keep],
+            self.unseen_for[keep],
+        )
+        self._mirrored = mirrored
 
     def remove_unseen(self, steps: int, sightings: int = 1) -> tuple[Hashable, ...]:
         """Remove the landmarks that were hardly ever seen and not lately; return their ids.
@@ -467,6 +470,22 @@ class EKFSlam:
         self.sightings = np.append(self.sightings, np.ones(len(names), dtype=int))
         self.unseen_for = np.append(self.unseen_for, np.zeros(len(names), dtype=int))
 
+    def _replace(
+        self,
+        mean: Array,
+        P: Array,
+        ids: tuple[Hashable, ...],
+        sightings: NDArray[Any],
+        unseen_for: NDArray[Any],
+    ) -> None:
+        """Take over another state, of any size, in all its parts."""
+        self._size = 0
+        self._resize(len(mean))
+        self._mean[: self._size], self._P[...] = mean, P
+        self._mirrored = True
+        self.ids, self._row_of = ids, {name: row for row, name in enumerate(ids)}
+        self.sightings, self.unseen_for = sightings.copy(), unseen_for.copy()
+
     def _resize(self, size: int) -> None:
         """Make room for a state of `size` >= the present one and keep what is there."""
         mean, P = self.mean, self._P
@@ -510,6 +529,11 @@ class EKFSlam:
             raise ValueError(f"rows: expected rows of {self.n_landmarks} landmarks, got {rows!r}")
         return array.astype(np.intp)
 
+    def _first_free_id(self) -> int:
+        """Next whole number that is no landmark's name and never was one given by `step`."""
+        numbers = [name for name in self.ids if isinstance(name, int)]
+        return max([self._next_id, *(name + 1 for name in numbers)])
+
     def _associated(self, z: Array, associate: Any) -> tuple[Hashable | None, ...]:
         """Name the landmark of each measurement, a fresh name if it is new, None to leave out."""
         if associate is None:
@@ -528,10 +552,8 @@ class EKFSlam:
             raise ValueError(
                 f"associate: expected rows of {self.n_landmarks} landmarks, -1 or -2, got {rows!r}"
             )
-        numbers = [name for name in self.ids if isinstance(name, int)]
-        self._next_id = max([self._next_id, *(name + 1 for name in numbers)])
-        fresh = self._next_id + np.cumsum(rows == -1) - 1
-        self._next_id += int((rows == -1).sum())
+        fresh = self._first_free_id() + np.cumsum(rows == -1) - 1
+        self._next_id = int(fresh.max(initial=self._first_free_id() - 1)) + 1
         return tuple(
             self.ids[row] if row >= 0 else int(name) if row == -1 else None
             for row, name in zip(rows, fresh, strict=True)

@@ -1,0 +1,155 @@
+"""The compressed EKF is the full EKF; updating a block of the covariance alone is no filter."""
+
+import numpy as np
+import pytest
+
+from slamlab.robots import YOUBOT, Unicycle
+from slamlab.sensors import RangeBearing
+from slamlab.slam import CompressedEKFSlam, EKFSlam
+
+DT, V = 0.1, YOUBOT.control_cov(0.5)
+SENSOR = RangeBearing(0.05, 0.02, offset=0.3, max_range=5.0)
+
+
+def drive(n_steps, seed=1, n=80):
+    """Rounds through a yard of 40 x 20 m: controls, measurements, ids."""
+    rng = np.random.default_rng(seed)
+    landmarks = rng.uniform([-20, -10], [20, 10], (n, 2))
+    angle = np.linspace(0, 4 * np.pi, n_steps + 1)
+    route = np.stack([16 * np.cos(angle), 6 * np.sin(angle)], 1)
+    heading = np.arctan2(6 * np.cos(angle), -16 * np.sin(angle))
+    pose = np.array([*route[0], heading[0]])
+    for k in range(n_steps):
+        ahead = route[k + 1] - pose[:2]
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        turn = (heading[k + 1] - pose[2] + np.pi) % (2 * np.pi) - np.pi
+        u = np.array([c * ahead[0] + s * ahead[1], c * ahead[1] - s * ahead[0], turn]) / DT
+        pose = YOUBOT.sample(pose, u, DT, V, rng)
+        z, ids = SENSOR.measure(pose, landmarks, rng)
+        yield u, z[:6], ids[:6]
+
+
+def assert_same(compressed, full):
+    settled = compressed.settle()
+    assert settled.ids == full.ids
+    np.testing.assert_allclose(settled.mean, full.mean, atol=1e-9)
+    np.testing.assert_allclose(settled.cov, full.cov, atol=1e-9)
+    np.testing.assert_array_equal(settled.sightings, full.sightings)
+    np.testing.assert_array_equal(settled.unseen_for, full.unseen_for)
+
+
+def test_compressed_equals_full_over_2000_steps_and_many_regions():
+    start = [16.0, 0.0, np.pi / 2]
+    full, compressed = EKFSlam(YOUBOT, SENSOR, start), CompressedEKFSlam(YOUBOT, SENSOR, start)
+    regions, largest = 0, 0
+    for k, (u, z, ids) in enumerate(drive(2000)):
+        known = [name for name in ids.tolist() if name in compressed.ids]
+        if k % 100 == 0 or not set(known) <= set(compressed.local.ids):
+            compressed.enter({*compressed.near(7.0), *known})
+            regions += 1
+        full.step(u, DT, V, z, ids)
+        compressed.step(u, DT, V, z, ids)
+        largest = max(largest, compressed.local.n_landmarks)
+        np.testing.assert_allclose(compressed.pose, full.pose, atol=1e-9)
+        np.testing.assert_allclose(compressed.pose_cov, full.pose_cov, atol=1e-9)
+        if k % 400 == 399:
+            assert_same(compressed, full)
+    assert regions >= 20
+    assert full.n_landmarks > 1.5 * largest
+    assert_same(compressed, full)
+
+
+def small(seed=3, n=6):
+    rng = np.random.default_rng(seed)
+    root = 0.05 * rng.standard_normal((3 + 2 * n, 3 + 2 * n))
+    mean = np.concatenate([np.zeros(3), rng.uniform(3, 8, 2 * n)])
+    arguments = (YOUBOT, RangeBearing(0.1, 0.02), mean, root @ root.T, range(n))
+    return CompressedEKFSlam(*arguments), EKFSlam(*arguments)
+
+
+def test_new_landmarks_and_known_ones_in_one_look():
+    compressed, full = small()
+    compressed.enter([4, 1])
+    z = full.sensor.observe(full.pose, full.landmarks[[1, 4]]) + 0.03
+    for one in (compressed, full):
+        one.update(np.vstack([z, [[2.0, 1.0], [3.0, -1.0]]]), [1, 4, "a", "b"])
+        one.predict([0.1, 0, 0], DT, V)
+        one.update([[2.0, 1.05]], ["a"])
+    assert compressed.ids == full.ids == (0, 1, 2, 3, 4, 5, "a", "b")
+    assert compressed.n_landmarks == 8
+    assert_same(compressed, full)
+
+
+def test_each_forgotten_account_is_noticed():
+    """The recursions, mutated: without Phi, Psi or theta the landmarks outside go wrong."""
+    for name in ("Phi", "Psi", "theta"):
+        compressed, full = small()
+        compressed.enter([4, 1])
+        z = full.sensor.observe(full.pose, full.landmarks[[1, 4]]) + 0.03
+        for one in (compressed, full):
+            one.step([0.1, 0.2, 0.3], DT, V, z, [1, 4])
+        account = getattr(compressed.local, name)
+        account[...] = np.eye(7) if name == "Phi" else 0.0
+        settled = compressed.settle()
+        off = max(np.abs(settled.mean - full.mean).max(), np.abs(settled.cov - full.cov).max())
+        assert off > 1e-5, name
+
+
+def test_landmarks_outside_the_region_are_refused_by_name():
+    compressed, _ = small()
+    compressed.enter([4, 1])
+    before = compressed.local.mean.copy()
+    for call in (
+        lambda: compressed.update([[1.0, 1.0]], [2]),
+        lambda: compressed.step([0, 0, 0], DT, V, [[1.0, 1.0]], [2]),
+    ):
+        with pytest.raises(ValueError, match="landmarks of the region or new ones, got \\[2\\]"):
+            call()
+    np.testing.assert_array_equal(compressed.local.mean, before)
+    with pytest.raises(ValueError, match="expected landmarks of the map, got \\[9\\]"):
+        compressed.enter([9])
+    with pytest.raises(ValueError, match="every landmark once"):
+        compressed.enter([1, 1])
+    with pytest.raises(ValueError, match="radius"):
+        compressed.near(-1.0)
+
+
+def test_fresh_names_do_not_collide_with_landmarks_outside():
+    compressed, _ = small()
+    compressed.enter([0])
+    assert compressed.step([0, 0, 0], DT, V, [[2.0, 1.0]], lambda slam, z: [-1]) == (6,)
+    assert compressed.settle().ids == (0, 1, 2, 3, 4, 5, 6)
+
+
+def test_settling_twice_changes_nothing():
+    compressed, _ = small()
+    compressed.enter([4, 1])
+    compressed.predict([0.1, 0, 0], DT, V)
+    first = compressed.settle().cov.copy()
+    np.testing.assert_array_equal(compressed.settle().cov, first)
+    assert compressed.local.ids == (4, 1)
+
+
+def test_first_region_is_the_whole_map():
+    slam = CompressedEKFSlam(Unicycle(), SENSOR, [0, 0, 0])
+    slam.update([[2.0, 0.1]], [5])
+    assert slam.local.ids == slam.ids == slam.settle().ids == (5,)
+    assert slam.near(3.0) == (5,)
+    assert slam.near(1.0) == ()
+
+
+def test_updating_the_local_block_alone_gives_no_covariance_in_any_of_200_trials():
+    """P4's region read literally: P_aa is corrected, P_ab and P_bb are left as they were."""
+    rng = np.random.default_rng(0)
+    smallest = []
+    for _ in range(200):
+        root = rng.standard_normal((11, 11))
+        P = root @ root.T
+        H = np.zeros((2, 11))
+        H[:, :5] = rng.standard_normal((2, 5))
+        S = H @ P @ H.T + 0.01 * np.eye(2)
+        right, local = P - P @ H.T @ np.linalg.solve(S, H @ P), P.copy()
+        local[:7, :7] = right[:7, :7]
+        assert np.linalg.eigvalsh(right)[0] > -1e-10
+        smallest.append(np.linalg.eigvalsh(local)[0])
+    assert max(smallest) < -1e-3
