@@ -379,9 +379,11 @@ class VisualOdometer:
             If a shape is wrong, a number is not finite, or `rng` is no generator.
         """
         increment, rng = between(before, after), as_rng("rng", rng)
+        # The symmetric root: unlike eigenvectors it has no sign to choose.
         values, vectors = np.linalg.eigh(self.cov(increment))
-        root = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
-        noise = (root @ rng.standard_normal((*increment.shape, 1)))[..., 0]
+        scaled = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
+        noise = np.swapaxes(vectors, -1, -2) @ rng.standard_normal((*increment.shape, 1))
+        noise = (scaled @ noise)[..., 0]
         noisy = increment + noise
         noisy[..., 2] = wrap_angle(noisy[..., 2])
         return noisy
