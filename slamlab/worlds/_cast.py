@@ -14,6 +14,8 @@ _SHORT = 1e-9
 # A beam that passes a corner at this distance (cells) or less goes through the corner: blocked if
 # the cells on both sides are occupied, free otherwise.
 _TOUCH = 1e-9
+# Directions this close to an axis run along it: the cosine of a quarter turn is 6e-17, not 0.
+_AXIS = 1e-12
 
 
 @njit(cache=True)
@@ -29,6 +31,7 @@ def cast_grid(skip, x, y, angles, max_range, out):  # type: ignore[no-untyped-de
 @njit(cache=True)
 def _beam(skip, x, y, dx, dy, max_range):  # type: ignore[no-untyped-def]
     rows, columns = skip.shape
+    dx, dy = (dx if abs(dx) > _AXIS else 0.0), (dy if abs(dy) > _AXIS else 0.0)
     inv_x = 1.0 / dx if dx != 0.0 else np.inf
     inv_y = 1.0 / dy if dy != 0.0 else np.inf
     step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
@@ -55,7 +58,8 @@ def _beam(skip, x, y, dx, dy, max_range):  # type: ignore[no-untyped-def]
             corner = abs(t_x - t_y) <= _TOUCH
             if corner and _corner_is_shut(skip, r, c, step_x, step_y):
                 return t_x if t_x <= max_range else np.inf
-            t = max(t_x, t_y) if corner else min(t_x, t_y)
+            # A start on a grid line may cross it late, after a jump: never step back.
+            t = max(t, max(t_x, t_y) if corner else min(t_x, t_y))
             if t_x < t_y or corner:
                 c += step_x
             if t_y < t_x or corner:

@@ -92,3 +92,19 @@ def test_free_poses_keep_their_distance():
     assert poses.shape == (200, 3)
     assert world.clearance(poses[:, :2]).min() >= 0.22
     assert not world.collides(SQUARE, poses).any()
+
+
+def test_beams_from_lattice_points_along_grid_lines_arrive():
+    rng = np.random.default_rng(6)
+    world = BitmapWorld(rng.random((40, 40)) < 0.03, 1.0)
+    lattice = np.stack(np.meshgrid(np.arange(1.0, 40), np.arange(1.0, 40)), -1)
+    quarters = np.pi / 2 * np.arange(-4, 5)
+    ranges = world.cast(lattice, quarters[:, None, None])
+    # A full turn more or less changes nothing, and a point belongs to the upper right cell.
+    np.testing.assert_allclose(ranges[:4], ranges[4:8], atol=1e-9)
+    row, column = 7, 12
+    ahead = world.occupied[row, column:]
+    due = ahead.argmax() if ahead.any() else np.inf
+    assert world.cast([column, row], 2 * np.pi) == pytest.approx(due)
+    slanted = world.cast(lattice, np.arctan2(*np.mgrid[-3:4, -3:4].reshape(2, -1, 1, 1)))
+    assert (slanted >= 0).all()
