@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped
 from slamlab.geometry import wrap_angle
-from slamlab.localization._align import capped_misfits
+from slamlab.localization._align import capped_misfits, least_shifts
 from slamlab.sensors.lidar import Lidar
 from slamlab.worlds import BitmapWorld, World
 
@@ -439,74 +439,87 @@ class SignatureMap:
         signatures = SIGNATURES[self.signature](_bridged(ranges, known))
         k = np.arange(1, min(max(N_CANDIDATES, n_candidates), len(self)) + 1)
         candidates = self.tree.query(signatures, k=k)[1]
-        poses, residuals = self._fits(ranges, known, candidates)
+        # Cross-correlation aligns the scan with each candidate; capped misfits judge the fit.
+        misfits = self._misfits(ranges, known, candidates)
+        shifts = _least(misfits)
+        residuals = self._residuals(ranges, known, candidates, shifts[..., None])[..., 0]
         rows = np.arange(len(ranges))
         best = residuals[:, :n_candidates].argmin(1)
-        # The same place once more, with every heading but the best, is the last candidate.
-        turned = self._fits(ranges, known, candidates[rows, best, None], poses[rows, best, 2])
-        candidates = np.column_stack([candidates, candidates[rows, best]])
-        distinct = self._distinct(poses, poses[rows, best][:, None])
-        misfits = np.column_stack([np.where(distinct, residuals, np.inf), turned[1]])
-        poses = np.concatenate([poses, turned[0]], 1)
-        two = rows[:, None], np.column_stack([best, misfits.argmin(1)])
-        heading, residual = self._polished(ranges, known, candidates[two], poses[two][..., 2])
-        poses = np.concatenate([self.places[candidates[two]], heading[..., None]], -1)
+        # The best place once more, with every heading but the best, is one candidate more.
+        again = candidates[rows, best, None]
+        turned = _least(misfits[rows, best, None], shifts[rows, best])
+        candidates, shifts = np.hstack([candidates, again]), np.hstack([shifts, turned])
+        residual = self._residuals(ranges, known, again, turned[..., None])[..., 0]
+        distinct = self._distinct(candidates, shifts, best)
+        misfit = np.where(distinct, np.hstack([residuals, residual]), np.inf)
+        two = rows[:, None], np.column_stack([best, misfit.argmin(1)])
+        poses, residual = self._polished(ranges, known, candidates[two], shifts[two])
         if n_candidates > 1:  # otherwise the nearest signature comes first, however it fits
             order = rows[:, None], residual.argsort(1, kind="stable")
             poses, residual = poses[order], residual[order]
         return _body(poses, self.offset), residual
 
-    def _distinct(self, poses: Array, best: Array) -> Bools:
-        """Whether poses of the lidar stand elsewhere than the best one, or look elsewhere."""
-        gap = np.linalg.norm(poses[..., :2] - best[..., :2], axis=-1)
-        turn = np.abs(wrap_angle(poses[..., 2] - best[..., 2]))
-        return np.asarray((gap > SEPARATION * self.pitch) | (turn > OTHER_HEADING))
+    def _misfits(self, ranges: Array, known: Bools, candidates: NDArray[np.intp]) -> Array:
+        """Squared misfits (M, k, n_beams) of scans at candidates, for every turn by whole beams.
 
-    def _fits(
-        self,
-        ranges: Array,
-        known: Bools,
-        candidates: NDArray[np.intp],
-        shut_out: Array | None = None,
-    ) -> tuple[Array, Array]:
-        """Poses (M, k, 3) of the lidar at its candidate places (M, k), and residuals (M, k).
-
-        Headings around `shut_out` (M,) do not count, if given.
+        Sum over the known beams of (scan[i] - stored[i + shift])^2, multiplied out.
         """
+        n_beams = self.n_beams
         stored = self.scans[candidates].astype(float)
         scan = np.where(known, ranges, 0.0)[:, None]
-        misfit = _squared_misfits(scan, None if known.all() else known[:, None], stored)
-        step = 2 * np.pi / self.n_beams
-        if shut_out is not None:
-            away = wrap_angle(np.arange(self.n_beams) * step - shut_out[:, None, None])
-            misfit = np.where(np.abs(away) > OTHER_HEADING, misfit, np.inf)
-        shift = _refined_minimum(misfit)
-        heading = np.asarray(wrap_angle(shift * step))
-        poses = np.concatenate([self.places[candidates], heading[..., None]], -1)
-        return poses, self._residuals(ranges, known, candidates, shift[..., None])[..., 0]
+        product = np.conj(np.fft.rfft(scan)) * np.fft.rfft(stored)
+        squares = (scan**2).sum(-1)[..., None] - 2 * np.fft.irfft(product, n_beams)
+        if known.all():
+            return squares + (stored**2).sum(-1)[..., None]
+        votes = np.conj(np.fft.rfft(known.astype(float)))[:, None]
+        return squares + np.fft.irfft(votes * np.fft.rfft(stored**2), n_beams)
+
+    def _distinct(self, candidates: NDArray[np.intp], shifts: Array, best: Array) -> Bools:
+        """Whether candidates (M, k) stand elsewhere than the best one, or look elsewhere."""
+        rows = np.arange(len(best)), best
+        places = self.places[candidates]
+        gap = np.hypot(*np.moveaxis(places - places[rows][:, None], -1, 0))
+        turn = (shifts - shifts[rows][:, None]) * (2 * np.pi / self.n_beams)
+        distinct = (gap > SEPARATION * self.pitch) | (np.abs(wrap_angle(turn)) > OTHER_HEADING)
+        distinct[:, -1] = True
+        return np.asarray(distinct)
 
     def _polished(
-        self, ranges: Array, known: Bools, candidates: NDArray[np.intp], heading: Array
+        self, ranges: Array, known: Bools, candidates: NDArray[np.intp], shifts: Array
     ) -> tuple[Array, Array]:
-        """Headings (M, k) with the least capped misfit within half a beam, and that misfit.
+        """Poses (M, k, 3) of the lidar with the least capped misfit within half a beam.
 
         The parabola serves squares, which one jump at a corner can rule; the cap bounds its say.
         """
-        step = 2 * np.pi / self.n_beams
-        shift = heading[..., None] / step + np.linspace(-0.5, 0.5, 21)
-        residual = self._residuals(ranges, known, candidates, shift)
-        best = residual.argmin(-1)[..., None]
-        shift = np.take_along_axis(shift, best, -1)[..., 0]
-        return wrap_angle(shift * step), np.take_along_axis(residual, best, -1)[..., 0]
+        trials = shifts[..., None] + np.linspace(-0.5, 0.5, 21)
+        residuals = self._residuals(ranges, known, candidates, trials)
+        least = residuals.argmin(-1)[..., None]
+        shift = np.take_along_axis(trials, least, -1)
+        heading = wrap_angle(shift * (2 * np.pi / self.n_beams))
+        poses = np.concatenate([self.places[candidates], heading], -1)
+        return poses, np.take_along_axis(residuals, least, -1)[..., 0]
 
     def _residuals(
-        self, ranges: Array, known: Bools, candidates: NDArray[np.intp], shift: Array
+        self, ranges: Array, known: Bools, candidates: NDArray[np.intp], shifts: Array
     ) -> Array:
         """Mean capped misfit (M, k, s) of scans at candidates (M, k) turned by shifts."""
-        out = np.empty(shift.shape)
+        out = np.empty(shifts.shape)
         cap = CAP * self.pitch
-        capped_misfits(self.scans, candidates, ranges, known, shift, cap, out)
+        capped_misfits(self.scans, candidates, ranges, known, shifts, cap, out)
         return out
+
+
+def _least(misfits: Array, shut_out: Array | None = None) -> Array:
+    """Shifts (M, k) in beams at which misfits (M, k, n_beams) are least.
+
+    Shifts within `OTHER_HEADING` of `shut_out` (M,) do not count, if given.
+    """
+    if shut_out is None:
+        shut_out = np.full(len(misfits), np.nan)
+    width = OTHER_HEADING * misfits.shape[-1] / (2 * np.pi)
+    out = np.empty(misfits.shape[:2])
+    least_shifts(misfits, shut_out, width, out)
+    return out
 
 
 def _body(poses: Array, offset: float) -> Array:
@@ -521,37 +534,6 @@ def _as_scan(scan: ArrayLike, name: str = "scan") -> Array:
     if scan.shape[-1] == 0:
         raise ValueError(f"{name}: expected at least one beam, got none")
     return scan
-
-
-def _squared_misfits(scan: Array, known: Bools | None, reference: Array) -> Array:
-    """Sum of squared differences at every shift: scan[i] against reference[i + shift].
-
-    Unknown beams must be 0 in `scan`; None says that all are known.
-    """
-    n_beams = scan.shape[-1]
-    transform = np.conj(np.fft.rfft(scan))
-    product = np.fft.irfft(transform * np.fft.rfft(reference), n_beams)
-    square = (scan**2).sum(-1)[..., None]
-    if known is None:
-        return square + (reference**2).sum(-1)[..., None] - 2 * product
-    voting = np.conj(np.fft.rfft(known.astype(float)))
-    return square + np.fft.irfft(voting * np.fft.rfft(reference**2), n_beams) - 2 * product
-
-
-def _refined_minimum(misfit: Array) -> Array:
-    """Position (in beams, with fraction) of the least entry along the circle."""
-    n_beams = misfit.shape[-1]
-    best = misfit.argmin(-1)
-    before, at, after = (
-        np.take_along_axis(misfit, (best + step)[..., None] % n_beams, -1)[..., 0]
-        for step in (-1, 0, 1)
-    )
-    # Vertex of the parabola through three points; none where a neighbour is shut out or level.
-    curvature = before - 2 * at + after
-    usable = np.isfinite(curvature) & (curvature > 0)
-    rise = np.where(usable, before, 0.0) - np.where(usable, after, 0.0)
-    fraction = 0.5 * rise / np.where(usable, curvature, 1.0)
-    return np.asarray(best + np.clip(fraction, -0.5, 0.5))
 
 
 def _bridged(ranges: Array, known: Bools) -> Array:
