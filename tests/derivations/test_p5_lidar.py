@@ -87,6 +87,28 @@ def test_dots_agree_with_the_scan_in_direction():
     assert (ROOM.clearance(mirrored) < 2 * ROOM.resolution).mean() < 0.7
 
 
+@pytest.mark.parametrize("room", [rooms.thesis_room, rooms.thesis_room_two])
+def test_the_map_of_dots_agrees_with_the_room_if_the_poses_are_exact(room):
+    world = room()
+    inside_out = BitmapWorld(~world.occupied, world.resolution)
+
+    def off(turn):
+        """Distances (px) of the dots of 30 scans from the face of the nearest wall."""
+        found = []
+        for x, y, _ in free_poses(world, 30, np.random.default_rng(2), 0.1):
+            column, row = int(x / 0.01), int(y / 0.01)
+            dots = dots_as_printed(scan_as_printed(world.occupied, column, row, 3))
+            c, s = np.cos(turn), np.sin(turn)
+            points = centre_of(column, row) + 0.01 * dots @ np.array([[c, s], [-s, c]])
+            on_sheet = np.clip(points, 0, 3.9999)
+            found.append(world.clearance(on_sheet) + inside_out.clearance(on_sheet))
+        return np.concatenate(found) / 0.01
+
+    assert off(0.0).max() < 2
+    # Five degrees of error in the heading, and the dots leave the walls.
+    assert np.mean(off(np.deg2rad(5)) > 2) > 0.5
+
+
 def test_a_beam_that_hits_nothing_throws_or_shifts_all_later_ones():
     open_room = ROOM.occupied.copy()
     open_room[190:210, 390:] = False
