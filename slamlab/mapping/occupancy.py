@@ -124,8 +124,10 @@ class OccupancyGrid:
     @property
     def entropy(self) -> Array:
         """Entropy of each cell (bits), shape (rows, columns); 1 where unknown."""
-        p = self.probability
-        return -(p * np.log2(p) + (1 - p) * np.log2(1 - p))
+        # -p ln p - (1 - p) ln(1 - p) in terms of |log odds|, which never takes the log of 0.
+        size = np.abs(self.log_odds)
+        small = np.exp(-size)
+        return (np.log1p(small) + size * small / (1 + small)) / np.log(2)
 
     def insert(
         self,

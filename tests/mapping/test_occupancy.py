@@ -201,3 +201,33 @@ def test_entropy_falls_as_the_room_is_seen():
         totals.append(grid.entropy.sum())
     assert totals[0] == grid.log_odds.size
     assert (np.diff(totals) < 0).all()
+
+
+def test_entropy_is_the_formula_and_finite_for_cells_that_are_certain():
+    grid = OccupancyGrid((1, 4), 1.0)
+    grid.log_odds[0] = [0.0, 0.7, -2.0, 900.0]
+    p = grid.probability[0, :3]
+    due = -(p * np.log2(p) + (1 - p) * np.log2(1 - p))
+    assert grid.entropy[0] == pytest.approx([*due, 0.0])
+
+
+def test_compiled_insertion_equals_a_plain_loop_over_cells():
+    rng = np.random.default_rng(8)
+    lidar = ScanGeometry(rng.uniform(-3, 3, 40), max_range=6.0)
+    pose, ranges = np.array([0.3, -0.2, 0.4]), rng.uniform(0.2, 8.0, 40)
+    grid = OccupancyGrid((30, 30), 0.4, (-6, -6), grow=False)
+    grid.insert(pose, ranges, lidar)
+    angles, hits = pose[2] + lidar.beam_angles, ranges < 6
+    ends = pose[:2] + np.minimum(ranges, 6)[:, None] * np.stack(
+        [np.cos(angles), np.sin(angles)], -1
+    )
+    a, b = (pose[:2] + 6) / 0.4, (ends + 6) / 0.4
+    ended = {tuple(np.floor(e).astype(int)) for e in b[hits]}
+    crossed = set().union(*(walked(a, e) for e in b)) - ended
+    there = {(c, r) for r, c in np.argwhere(grid.log_odds > 0)}
+    freed_cells = {(c, r) for r, c in np.argwhere(grid.log_odds < 0)}
+    assert there == {(c, r) for c, r in ended if 0 <= c < 30 and 0 <= r < 30}
+    on_sheet = {(c, r) for c, r in crossed if 0 <= c < 30 and 0 <= r < 30}
+    # A sampled walk may miss a cell that is cut by a hair.
+    assert on_sheet <= freed_cells
+    assert len(freed_cells - on_sheet) <= 3
