@@ -1,10 +1,12 @@
 """Interactive figures that move with a kernel (JupyterLab) and without one (the static book).
 
-`Replay` plays a run of a robot, `Sweep` moves sliders over precomputed results. Both draw on a
-canvas in plain JavaScript, through anywidget. Floor 6 of the house: import it where it is used.
+`Replay` plays a run of a robot, `Sweep` moves sliders over precomputed results, `Simulator` is
+P5's program: a robot with a lidar to drive. All draw on a canvas in plain JavaScript, through
+anywidget. Floor 6 of the house: import it where it is used.
 """
 
 from slamlab.widgets.replay import Replay
+from slamlab.widgets.simulator import Simulator
 from slamlab.widgets.sweep import Bars, Curves, Image, Scatter, Sweep
 
-__all__ = ["Bars", "Curves", "Image", "Replay", "Scatter", "Sweep"]
+__all__ = ["Bars", "Curves", "Image", "Replay", "Scatter", "Simulator", "Sweep"]
