@@ -9,7 +9,11 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
-CHAPTERS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+# A page that is no chapter has no number, no bones and no exercises: each is named here.
+PAGES = {"simulator"}
+CHAPTERS = [
+    path for path in sorted((ROOT / "notebooks").glob("*.ipynb")) if path.stem not in PAGES
+]
 NOTEBOOKS = sorted((ROOT / "notebooks").rglob("*.ipynb"))
 NOTEBOOKS = [path for path in NOTEBOOKS if ".ipynb_checkpoints" not in path.parts]
 BONES = (
@@ -142,6 +146,11 @@ def test_a_chapter_shows_a_figure_within_two_cells(chapter):
 def test_a_chapter_has_exercises_and_solutions(path):
     assert (path.parent / "exercises" / path.name).exists()
     assert (path.parent / "solutions" / path.name).exists()
+
+
+def test_every_chapter_has_a_number_and_every_page_exists():
+    assert [path.stem for path in CHAPTERS if not re.match(r"\d\d_", path.stem)] == []
+    assert {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")} >= PAGES
 
 
 def test_the_guards_see_what_they_are_for():
