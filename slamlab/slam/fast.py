@@ -20,7 +20,7 @@ from slamlab.filters.particle import systematic_resample
 from slamlab.geometry import wrap_angle
 from slamlab.slam._landmark_filters import Landmarks, compare, correct, information, predict
 from slamlab.slam._particle_view import IGNORED, NEW, ParticleView, check_rows
-from slamlab.slam._shared_maps import ABSENT, FIELDS, SharedMaps
+from slamlab.slam._shared_maps import ABSENT, FIELDS, PAGE, SharedMaps
 
 __all__ = ["FastSlam", "ParticleView"]
 
@@ -516,6 +516,15 @@ class FastSlam:
     def n_landmarks(self) -> int:
         """Number of rows of `landmarks`."""
         return len(self.landmarks) if self._unknown else len(self._columns)
+
+    @property
+    def stored_landmarks(self) -> int:
+        """Landmark estimates kept by all particles together, shared ones counted once.
+
+        Counted in whole pages, so that a small map counts a little more than it holds. A filter
+        that copies maps with particles keeps `n_particles` times `n_landmarks`.
+        """
+        return self._maps.pages_in_use * PAGE
 
     @property
     def landmarks(self) -> Array:

@@ -349,6 +349,7 @@ def test_copying_a_particle_copies_no_landmark():
     _, _, looks = world(steps=10, n=200)
     slam = run(looks, n_particles=40, threshold=0.0)
     pages = slam._maps.pages_in_use
+    assert slam.stored_landmarks == pages * PAGE >= 40 * slam.n_landmarks
     slam._maps.resample(np.zeros(40, dtype=int))
     assert slam._maps.pages_in_use == pages // 40
     # Writing one landmark copies its page for every owner but one, and no other page.
