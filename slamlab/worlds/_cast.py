@@ -45,7 +45,7 @@ def _beam(skip, x, y, dx, dy, max_range):  # type: ignore[no-untyped-def]
     if t > 0.0 or c == columns or r == rows:
         c, r = min(max(c, 0), columns - 1), min(max(r, 0), rows - 1)
     while t <= max_range:
-        free = skip[r, c]
+        free = int(skip[r, c])
         if free == 0:
             return t
         if free > 1:
@@ -102,12 +102,11 @@ def cast_everywhere(skip, angle, max_range, stride, out):  # type: ignore[no-unt
     then every beam only looks up and jumps.
     """
     rows, columns = skip.shape
-    cells, ts, shut, first = _pattern(angle, rows, columns)
+    pattern = _pattern(angle, rows, columns)
+    steps = (1 if np.cos(angle) > 0 else -1), (1 if np.sin(angle) > 0 else -1)
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
-            out[i, j] = _follow(
-                skip, i * stride, j * stride, cells, ts, shut, first, angle, max_range
-            )
+            out[i, j] = _follow(skip, i * stride, j * stride, pattern, steps, max_range)
 
 
 @njit(cache=True)
@@ -137,34 +136,30 @@ def _pattern(angle, rows, columns):  # type: ignore[no-untyped-def]
             r += 1
             first[1, r] = k
         cells[k, 0], cells[k, 1] = r * step_y, c * step_x
-    return cells[: k + 1], ts[: k + 1], corner[: k + 1], np.minimum(first, k)
+    # Columns and rows that the pattern does not reach lie behind its end.
+    return cells[: k + 1], ts[: k + 1], corner[: k + 1], np.minimum(first, k + 1)
 
 
 @njit(cache=True)
-def _follow(skip, row, column, cells, ts, corner, first, angle, max_range):  # type: ignore[no-untyped-def]
+def _follow(skip, row, column, pattern, steps, max_range):  # type: ignore[no-untyped-def]
+    """Range (cells) of one beam that follows the pattern from a cell's centre."""
+    cells, ts, corner, first = pattern
     rows, columns = skip.shape
-    k, last = 0, len(ts) - 1
-    step_x, step_y = (1 if np.cos(angle) > 0 else -1), (1 if np.sin(angle) > 0 else -1)
-    while True:
+    k, last, size = 0, len(ts) - 1, first.shape[1] - 1
+    while k <= last:
         r, c = row + cells[k, 0], column + cells[k, 1]
+        if corner[k] and 0 <= r - steps[1] < rows and 0 <= c - steps[0] < columns:
+            if _corner_is_shut(skip, r - steps[1], c - steps[0], steps[0], steps[1]):
+                return ts[k] if ts[k] <= max_range else np.inf
         if r < 0 or r >= rows or c < 0 or c >= columns or ts[k] > max_range:
             return np.inf
-        free = skip[r, c]
+        free = int(skip[r, c])
         if free == 0:
             return ts[k]
-        if free > 1:
-            m, n = abs(cells[k, 1]) + free, abs(cells[k, 0]) + free
-            size = first.shape[1] - 1
-            k = max(min(first[0, min(m, size)], first[1, min(n, size)]), k + 1)
-        else:
-            k += 1
-        if k > last:
-            return np.inf
-        if corner[k]:
-            r, c = row + cells[k, 0] - step_y, column + cells[k, 1] - step_x
-            if 0 <= r < rows and 0 <= c < columns:
-                if _corner_is_shut(skip, r, c, step_x, step_y):
-                    return ts[k] if ts[k] <= max_range else np.inf
+        # The first cell of the pattern that is `free` columns or rows away may be occupied.
+        m, n = abs(cells[k, 1]) + free, abs(cells[k, 0]) + free
+        k = min(first[0, min(m, size)], first[1, min(n, size)])
+    return np.inf
 
 
 @njit(cache=True)
