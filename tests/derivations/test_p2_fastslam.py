@@ -362,3 +362,62 @@ def test_dossier_20_a_particle_is_copied_as_often_as_its_weight_says():
     # Wrong: independent draws leave that band.
     independent = np.bincount(rng.choice(n, n, p=weights), minlength=n)
     assert (np.abs(independent - n * weights) > 1).any()
+
+
+# (12): the map given the path.
+
+
+def smoothing_information(steps=3):
+    """Information matrix of the positions x_0 .. x_steps and both landmarks, two numbers each."""
+    n = steps + 3
+    whole = np.zeros((2 * n, 2 * n))
+
+    def add(i, j, weight, A, B):
+        rows = np.r_[2 * i : 2 * i + 2, 2 * j : 2 * j + 2]
+        J = np.concatenate([A, B], 1)
+        whole[np.ix_(rows, rows)] += J.T @ weight @ J
+
+    whole[:2, :2] += 1e6 * np.eye(2)
+    for k in range(steps):
+        add(k, k + 1, np.linalg.inv(Q), -np.eye(2), np.eye(2))
+    for k in range(steps + 1):
+        for j in (steps + 1, steps + 2):
+            add(k, j, np.linalg.inv(R), -C, C)
+    return whole
+
+
+def test_12_landmarks_are_independent_given_the_path_and_only_then():
+    whole = smoothing_information()
+    given_path = np.linalg.inv(whole[-4:, -4:])
+    assert np.abs(given_path[:2, 2:]).max() == 0.0
+    # Wrong: given the last position alone, or given nothing, they are not.
+    given_last = np.linalg.inv(np.delete(np.delete(whole, [6, 7], 0), [6, 7], 1))[-4:, -4:]
+    given_nothing = np.linalg.inv(whole)[-4:, -4:]
+    for cov in (given_last, given_nothing):
+        assert np.abs(cov[:2, 2:]).max() > 0.05 * np.abs(cov[:2, :2]).max()
+
+
+# "Cannot forget": what the set of particles forgets.
+
+
+def test_p2_text_all_particles_soon_descend_from_one():
+    zs = measurements(steps=60)
+    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 100, rng=np.random.default_rng(1), history=True)
+    slam.update(zs[0], ids=[0, 1])
+    for z in zs[1:]:
+        slam.step(U, DT, V, z, ids=[0, 1])
+    counts = slam.distinct_ancestors()
+    assert counts[0] == 1
+    assert counts[-1] > 30
+    # The first pose of all stories is one pose: its disagreement is 0, the truth's is not.
+    first = np.array([slam.trajectory(i)[10] for i in range(0, 100, 7)])
+    assert np.ptp(first, axis=0).max() == 0.0
+    # Without resampling nothing dies (and after a while one particle has all the weight).
+    kept = FastSlam(
+        MOTION, SENSOR, [0, 0, 0], 100, rng=np.random.default_rng(1), threshold=0.0, history=True
+    )
+    kept.update(zs[0], ids=[0, 1])
+    for z in zs[1:]:
+        kept.step(U, DT, V, z, ids=[0, 1])
+    assert kept.distinct_ancestors()[0] == 100
+    assert kept.ess < 5
