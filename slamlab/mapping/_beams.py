@@ -50,3 +50,7 @@ def _free(log_odds, mark, scan, start, end, loss, limit):  # type: ignore[no-unt
         else:
             r += step_r
             next_r += per_r
+        if (c < 0 and step_c < 0) or (r < 0 and step_r < 0):
+            return
+        if (c >= columns and step_c > 0) or (r >= rows and step_r > 0):
+            return

@@ -16,6 +16,8 @@ from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
 
 __all__ = ["BeamSensor", "OccupancyGrid"]
 
+_MOST_CELLS = 64_000_000  # half a gigabyte
+
 
 class BeamSensor(Protocol):
     """What a map needs to know of a lidar; `slamlab.sensors.ScanGeometry` is one."""
@@ -160,8 +162,8 @@ class OccupancyGrid:
         Raises
         ------
         ValueError
-            If a shape does not fit, a pose is not finite, a range is negative, or a beam that met
-            nothing should free cells without end.
+            If a shape does not fit, a pose is not finite, a range is negative, a beam that met
+            nothing should free cells without end, or the sheet would grow beyond 64 million cells.
         """
         poses = as_array("pose", pose, ("...", 3))
         angles = np.asarray(lidar.beam_angles, dtype=float)
@@ -177,7 +179,8 @@ class OccupancyGrid:
             )
         lengths = np.where(met_nothing, trusted if free_missing else np.nan, scans)
         hits = ~met_nothing & (lengths <= trusted)
-        lengths = np.minimum(lengths, trusted)
+        # Beyond a billion cells no sheet lies, and cell numbers stay whole numbers.
+        lengths = np.minimum(lengths, min(trusted, 1e9 * self.resolution))
         poses, shape = poses.reshape(-1, 3), (-1, len(angles))
         starts, ends = _beams(poses, lengths.reshape(shape), angles, float(lidar.offset))
         if self._grow:
@@ -258,7 +261,8 @@ class OccupancyGrid:
         evidence = (self._hit, self._miss, self._limit)
         starts = (starts - self.origin) / self.resolution
         ends = (ends - self.origin) / self.resolution
-        for start, end, hit in zip(starts, ends, hits, strict=True):
+        near = np.abs(starts).max(1, initial=0.0) < 1e9  # others cannot reach the sheet
+        for start, end, hit in zip(starts[near], ends[near], hits[near], strict=True):
             self._scans += 1
             add_scan(self.log_odds, self._mark, self._scans, start, end, hit, evidence)
 
@@ -266,7 +270,7 @@ class OccupancyGrid:
         """Enlarge the sheet until it holds all points (n, 2), a quarter more where it grows."""
         rows, columns = self.shape
         size = np.array([columns, rows])
-        cells = np.floor((points - self.origin) / self.resolution)
+        cells = np.clip(np.floor((points - self.origin) / self.resolution), -1e12, 1e12)
         before = np.maximum(-np.nanmin(cells, axis=0), 0).astype(int)
         after = np.maximum(np.nanmax(cells, axis=0) + 1 - size, 0).astype(int)
         if not (before.any() or after.any()):
@@ -274,6 +278,12 @@ class OccupancyGrid:
         spare = size // 4
         before += np.where(before > 0, spare, 0)
         after += np.where(after > 0, spare, 0)
+        grown = size + before + after
+        if float(grown[0]) * float(grown[1]) > _MOST_CELLS:
+            raise ValueError(
+                f"ranges: expected beams near the map, it would have to grow to {grown[1]} x "
+                f"{grown[0]} cells (give max_range, or grow=False)"
+            )
         self.log_odds = np.pad(self.log_odds, ((before[1], after[1]), (before[0], after[0])))
         self.origin = self.origin - before * self.resolution
         self._mark = np.zeros(self.log_odds.shape, dtype=np.int64)

@@ -163,6 +163,8 @@ def test_bad_parameters_are_named(call, message):
         ([0, 0, 0], [1.0, 2.0], {}, "ranges: expected shape"),
         ([0, 0, 0], [-1.0], {}, "ranges: expected distances, got -1"),
         ([0, 0, 0], [np.inf], {}, "max_range: expected a finite range"),
+        ([0, 0, 0.3], [1e9], {}, "ranges: expected beams near the map, it would have to grow"),
+        ([1e300, 0, 0], [1.0], {}, "ranges: expected beams near the map"),
     ],
 )
 def test_a_bad_scan_is_named_and_changes_nothing(pose, ranges, options, message):
@@ -231,3 +233,15 @@ def test_compiled_insertion_equals_a_plain_loop_over_cells():
     # A sampled walk may miss a cell that is cut by a hair.
     assert on_sheet <= freed_cells
     assert len(freed_cells - on_sheet) <= 3
+
+
+def test_absurd_numbers_leave_a_fixed_sheet_alone():
+    grid = OccupancyGrid((3, 3), 1.0, grow=False)
+    grid.insert([1.5, 1.5, 0.0], [1e300], ScanGeometry([0.0]))
+    assert (grid.log_odds[1] < 0).tolist() == [False, True, True]
+    before = grid.log_odds.copy()
+    grid.insert([[1e300, 0.0, 0.0], [-7.0, 1.5, 0.0]], [[1.0], [2.0]], ScanGeometry([0.0]))
+    np.testing.assert_array_equal(grid.log_odds, before)
+    # From outside the sheet a beam still frees what it crosses on it.
+    grid.insert([-7.0, 0.5, 0.0], [20.0], ScanGeometry([0.0]))
+    assert (grid.log_odds[0] < 0).all()
