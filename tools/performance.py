@@ -40,6 +40,12 @@ TABLES = {
         "P - B B^T of rank 20 and nothing else, in place, by BLAS. In the last row the second "
         "column is a smaller map.",
     ),
+    "test_fast_speed": (
+        "FastSLAM beside a loop over the particles",
+        ["promised"],
+        "The peer keeps one Python object a particle and one small matrix at a time. In the last "
+        "two rows the second column is a smaller map.",
+    ),
     "test_kalman_speed": ("Kalman filters", [], ""),
     "test_signature_speed": (
         "Localization by signatures",
