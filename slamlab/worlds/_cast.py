@@ -91,7 +91,8 @@ def _entry(x, y, dx, dy, inv_x, inv_y, rows, columns):  # type: ignore[no-untype
             continue
         a, b = -p * inv, (size - p) * inv
         near, far = max(near, min(a, b)), min(far, max(a, b))
-    return near if near < far else np.inf
+    # From farther away than a billion cells rounding would choose the cell.
+    return near if near < min(far, 1e9) else np.inf
 
 
 @njit(cache=True)

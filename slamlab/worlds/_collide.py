@@ -21,6 +21,10 @@ def hits_grid(solid, resolution, left, bottom, footprint, starts, ends, out):  #
     for i in range(len(out)):
         a, b, turn = _placed(footprint, starts[i], ends[i])
         box = _reach(a, b, starts[i], turn)
+        right, top = left + resolution * solid.shape[1], bottom + resolution * solid.shape[0]
+        if box[1] <= left or box[0] >= right or box[3] <= bottom or box[2] >= top:
+            out[i] = True
+            continue
         c0, c1 = int((box[0] - left) // resolution), int((box[1] - left) // resolution)
         r0, r1 = int((box[2] - bottom) // resolution), int((box[3] - bottom) // resolution)
         out[i] = False

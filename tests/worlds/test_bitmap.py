@@ -108,3 +108,52 @@ def test_beams_from_lattice_points_along_grid_lines_arrive():
     assert world.cast([column, row], 2 * np.pi) == pytest.approx(due)
     slanted = world.cast(lattice, np.arctan2(*np.mgrid[-3:4, -3:4].reshape(2, -1, 1, 1)))
     assert (slanted >= 0).all()
+
+
+def test_beams_and_robots_from_outside_the_bitmap():
+    world = BitmapWorld([[0, 0, 1, 0]], 1.0)
+    # A beam flies freely until it enters the bitmap, and out there no robot may stand.
+    origins = [[-3.0, 0.5], [9.0, 0.5], [-3.0, 1.5], [1e300, 0.5], [-1e12, 0.5]]
+    assert world.cast(origins, [0, np.pi, 0, np.pi, 0]).tolist() == [5, 6, np.inf, np.inf, np.inf]
+    poses = [[-3.0, 0.5, 0], [1e300, 0.5, 0], [0.5, 0.5, 0], [0.1, 0.5, 0]]
+    assert world.collides(SQUARE, poses).tolist() == [True, True, False, True]
+    assert world.is_free([[1e300, 0.5], [0.5, 0.5]]).tolist() == [False, True]
+    assert world.clearance([[-3.0, 0.5], [0.5, 0.5]]).tolist() == [0.0, 1.5]
+
+
+def test_empty_questions_get_empty_answers():
+    world = rooms.corridor()
+    assert world.cast(np.zeros((0, 2)), np.zeros(0)).shape == (0,)
+    assert world.cast([1.0, 1.0], np.zeros((0,))).shape == (0,)
+    assert world.cast_everywhere([]).shape == (0, 100, 600)
+    assert world.collides(SQUARE, np.zeros((0, 3))).shape == (0,)
+    assert world.clearance(np.zeros((2, 0, 2))).shape == (2, 0)
+
+
+def test_a_bitmap_without_obstacles_stops_nothing():
+    empty = BitmapWorld(np.zeros((5, 7)), 0.1)
+    assert np.isinf(empty.cast([0.3, 0.2], np.linspace(-3, 3, 50))).all()
+    assert np.isinf(empty.clearance([0.3, 0.2]))
+    assert np.isinf(empty.cast_everywhere([0.0, 1.0])).all()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda w: w.cast([0.1], 0.0), "origins: expected shape"),
+        (lambda w: w.cast([0.1, 0.1], np.nan), "angles: expected finite"),
+        (lambda w: w.cast([0.1, 0.1], 0.0, np.nan), "max_range: expected at least 0"),
+        (lambda w: w.cast_everywhere([0.0], stride=0), "stride: expected at least 1"),
+        (lambda w: w.cast_everywhere([0.0], max_range=-1), "max_range: expected a number"),
+        (lambda w: w.cast_everywhere(0.0), "angles: expected shape"),
+        (lambda w: w.is_free([0.1, np.inf]), "points: expected finite"),
+        (lambda w: w.collides(SQUARE[:2], [0, 0, 0]), "footprint: expected the vertices"),
+        (lambda w: w.collides(SQUARE, [0, 0]), "poses: expected shape"),
+        (lambda w: w.sweep_collides(SQUARE, [0, 0, 0], [1, 0, 1]), "end: expected a straight"),
+        (lambda w: BitmapWorld(w.occupied, 0.0), "resolution: expected a number"),
+        (lambda w: BitmapWorld(w.occupied, 1.0, [0.0]), "origin: expected shape"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call(rooms.corridor())
