@@ -235,6 +235,7 @@ def run(
     *,
     start_cov: ArrayLike | None = None,
     repeat_prediction: bool = False,
+    forget_ties: bool = False,
 ) -> Runs:
     """Run EKF-SLAM with known landmark identities along all drives at once.
 
@@ -250,6 +251,8 @@ def run(
     repeat_prediction : bool, default False
         Predict the covariance once for each landmark seen: wrong, and what P1's text after (36)
         demands.
+    forget_ties : bool, default False
+        Predict P_xx and leave P_xm as it was: wrong, and what P2 (9) says if it is read alone.
 
     Returns
     -------
@@ -276,7 +279,7 @@ def run(
     motion = drives.motion if motion is None else motion
     poses, covs = [beliefs.pose.copy()], [beliefs.P[:, :3, :3].copy()]
     for u, z, seen in zip(drives.u, drives.z, drives.seen, strict=True):
-        beliefs.predict(motion, u, drives, seen.sum(1) if repeat_prediction else None)
+        beliefs.predict(motion, u, drives, seen.sum(1) if repeat_prediction else None, forget_ties)
         beliefs.correct(z, seen & beliefs.known)
         beliefs.add(z, seen & ~beliefs.known)
         poses.append(beliefs.pose.copy())
@@ -312,7 +315,12 @@ class _Beliefs:
             self.P[:, :3, :3] = as_covariance("start_cov", start_cov, 3)
 
     def predict(
-        self, motion: Any, u: Array, drives: Drives, repeats: NDArray[np.intp] | None
+        self,
+        motion: Any,
+        u: Array,
+        drives: Drives,
+        repeats: NDArray[np.intp] | None,
+        forget_ties: bool,
     ) -> None:
         """P1 (8), (11), (14); `repeats` (M,) times over if given, at least once."""
         F_x, F_u = motion.jacobians(self.pose, u, drives.dt)
@@ -320,8 +328,9 @@ class _Beliefs:
         for k in range(1 if repeats is None else max(1, int(repeats.max()))):
             again = self.runs if repeats is None or k == 0 else np.flatnonzero(repeats > k)
             P, F = self.P[again], F_x[again]
-            P[:, :3, :] = F @ P[:, :3, :]
-            P[:, :, :3] = P[:, :, :3] @ _t(F)
+            part = slice(3) if forget_ties else slice(None)
+            P[:, :3, part] = F @ P[:, :3, part]
+            P[:, part, :3] = P[:, part, :3] @ _t(F)
             P[:, :3, :3] += Q[again]
             self.P[again] = P
         self.pose = motion.step(self.pose, u, drives.dt)
