@@ -26,6 +26,12 @@ THREADS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 HEAD = ["what", "slamlab (ms)", "peer (ms)", "ratio"]
 # Title, names of the columns after the ratio, and one sentence, by file.
 TABLES = {
+    "test_association_speed": (
+        "Data association",
+        ["promised ratio"],
+        "The peer of the joint search is the time promised; that of the nearest neighbour inverts "
+        "one matrix for every pair of a measurement and a landmark.",
+    ),
     "test_graph_speed": (
         "Pose graphs beside gtsam",
         ["chi2 of slamlab", "chi2 of gtsam's poses"],

@@ -1,10 +1,13 @@
 """How well a filter did: consistency, trajectories, repeated runs. Floor 5 of the house."""
 
+from slamlab.evaluation.association_runs import Loop, LoopRun, run_loop, simulate_loop
 from slamlab.evaluation.consistency import chi2_band, monte_carlo, nees, nis
 from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
 from slamlab.evaluation.wall_maps import WallScores, seen_lengths, wall_scores
 
 __all__ = [
+    "Loop",
+    "LoopRun",
     "TrajectoryError",
     "WallScores",
     "align",
@@ -14,6 +17,8 @@ __all__ = [
     "nees",
     "nis",
     "rpe",
+    "run_loop",
     "seen_lengths",
+    "simulate_loop",
     "wall_scores",
 ]

@@ -1,5 +1,11 @@
 """Simultaneous localization and mapping: EKF-SLAM, FastSLAM, pose graphs."""
 
+from slamlab.slam.association import (
+    Confirmation,
+    joint_compatibility,
+    maximum_likelihood,
+    nearest_neighbour,
+)
 from slamlab.slam.compressed import CompressedEKFSlam
 from slamlab.slam.ekf import EKFSlam
 from slamlab.slam.fast import FastSlam
@@ -8,12 +14,16 @@ from slamlab.slam.wall_slam import WallSlam
 
 __all__ = [
     "CompressedEKFSlam",
+    "Confirmation",
     "EKFSlam",
     "FastSlam",
     "PoseGraph",
     "Result",
     "Scans",
+    "WallSlam",
     "edge_error",
     "edge_jacobians",
-    "WallSlam",
+    "joint_compatibility",
+    "maximum_likelihood",
+    "nearest_neighbour",
 ]
