@@ -8,9 +8,9 @@ import pytest
 from slamlab.filters import extended
 from slamlab.gaussian import Gaussian
 from slamlab.geometry import compose
-from slamlab.robots import Unicycle
-from slamlab.sensors import RangeBearing
-from slamlab.slam import FastSlam
+from slamlab.robots import YOUBOT, Unicycle
+from slamlab.sensors import RangeBearing, Wall
+from slamlab.slam import FastSlam, association
 from slamlab.slam._shared_maps import ABSENT, FIELDS, PAGE, SharedMaps
 
 MOTION = Unicycle()
@@ -655,3 +655,43 @@ def test_before_any_landmark_the_map_is_empty():
     assert slam.n_landmarks == 0
     assert slam.n_particles == 5
     assert copy.copy(slam).ids == ()
+
+
+# Other robots, other associations.
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_it_takes_a_mecanum_platform_and_a_sensor_of_walls(version):
+    sensor, walls = Wall(0.05, 0.02), np.array([[9.0, 0], [9, 1.6], [9, 3.0], [9, -1.5]])
+    rng, u, cov = rng_of(3), np.array([0.5, 0.2, 0.3]), np.diag([0.1, 0.1, 0.1]) ** 2
+    slam = FastSlam(YOUBOT, sensor, [0, 0, 0], 100, version, rng=rng)
+    pose = np.zeros(3)
+    for k in range(80):
+        if k:
+            pose = YOUBOT.sample(pose, u, DT, cov, rng)
+            slam.predict(u, DT, cov)
+        slam.update(sensor.observe(pose, walls) + rng.normal(0, [0.05, 0.02], (4, 2)), range(4))
+    assert np.linalg.norm(slam.pose[:2] - pose[:2]) < 0.2
+    np.testing.assert_allclose(slam.landmarks, walls, atol=0.1)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize(
+    "associate", [association.maximum_likelihood, association.joint_compatibility]
+)
+def test_each_particle_may_ask_the_associations_of_ekf_slam(version, associate):
+    landmarks, poses, looks = world(seed=4, steps=25, n=10)
+    slam = run(looks, version, 12, named=False, associate=associate)
+    met = {i for _, ids in looks for i in ids}
+    assert len(met) <= slam.n_landmarks <= len(met) + 1
+    assert np.linalg.norm(slam.pose[:2] - poses[-1, :2]) < 0.3
+
+
+def test_an_empty_look_counts_against_what_stands_in_view():
+    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 3, 2, rng=rng_of(1), detection=(0.8, 0.1))
+    slam.update(np.zeros((0, 2)))
+    slam.update([[2.0, 0.3]])
+    slam.update(np.zeros((0, 2)))
+    assert slam.n_landmarks == 1
+    slam.update(np.zeros((0, 2)))
+    assert slam.n_landmarks == 0
