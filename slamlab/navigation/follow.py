@@ -44,7 +44,7 @@ class _Odometer(Protocol):
 
 @dataclass(frozen=True)
 class ReturnLaw:
-    """P3's law: v = k_v |P_f P_r| towards a point P_f ahead, omega = k_omega alpha.
+    """P3's law: v = k_v d towards a point P_f ahead, omega = k_omega alpha, d from P_r to P_f.
 
     P_f lies `lookahead` nearer to the start than the point of the path nearest to the robot P_r;
     alpha is the angle between the robot's front and the direction to P_f.

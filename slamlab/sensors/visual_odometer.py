@@ -53,7 +53,7 @@ def room_points(
 
 
 def align(p: ArrayLike, q: ArrayLike) -> tuple[Array, Array]:
-    """Rigid motion (R, t) with the smallest sum of squares |q - (R p + t)|^2.
+    """Rigid motion (R, t) with the smallest sum of squares of q - (R p + t).
 
     Parameters
     ----------
