@@ -44,6 +44,27 @@ def correlation(P, i, j):
     return P[i, j] / np.sqrt(P[i, i] * P[j, j])
 
 
+def test_p2_6_7_8_the_models_are_what_the_filter_believes():
+    rng = np.random.default_rng(10)
+    motion, u, V = Unicycle(), np.array([1.0, 0.5]), np.diag([1e-4, 1e-4])
+    start = np.random.default_rng(1).multivariate_normal(
+        [0.3, -0.2, 0.4], 1e-4 * np.eye(3), 50_000
+    )
+    moved = motion.sample(start, u, 0.5, V, rng)
+    sensor = RangeBearing(0.01, 0.01)
+    slam = EKFSlam(motion, sensor, [0.3, -0.2, 0.4, 4.0, 3.0], np.diag([1e-4] * 3 + [0, 0]), ["m"])
+    slam.predict(u, 0.5, V)
+    # (6), (8), (9): where the drawn robots are, and how far apart.
+    np.testing.assert_allclose(moved.mean(0), slam.pose, atol=2e-4)
+    np.testing.assert_allclose(np.cov(moved.T), slam.pose_cov, atol=5e-6)
+    F_x, _ = motion.jacobians([0.3, -0.2, 0.4], u, 0.5)
+    assert np.abs(np.cov(moved.T) - 1e-4 * F_x @ F_x.T).max() > 2e-5
+    # (7) and S: what they measure of the landmark, and how far apart.
+    noise = rng.standard_normal((len(moved), 2)) * 0.01
+    seen = sensor.observe(moved, [4.0, 3.0]) + noise
+    np.testing.assert_allclose(np.cov(seen.T), slam.innovation_cov([0]), atol=5e-6)
+
+
 def test_p2_9_prediction_turns_the_ties_to_the_map_too():
     slam = some_slam()
     F_x, _ = Unicycle().jacobians(slam.pose, [1.0, 0.5], 0.3)
