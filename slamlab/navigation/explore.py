@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_rng, as_scalar
-from slamlab.geometry import between, wrap_angle
+from slamlab.geometry import between, transform, wrap_angle
 from slamlab.navigation.seen_floor import UNKNOWN, SeenFloor
 from slamlab.navigation.strategies import Strategy, View
 from slamlab.robots.square import BLOCKED_BOTH, BLOCKED_FORWARD, SquareRobot, can_move_as_printed
@@ -23,6 +23,7 @@ from slamlab.worlds import World
 __all__ = ["Exploration", "explore"]
 
 GUARDS = ("swept", "as-printed", "none")
+_DIGITS = 9  # poses and ranges in whole nanometres: no run hangs on the last bit of a machine
 _NEAR = 0.1  # a drive that ends this close to its point (m) has reached it
 
 
@@ -176,7 +177,7 @@ class _Driver:
             raise ValueError(
                 f"start: expected a pose at which the robot touches no obstacle, got {start}"
             )
-        self.pose, self.refused = start.copy(), False
+        self.pose, self.refused = np.round(start, _DIGITS), False
         self.came_from: float | None = None
         self.poses: list[Array] = []
         self.scans: list[Array] = []
@@ -294,15 +295,16 @@ class _Driver:
         return False
 
     def _arrive(self, pose: Array) -> None:
+        pose = np.round(pose, _DIGITS)
         self._driven += float(np.hypot(*(pose - self.pose)[:2]))
         self.pose = pose
         self.trace.append(pose[:2].copy())
 
     def _points(self) -> Array:
         """Points of the last scan in the body frame of now."""
-        here = between(self.pose, self.poses[-1])
-        points = self.lidar.points(self.scans[-1], here)
-        return points[np.isfinite(points[:, 0])]
+        if np.array_equal(self.pose, self.poses[-1]):
+            return self._seen
+        return transform(between(self.pose, self.poses[-1]), self._seen)
 
     def _look_anew(self) -> None:
         """Scan, unless the robot has not moved since it last did."""
@@ -311,8 +313,10 @@ class _Driver:
 
     def _look(self) -> None:
         """Take a scan, add it to the map, write the record."""
-        ranges = self.lidar.scan(self.world, self.pose, self.rng)
+        ranges = np.round(self.lidar.scan(self.world, self.pose, self.rng), _DIGITS)
         self.floor.insert(self.pose, ranges, self.lidar)
+        points = self.lidar.points(ranges)
+        self._seen = points[np.isfinite(points[:, 0])]
         self.poses.append(self.pose.copy())
         self.scans.append(ranges)
         self.path_length.append(self._driven)

@@ -72,6 +72,8 @@ class SeenFloor:
         rows, columns = np.ceil(size - 1e-9).astype(int)
         self.state = np.zeros((rows, columns), dtype=np.uint8)
         self.shut = np.zeros((rows, columns), dtype=np.bool_)
+        self._asked: tuple[float, bytes] = (np.nan, b"")
+        self._fits: NDArray[np.bool_] = self.shut
 
     def __repr__(self) -> str:
         """Return size and resolution."""
@@ -174,9 +176,15 @@ class SeenFloor:
             Radius of the disc (m). Half the diagonal of a cell is kept in addition, for only the
             centres of cells were seen.
         """
-        free = np.pad(self.state == FREE, 1)
-        distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
-        return distance >= radius + self.resolution * np.sqrt(0.5)
+        # One question is asked several times of the same floor.
+        asked = (radius, self.state.tobytes())
+        if asked != self._asked:
+            free = np.pad(self.state == FREE, 1)
+            distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
+            self._fits = distance >= radius + self.resolution * np.sqrt(0.5)
+            self._fits.setflags(write=False)
+            self._asked = asked
+        return self._fits
 
     def distances(self, start: ArrayLike, radius: float) -> tuple[Array, NDArray[np.int32]]:
         """Lengths of the shortest ways of a disc from a point to all cells.

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from slamlab.navigation import (
     InformationGain,
@@ -60,6 +61,18 @@ def test_mended_guard_never_collides_and_coverage_never_falls(name, world):
         assert run.coverage[-1] > 0.7
         assert len(run.poses) == len(run.ranges) == len(run.coverage) == len(run.collisions)
         assert not world.collides(ROBOT.footprint, run.poses).any()
+
+
+@pytest.mark.parametrize("world", [ROOM, ROOM_TWO], ids=["first", "second"])
+def test_both_trials_of_p5_from_thirty_starts(world):
+    """No collision, the whole room seen, every dot of the map within a pixel of a wall pixel."""
+    trial = runs(world, NearestFrontier(), n=30)
+    assert sum(run.collisions[-1] for run in trial) == 0
+    assert np.mean([run.coverage[-1] >= 0.98 for run in trial]) > 0.95
+    pixels = KDTree(world.centres()[world.occupied] / 0.01)
+    for run in trial:
+        dots = LIDAR.points(run.ranges, run.poses).reshape(-1, 2)
+        assert pixels.query(dots / 0.01)[0].max() < 1
 
 
 @pytest.mark.slow
@@ -142,6 +155,30 @@ def test_same_seed_same_run():
     np.testing.assert_array_equal(a.poses, b.poses)
     c = explore(ROOM, ROBOT, LIDAR, Quadrants(), [2, 2, 0], np.random.default_rng(8), max_path=5)
     assert len(c.poses) != len(a.poses) or not np.allclose(c.poses, a.poses)
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+def test_no_run_hangs_on_the_last_bit(name):
+    """Arithmetic that differs by a few ulp, as on another machine, gives the same run."""
+
+    class OtherMachine(Lidar):
+        def scan(self, world, poses, rng=None):
+            ranges = super().scan(world, poses, rng)
+            return ranges * (1 + 1e-14 * np.sin(1e6 * ranges))
+
+    a, b = (
+        explore(
+            ROOM_TWO,
+            ROBOT,
+            lidar,
+            STRATEGIES[name],
+            [2.9, 0.8, 0.3],
+            np.random.default_rng(1),
+            max_path=8,
+        )
+        for lidar in (LIDAR, OtherMachine(120))
+    )
+    np.testing.assert_array_equal(a.poses, b.poses)
 
 
 def test_longest_beam_goes_where_the_beam_is_longest():

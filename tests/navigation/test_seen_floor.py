@@ -161,6 +161,16 @@ def test_distances_agree_with_dijkstra_of_scipy():
     np.testing.assert_allclose(lengths[fits], due[fits], atol=1e-9)
 
 
+def test_where_the_body_fits_follows_the_floor_and_the_radius():
+    floor = floor_of("\n".join(["." * 12] * 12))
+    wide, narrow = floor.fits(0.3).sum(), floor.fits(0.1).sum()
+    assert 0 < wide < narrow
+    floor.state[6, 6] = OCCUPIED
+    assert floor.fits(0.1).sum() < narrow
+    with pytest.raises(ValueError, match="read-only"):
+        floor.fits(0.1)[0, 0] = True
+
+
 def test_unseen_area_stops_at_walls_and_counts_the_unknown():
     open_floor, walled = floor_of("\n".join(["?" * 21] * 21)), floor_of("\n".join(["?" * 21] * 21))
     walled.state[:, 12] = OCCUPIED
