@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from slamlab.worlds import BitmapWorld
 
@@ -66,3 +67,45 @@ def chord(world, point, angle, distance):
     with np.errstate(divide="ignore"):
         sides = np.sort((np.stack([cell, cell + 1]) - point) / d, axis=0)
     return sides[1].min() - sides[0].max()
+
+
+def thin_outline(rng, size=100):
+    """A closed polygon drawn one pixel wide, as Bresenham does: corners touch, sides need not."""
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
+    corners = 50 + rng.uniform(20, 46, 9)[:, None] * np.stack([np.cos(angles), np.sin(angles)], -1)
+    corners = corners.astype(int)
+    cells = np.zeros((size, size), bool)
+    for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        n = max(abs(x1 - x0), abs(y1 - y0), 1)
+        t = np.arange(n + 1) / n
+        cells[np.rint(y0 + t * (y1 - y0)).astype(int), np.rint(x0 + t * (x1 - x0)).astype(int)] = 1
+    return cells
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_beam_leaves_a_room_whose_walls_are_one_pixel_thin(seed):
+    rng = np.random.default_rng(seed)
+    cells = thin_outline(rng)
+    world = BitmapWorld(cells, 1.0)
+    # Rooms are what hangs together by sides; the outline touches by corners only.
+    rooms_of_cells, _ = ndimage.label(~cells)
+    points = rng.uniform(0, 100, (25_000, 2))
+    lattice = rng.integers(0, 100, (2_000, 2)) + rng.choice([0.0, 0.5], (2_000, 2))
+    points = np.concatenate([points, lattice])
+    angles = rng.uniform(-np.pi, np.pi, len(points))
+    angles[-2000:] = np.pi / 4 * rng.integers(0, 8, 2000)
+    column, row = np.floor(points).astype(int).T
+    inside = (rooms_of_cells[row, column] != rooms_of_cells[0, 0]) & ~cells[row, column]
+    points, angles, row, column = points[inside], angles[inside], row[inside], column[inside]
+    ranges = world.cast(points, angles)
+    assert len(ranges) > 5_000
+    assert np.isfinite(ranges).all()
+    before = points + np.maximum(ranges - 1e-6, 0)[:, None] * np.stack(
+        [np.cos(angles), np.sin(angles)], -1
+    )
+    last_column, last_row = np.floor(before).astype(int).T
+    home = rooms_of_cells[row, column] == rooms_of_cells[last_row, last_column]
+    # A beam along a grid line may end in the line's other cell; nothing lies farther off.
+    assert (home | (ranges < 1e-6) | cells[last_row, last_column]).all()
+    walk = pixel_walk(world, points, angles)
+    assert (walk > ranges + 3).sum() > 50
