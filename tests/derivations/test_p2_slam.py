@@ -47,9 +47,8 @@ def correlation(P, i, j):
 def test_p2_6_7_8_the_models_are_what_the_filter_believes():
     rng = np.random.default_rng(10)
     motion, u, V = Unicycle(), np.array([1.0, 0.5]), np.diag([1e-4, 1e-4])
-    start = np.random.default_rng(1).multivariate_normal(
-        [0.3, -0.2, 0.4], 1e-4 * np.eye(3), 50_000
-    )
+    here = [0.3, -0.2, 0.4]
+    start = rng.multivariate_normal(here, 1e-4 * np.eye(3), 50_000)
     moved = motion.sample(start, u, 0.5, V, rng)
     sensor = RangeBearing(0.01, 0.01)
     slam = EKFSlam(motion, sensor, [0.3, -0.2, 0.4, 4.0, 3.0], np.diag([1e-4] * 3 + [0, 0]), ["m"])

@@ -220,6 +220,16 @@ def test_step_with_ids_is_predict_and_update():
     assert_same_state(ours, state(by_hand))
 
 
+def test_step_associates_by_itself_if_nothing_is_said():
+    landmarks = np.array([[4.0, 1.0], [3.0, -2.0], [6.0, 0.5]])
+    slam, pose = EKFSlam(MOTION, SENSOR, [0, 0, 0]), np.zeros(3)
+    slam.update(SENSOR.observe(pose, landmarks), range(3))
+    pose = MOTION.step(pose, U, DT)
+    assert slam.step(U, DT, V, SENSOR.observe(pose, landmarks[[2, 0]])) == (2, 0)
+    assert slam.step(0 * U, DT, V, SENSOR.observe(pose, [[-5.0, 0.0]])) == (3,)
+    assert slam.n_landmarks == 4
+
+
 FAILURES = {
     "twice": ((look(some_slam(), [1, 1]), [1, 1]), "ids: .* 1 twice"),
     "new twice": (([[1, 1], [2, 2]], ["a", "a"]), "ids: .* 'a' twice"),
