@@ -264,7 +264,9 @@ def _aspect_of(gains: Function) -> Function:
 
 MISTAKES_TUNE: dict[str, Function] = {
     "gains and look-ahead distance must be positive numbers": lambda: (1.0, -2.0, 0.15),
-    "corners are cut: the look-ahead distance is too long, or k_omega too small": lambda: (1.0, 2.0, 0.5),
+    "corners are cut: the look-ahead distance is too long, or k_omega too small": (
+        lambda: (1.0, 2.0, 0.5)
+    ),
     "too slow: v = k_v |P_f P_r|, and |P_f P_r| is about the look-ahead distance": (
         lambda: (0.3, 2.0, 0.15)
     ),

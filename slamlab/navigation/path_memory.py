@@ -40,7 +40,7 @@ class Cubic:
     Examples
     --------
     >>> line = Cubic(np.array([[0, 0], [3, 4], [0, 0], [0, 0.0]]), 0.0, 5.0)
-    >>> line(2.5).tolist(), line.length
+    >>> line(2.5).tolist(), round(line.length, 12)
     ([1.5, 2.0], 5.0)
     """
 
@@ -249,7 +249,7 @@ class PathMemory:
     ...     memory.add((x, y))
     >>> memory.close()
     >>> len(memory.loops), round(memory.length, 2)
-    (1, 0.97)
+    (1, 0.96)
     """
 
     def __init__(
