@@ -43,8 +43,8 @@ TABLES = {
         "EKF-SLAM beside the textbook's dense matrices",
         ["promised ratio"],
         "The textbook writes F and H as full matrices and forms K S K^T. The bare update is "
-        "P - B B^T of rank 20 and nothing else, in place, by BLAS. In the last row the second "
-        "column is a smaller map.",
+        "P - B B^T of rank 20 and nothing else, in place, by BLAS. In the last three rows the "
+        "second column is a smaller map.",
     ),
     "test_fast_speed": (
         "FastSLAM beside a loop over the particles",

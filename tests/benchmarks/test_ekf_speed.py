@@ -13,7 +13,7 @@ from scipy.linalg.blas import dgemm, dsyrk
 
 from slamlab.robots import YOUBOT
 from slamlab.sensors import RangeBearing
-from slamlab.slam import EKFSlam
+from slamlab.slam import CompressedEKFSlam, EKFSlam, FastSlam
 
 DT, U, V = 0.1, np.array([0.5, 0.1, 0.2]), YOUBOT.control_cov(0.4)
 SENSOR = RangeBearing(0.05, 0.02, offset=0.3)
@@ -115,6 +115,26 @@ def measure_slope(rounds=7, sizes=(200, 400, 800, 1400, 2000)):
     return np.polyfit(np.log(sizes), np.log(seconds), 1)[0], seconds
 
 
+def other_scene(kind, n):
+    """A compressed EKF with a region of 20 among n landmarks, or FastSLAM with 100 particles."""
+    slam, z, rows = scene(n)
+    if kind == "compressed EKF":
+        compressed = CompressedEKFSlam(YOUBOT, SENSOR, slam.mean, slam.cov, slam.ids)
+        compressed.enter([*rows, *[row for row in range(30) if row not in rows][:10]])
+        return compressed, z, rows
+    rng = np.random.default_rng(7)
+    fast = FastSlam(YOUBOT, SENSOR, [0, 0, 0], 100, rng=rng)
+    fast.update(SENSOR.observe(np.zeros(3), slam.landmarks), range(n))
+    return fast, z, rows
+
+
+def measure_other(kind, rounds=7, sizes=(125, 250, 500, 1000)):
+    """Slope of log time over log n of another way to SLAM, and the seconds."""
+    scenes = [other_scene(kind, n) for n in sizes]
+    seconds = alternate(*(lambda s=s: our_step(*s) for s in scenes), rounds=rounds, burst=3)
+    return np.polyfit(np.log(sizes), np.log(seconds), 1)[0], seconds
+
+
 THREADS = """
 import sys
 sys.path.insert(0, "tests/benchmarks")
@@ -140,11 +160,13 @@ def measure_threads():
 
 def rows(rounds=9):
     """Rows of the performance page: what, ours (ms), peer (ms), peer / ours or ours / peer."""
-    small, large = measure_textbook(100, rounds, burst=10), measure_textbook(1000, 1)
+    small, large = measure_textbook(100, rounds, burst=30), measure_textbook(1000, 1)
     sparse = measure_textbook(1000, rounds, dense_F=False)
     bare, triangle = measure_bare(rounds=rounds), measure_bare(rounds=rounds, blas=dsyrk)
     slope, seconds = measure_slope(rounds)
     threads = measure_threads()
+    compressed = measure_other("compressed EKF", rounds)
+    fast = measure_other("FastSLAM", rounds)
     what = "EKF-SLAM, predict and 10 observations"
     return [
         (name, 1e3 * ours, 1e3 * peer, ours / peer, promise)
@@ -159,6 +181,16 @@ def rows(rounds=9):
                 f"{what}, n = 2000 against n = 200 (slope {slope:.2f})",
                 (seconds[-1], seconds[0]),
                 10**2.2,
+            ),
+            (
+                f"compressed EKF, 20 local; n = 1000 against 125 (slope {compressed[0]:.2f})",
+                (compressed[1][-1], compressed[1][0]),
+                2.0,
+            ),
+            (
+                f"FastSLAM, 100 particles; n = 1000 against 125 (slope {fast[0]:.2f})",
+                (fast[1][-1], fast[1][0]),
+                2.0,
             ),
         )
     ]
@@ -178,7 +210,7 @@ def test_our_step_and_the_textbooks_do_the_same():
     ("measure", "promise"),
     [
         pytest.param(
-            lambda: measure_textbook(100, 15, burst=10), 1 / 3, id="dense textbook, n = 100"
+            lambda: measure_textbook(100, 9, burst=30), 1 / 3, id="dense textbook, n = 100"
         ),
         pytest.param(lambda: measure_textbook(1000, 1), 1 / 40, id="dense textbook, n = 1000"),
         pytest.param(measure_bare, 3.0, id="bare rank-20 update"),
@@ -196,3 +228,12 @@ def test_speed_within_its_promise(measure, promise):
 def test_cost_grows_with_the_square_of_the_landmarks():
     slope = min(measure_slope()[0] for _ in range(2))
     assert slope < 2.2
+
+
+@pytest.mark.parametrize("kind", ["compressed EKF", "FastSLAM"])
+def test_the_others_hardly_grow_with_the_landmarks(kind):
+    for _ in range(3):
+        slope, seconds = measure_other(kind)
+        if seconds[-1] < 2 * seconds[0]:
+            return
+    pytest.fail(f"slope {slope:.2f}")
