@@ -35,16 +35,16 @@ def alternate(*functions, rounds, burst=1):
     return np.median(seconds[1:], axis=0)
 
 
-def scene(n):
-    """A filter with n correlated landmarks, and one look at ten of them."""
+def scene(n, kind=EKFSlam):
+    """A filter with n correlated landmarks, and one look at the first ten of them."""
     rng = np.random.default_rng(5)
-    mean = np.concatenate([np.zeros(3), rng.uniform(-20, 20, 2 * n)])
-    root = 0.05 * rng.standard_normal((len(mean), 6))
-    cov = root @ root.T + 0.01 * np.eye(len(mean))
-    rows = rng.permutation(n)[:SEEN]
-    there = YOUBOT.step(mean[:3], U, DT)
-    z = SENSOR.observe(there, mean[3:].reshape(-1, 2)[rows])
-    return EKFSlam(YOUBOT, SENSOR, mean, cov, ids=range(n)), z, rows
+    there = rng.uniform(-20, 20, (n, 2))
+    slam = kind(YOUBOT, SENSOR, np.zeros(3), 0.01 * np.eye(3))
+    slam.update(SENSOR.observe(np.zeros(3), there[:SEEN]), range(SEEN))
+    slam.predict(U, DT, V)
+    slam.update(SENSOR.observe(slam.pose, there[SEEN:]), range(SEEN, n))
+    z = SENSOR.observe(YOUBOT.step(slam.pose, U, DT), there[:SEEN])
+    return slam, z, np.arange(SEEN)
 
 
 def our_step(slam, z, rows):
@@ -117,13 +117,12 @@ def measure_slope(rounds=7, sizes=(200, 400, 800, 1400, 2000)):
 
 def other_scene(kind, n):
     """A compressed EKF with a region of 20 among n landmarks, or FastSLAM with 100 particles."""
-    slam, z, rows = scene(n)
     if kind == "compressed EKF":
-        compressed = CompressedEKFSlam(YOUBOT, SENSOR, slam.mean, slam.cov, slam.ids)
-        compressed.enter([*rows, *[row for row in range(30) if row not in rows][:10]])
-        return compressed, z, rows
-    rng = np.random.default_rng(7)
-    fast = FastSlam(YOUBOT, SENSOR, [0, 0, 0], 100, rng=rng)
+        slam, z, rows = scene(n, CompressedEKFSlam)
+        slam.enter(range(20))
+        return slam, z, rows
+    slam, z, rows = scene(n)
+    fast = FastSlam(YOUBOT, SENSOR, [0, 0, 0], 100, rng=np.random.default_rng(7))
     fast.update(SENSOR.observe(np.zeros(3), slam.landmarks), range(n))
     return fast, z, rows
 
