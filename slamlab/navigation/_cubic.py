@@ -53,7 +53,22 @@ def _gauss(c, a, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def length_between(c, a, b):  # type: ignore[no-untyped-def]
-    """Arc length from a to b: Gauss-Legendre, halved until both halves agree with the whole."""
+    """Arc length from a to b, piece by piece between the extrema of x and y.
+
+    Where a curve folds the speed has a kink that the nodes of a quadrature may all miss; a fold
+    is an extremum, so it can be only at the end of a piece.
+    """
+    cuts, total = np.empty(6), 0.0
+    for k in range(monotone_cuts(c, cuts) - 1):
+        low, high = max(cuts[k], a), min(cuts[k + 1], b)
+        if low < high:
+            total += _smooth_length(c, low, high)
+    return total
+
+
+@njit(cache=True)
+def _smooth_length(c, a, b):  # type: ignore[no-untyped-def]
+    """Gauss-Legendre, halved until both halves agree with the whole."""
     starts, ends, wholes = np.empty(64), np.empty(64), np.empty(64)
     starts[0], ends[0], wholes[0] = a, b, _gauss(c, a, b)
     top, total = 1, 0.0

@@ -186,6 +186,26 @@ def test_box_is_exact():
     assert_allclose(CURVE.box(), [*points.min(0), *points.max(0)], atol=1e-9)
 
 
+def test_arc_length_sees_a_fold_that_all_nodes_of_a_quadrature_miss():
+    """Back and forth on a line: the speed |x'| has kinks, one just beside a halving of [0, 1]."""
+    fold = Cubic(np.array([[0, 0], [-3.15997832, 0], [8.17350753, 0], [-5.61864481, 0.0]]))
+    c = fold.coefficients[:, 0]
+    turns = np.sort(np.roots([3 * c[3], 2 * c[2], c[1]]))
+    exact = np.abs(np.diff(fold([0, *turns, 1])[:, 0])).sum()
+    assert fold.length == pytest.approx(exact, abs=1e-12)
+    # Ten nodes on 1/64 of [0, 1], and on its halves, agree with each other and not with that.
+    t, w = np.polynomial.legendre.leggauss(10)
+    low, high = 0.703125, 0.71875
+
+    def by_nodes(a, b):
+        at = 0.5 * (a + b) + 0.5 * (b - a) * t
+        return 0.5 * (b - a) * (w @ np.abs(fold.derivative(at)[:, 0]))
+
+    halves = by_nodes(low, 0.5 * (low + high)) + by_nodes(0.5 * (low + high), high)
+    assert by_nodes(low, high) == pytest.approx(halves, abs=1e-15)
+    assert abs(by_nodes(low, high) - (fold.arc_length(high) - fold.arc_length(low))) > 1e-8
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
