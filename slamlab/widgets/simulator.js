@@ -192,7 +192,8 @@ function locate(room, ranges, sensor) {
   }).sort((a, b) => a[0] - b[0]);
   const found = order.slice(0, CANDIDATES).map(([, index]) => alignAt(room, index, ranges, sensor));
   found.sort((a, b) => a.misfit - b.misfit);
-  const apart = (f, g) => Math.hypot(f.pose[0] - g.pose[0], f.pose[1] - g.pose[1]) > 0.3;
+  const apart = (f, g) => Math.hypot(f.pose[0] - g.pose[0], f.pose[1] - g.pose[1]) > 0.5
+    || Math.abs(wrap(f.pose[2] - g.pose[2])) > 30 * DEGREE;
   // The rival stands elsewhere, or at the same place and looks elsewhere.
   const turned = alignAt(room, found[0].index, ranges, sensor, found[0].pose[2]);
   const rivals = [found.find((f) => apart(f, found[0])), turned].filter(Boolean);
