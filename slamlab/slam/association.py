@@ -332,14 +332,13 @@ class _Search:
         `own` (n, 2, 2) and `shift` (n, 2) are covariance and mean of each innovation, given the
         pairs of the branch.
         """
+        m = len(self.chosen)
         if self.nodes >= self.max_nodes:
             self.complete = False
-            return
-        self.nodes += 1
-        m = len(self.chosen)
-        if depth == len(self.order):
+        if depth == len(self.order) or not self.complete:
             self._record(m, distance)
             return
+        self.nodes += 1
         options = np.flatnonzero((self.place >= depth) & ~self.used[self.column])
         column, v = self.column[options], self.v[options] - shift[self.column[options]]
         added = _squared(v, own[column])
@@ -358,6 +357,8 @@ class _Search:
             self._descend(depth + 1, total, *given)
             self.used[c] = False
             self.chosen.pop()
+            if not self.complete:
+                return
         if not self._hopeless(m + int((waiting > depth).sum()), distance):
             self._descend(depth + 1, distance, own, shift)
 

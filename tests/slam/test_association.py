@@ -304,6 +304,23 @@ def test_a_search_that_is_cut_short_says_so_and_is_no_worse_than_the_first_desce
         assert joint_distance(slam, z, named) < chi2.ppf(0.99, 2 * found.pairs)
 
 
+def test_a_search_of_one_node_still_answers_with_a_compatible_set():
+    slam, z, _ = scene(2, n=60, k=10, size=1.0, doubt=(1.0, 1.0, 0.3))
+    found = [joint_search(slam, z, max_nodes=nodes) for nodes in (1, 4, 11, 300)]
+    assert [one.nodes for one in found] == [1, 4, 11, 300]
+    pairs = [one.pairs for one in found]
+    assert pairs == sorted(pairs)
+    assert pairs[0] == 1
+    assert pairs[-1] > pairs[1]
+    for one in found:
+        named = {j: r for j, r in enumerate(one.rows) if r >= 0}
+        assert joint_distance(slam, z, named) < chi2.ppf(0.99, 2 * one.pairs)
+    easy, look, shown = scene(3, n=12, k=5, size=8.0, doubt=(0.02, 0.02, 0.002))
+    found = joint_search(easy, look)
+    assert (found.complete, found.nodes) == (True, 5)
+    np.testing.assert_array_equal(found.rows, shown)
+
+
 def test_a_known_pose_makes_the_joint_distance_a_sum():
     landmarks = np.random.default_rng(1).uniform(-4, 4, (10, 2))
     fast = FastSlam(Unicycle(), SENSOR, np.zeros(3), 5, rng=np.random.default_rng(1))
