@@ -72,6 +72,14 @@ class SharedMaps:
         found = self.pages[self.table[:, first:last]].reshape(len(self.table), -1, FIELDS)
         return np.ascontiguousarray(np.moveaxis(found, -1, 0))
 
+    def free_columns(self, count: int) -> Indices:
+        """Return the first `count` columns (M, count) of each particle without a landmark."""
+        absent = (self.pages[:, :, -1] == ABSENT)[self.table].reshape(len(self.table), -1)
+        absent = np.pad(absent, ((0, 0), (0, count)), constant_values=True)
+        row, column = np.nonzero(absent)
+        start = np.searchsorted(row, np.arange(len(self.table)))
+        return column[start[:, None] + np.arange(count)]
+
     def map_of(self, particle: int) -> Array:
         """Return the whole map of one particle, shape (n_columns, FIELDS)."""
         return self.pages[self.table[particle]].reshape(-1, FIELDS)

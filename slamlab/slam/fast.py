@@ -19,6 +19,7 @@ from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as
 from slamlab.filters.particle import systematic_resample
 from slamlab.geometry import wrap_angle
 from slamlab.slam._landmark_filters import Landmarks, compare, correct, information, predict
+from slamlab.slam._particle_association import most_likely
 from slamlab.slam._particle_view import IGNORED, NEW, ParticleView, check_rows
 from slamlab.slam._shared_maps import ABSENT, FIELDS, PAGE, SharedMaps
 
@@ -373,16 +374,19 @@ class FastSlam:
 
     def _doubt_the_unseen(self, columns: Indices) -> None:
         """Lower the odds of landmarks in view that were not measured; drop the unlikely."""
-        found = self._maps.read_blocks(0, None)
-        landmarks = Landmarks.read(found, self.poses)
-        unseen = landmarks.present
+        seen = np.zeros((len(self.poses), self._maps.n_columns), bool)
         particle, measurement = np.nonzero(columns >= 0)
-        unseen[particle, columns[particle, measurement]] = False
-        unseen &= self.sensor.visible(self.poses[:, None], landmarks.mean)
-        found[5] += self._miss
-        found[5, found[5] < 0] = ABSENT
-        particle, column = np.nonzero(unseen)
-        self._maps.write(particle, column, found[:, unseen].T)
+        seen[particle, columns[particle, measurement]] = True
+        for first in range(0, self._maps.table.shape[1], 16):
+            found = self._maps.read_blocks(first, first + 16)
+            landmarks = Landmarks.read(found, self.poses)
+            part = slice(first * PAGE, first * PAGE + found.shape[2])
+            unseen = landmarks.present & ~seen[:, part]
+            unseen &= self.sensor.visible(self.poses[:, None], landmarks.mean)
+            found[5] += self._miss
+            found[5, found[5] < 0] = ABSENT
+            particle, column = np.nonzero(unseen)
+            self._maps.write(particle, part.start + column, found[:, unseen].T)
 
     # Association.
 
@@ -425,46 +429,19 @@ class FastSlam:
         poses, root = self.poses, None
         if self.version == 2 and self._pending:
             poses, root = self._roll(np.zeros((len(poses), sum(len(s.u) for s in self._pending))))
-        landmarks = Landmarks.read(self._maps.read_blocks(0, None), poses)
         if associate is None:
-            columns = self._most_likely(z, poses, root, landmarks)
+            columns = most_likely(self._maps, self.sensor, poses, root, z, self._gate)
         else:
-            columns = self._ask(associate, z, poses, root, landmarks)
+            columns = self._ask(associate, z, poses, root)
         # New landmarks go to the first columns that are free, one after the other.
         new = columns == NEW
-        taken = np.pad(landmarks.present, ((0, 0), (0, len(z))))
-        free = np.argsort(taken, 1, kind="stable")
+        if not new.any():
+            return columns
         rank = np.maximum(np.cumsum(new, 1) - 1, 0)
+        free = self._maps.free_columns(len(z))
         return np.where(new, np.take_along_axis(free, rank, 1), columns)
 
-    def _most_likely(
-        self, z: Array, poses: Array, root: Array | None, landmarks: Landmarks
-    ) -> Indices:
-        """Maximum likelihood within the gate, the best pair first, no landmark twice."""
-        M, n = landmarks.x.shape
-        columns = np.full((M, len(z)), NEW)
-        if n == 0:
-            return columns
-        prediction = predict(self.sensor, poses, landmarks, root)
-        score, near = np.empty((M, len(z), n)), np.empty((M, len(z)), bool)
-        for j, one in enumerate(z):
-            pair = compare(self.sensor, prediction, one)
-            distance = np.where(landmarks.present, pair.distance, np.inf)
-            score[:, j] = np.where(distance <= self._gate, pair.log_density, -np.inf)
-            near[:, j] = (distance <= 2 * self._gate).any(1)
-        for _ in range(min(len(z), n)):
-            best = score.reshape(M, -1).argmax(1)
-            j, column = np.divmod(best, n)
-            row = np.flatnonzero(score.reshape(M, -1)[np.arange(M), best] > -np.inf)
-            columns[row, j[row]] = column[row]
-            score[row, j[row]] = -np.inf
-            score[row, :, column[row]] = -np.inf
-        # Too far to be a landmark of the map, too near to be another one.
-        return np.where((columns == NEW) & near, IGNORED, columns)
-
-    def _ask(
-        self, associate: Associate, z: Array, poses: Array, root: Array | None, all_: Landmarks
-    ) -> Indices:
+    def _ask(self, associate: Associate, z: Array, poses: Array, root: Array | None) -> Indices:
         """Ask `associate` for every particle, and translate rows of its map to columns."""
         columns = np.empty((len(poses), len(z)), np.intp)
         for i, pose in enumerate(poses):
@@ -472,8 +449,8 @@ class FastSlam:
             view = self._view(i, pose, cov)
             rows = np.asarray(associate(view, z))
             check_rows(rows, len(z), view.n_landmarks)
-            present = np.append(np.flatnonzero(all_.present[i]), [IGNORED, NEW])
-            columns[i] = present[rows]
+            present = np.flatnonzero(self._maps.map_of(i)[:, 5] > ABSENT)
+            columns[i] = np.append(present, [IGNORED, NEW])[rows]
         return columns
 
     def _log_density_at_the_gate(self) -> float:

@@ -10,7 +10,7 @@ from slamlab.gaussian import Gaussian
 from slamlab.geometry import compose
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import RangeBearing, Wall
-from slamlab.slam import FastSlam, association
+from slamlab.slam import FastSlam, _particle_association, association
 from slamlab.slam._shared_maps import ABSENT, FIELDS, PAGE, SharedMaps
 
 MOTION = Unicycle()
@@ -399,6 +399,37 @@ def test_the_built_in_association_is_maximum_likelihood_with_a_gate(version):
     np.testing.assert_allclose(built_in.landmarks, asked.landmarks, atol=1e-9)
     # The gate matters: a narrow one starts the same landmark again and again.
     assert run(looks, version, 15, named=False, gate=0.3).n_landmarks > asked.n_landmarks + 5
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_passing_over_what_is_out_of_reach_changes_nothing(version, monkeypatch):
+    near = RangeBearing(0.1, 0.03, offset=0.2, max_range=3.0)
+    _, _, looks = world(steps=40, n=60, sensor=near)
+    quick = run(looks, version, 15, named=False)
+    skipped = []
+    reach = _particle_association._in_reach
+
+    def everything(sensor, poses, root, landmarks, z, gate):
+        due = landmarks.present.any(0)
+        skipped.append(due.sum() - reach(sensor, poses, root, landmarks, z, gate).sum())
+        return due
+
+    monkeypatch.setattr(_particle_association, "BLOCKS", 1)
+    monkeypatch.setattr(_particle_association, "_in_reach", everything)
+    slow = run(looks, version, 15, named=False)
+    assert sum(skipped) > 100
+    np.testing.assert_allclose(quick.poses, slow.poses, atol=1e-12)
+    np.testing.assert_allclose(quick.landmarks, slow.landmarks, atol=1e-12)
+    # A bound that is too near passes over true pairs, and their landmarks are started again.
+    monkeypatch.setattr(
+        _particle_association,
+        "_in_reach",
+        lambda sensor, poses, root, landmarks, z, gate: reach(
+            sensor, poses, root, landmarks, 0.6 * z, gate
+        ),
+    )
+    tight = run(looks, version, 15, named=False)
+    assert tight.n_landmarks > quick.n_landmarks
 
 
 @pytest.mark.parametrize("version", [1, 2])
