@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_scalar
 from slamlab.filters.kalman import Innovation
 from slamlab.slam._triangle import downdate, mirror
-from slamlab.slam.ekf import Arrivals, Associate, Correction, EKFSlam, times_H
+from slamlab.slam.ekf import Arrivals, Associate, Correction, EKFSlam, _as_ids, times_H
 
 __all__ = ["CompressedEKFSlam"]
 
@@ -85,7 +85,7 @@ class CompressedEKFSlam:
             If a name is not in the map or comes twice; the region then stays as it was.
         """
         full = self.settle()
-        names = [full.ids[row] for row in full._known_rows(_plain(ids))]
+        names = [full.ids[row] for row in full._known_rows(_as_ids("ids", ids))]
         if len(set(names)) < len(names):
             raise ValueError(f"ids: expected every landmark once, got {names!r}")
         self._open(tuple(names))
@@ -209,7 +209,9 @@ class CompressedEKFSlam:
         )
 
     def _refuse_outside(self, ids: Any) -> None:
-        outside = [n for n in _plain(ids) if n in self._known and n not in self.local._row_of]
+        outside = [
+            n for n in _as_ids("ids", ids) if n in self._known and n not in self.local._row_of
+        ]
         if outside:
             raise ValueError(
                 f"ids: expected landmarks of the region or new ones, got {outside}; "
@@ -252,8 +254,3 @@ class _Region(EKFSlam):
         super()._augment(new)
         self.Phi = np.concatenate([self.Phi, new.G_pose.reshape(-1, 3) @ self.Phi[:3]])
         self.is_untouched = False
-
-
-def _plain(ids: Any) -> list[Hashable]:
-    """Names as plain Python values."""
-    return list(ids.tolist() if isinstance(ids, np.ndarray) else ids)

@@ -110,6 +110,9 @@ def test_landmarks_outside_the_region_are_refused_by_name():
         compressed.enter([9])
     with pytest.raises(ValueError, match="every landmark once"):
         compressed.enter([1, 1])
+    for ids in (5, [[1]]):
+        with pytest.raises(ValueError, match="ids: expected a sequence of names"):
+            compressed.enter(ids)
     with pytest.raises(ValueError, match="radius"):
         compressed.near(-1.0)
 
