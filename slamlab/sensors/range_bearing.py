@@ -121,11 +121,11 @@ class RangeBearing:
         # (24)-(27): A, B, C, D with d = sensor - landmark, the whole lever included.
         A, B = -dx / distance, -dy / distance
         C, D = dy / squared, -dx / squared
+        H_pose = np.empty((*squared.shape, 2, 3))
         # (28): how the range changes as the heading swings the sensor sideways.
-        E = L * (B * c - A * s)
+        H_pose[..., 0, 0], H_pose[..., 0, 1], H_pose[..., 0, 2] = A, B, L * (B * c - A * s)
         # (29): the same for the bearing, less the turn of the body itself.
-        F = L * (D * c - C * s) - 1.0
-        H_pose = np.stack([np.stack([A, B, E], -1), np.stack([C, D, F], -1)], -2)
+        H_pose[..., 1, 0], H_pose[..., 1, 1], H_pose[..., 1, 2] = C, D, L * (D * c - C * s) - 1
         # (31), (32): only the difference sensor - landmark matters.
         return H_pose, -H_pose[..., :2]
 
