@@ -171,14 +171,30 @@ class Spline:
         return Loop(s, float(_cubic.length_between(c, first, second)), place)
 
     def _join(self, c: Array, accuracy: float) -> list[Loop]:
+        """Add a piece that does not meet itself, without the loops that it closes."""
+        loops: list[Loop] = []
         found = self.meeting(c, accuracy)
-        if found is None:
-            if _cubic.length_between(c, 0.0, 1.0) > 1e-12:
-                self.append(c)
-            return []
-        t, i, tau = found
+        if found is not None:
+            loops.append(self._cut_loop(c, *found))
+            c = _cubic.restrict(c, found[0], 1.0)
+        # What crosses within an accuracy of the joint, or of the cut, is looked for again there.
+        for finer in (accuracy / 64.0, accuracy / 4096.0):
+            table = np.empty(_cubic.PIECES + 1)
+            _cubic.fill_table(c, table)
+            near = _cubic.parameter_at(c, table, 4.0 * accuracy)
+            found = self.meeting(_cubic.restrict(c, 0.0, near), finer) if near > 0.0 else None
+            if found is not None:
+                t, i, tau = found
+                loops.append(self._cut_loop(c, near * t, i, tau))
+                c = _cubic.restrict(c, near * t, 1.0)
+        if _cubic.length_between(c, 0.0, 1.0) > 1e-12:
+            self.append(c)
+        return loops
+
+    def _cut_loop(self, c: Array, t: float, i: int, tau: float) -> Loop:
+        """Forget what lies between tau of segment i and t of the new piece; reach that place."""
         before = self.length
-        place = self.coefficients[i, 0] if tau == 0.0 else _at(self.coefficients[i], tau)
+        place = _at(self.coefficients[i], tau)
         self.cut(i, tau)
         after = self.length
         reached = _at(c, t)
@@ -186,10 +202,8 @@ class Spline:
         if gap > 1e-12:
             # Where the path only touches itself a short straight piece closes the gap.
             self.append(np.stack([place, reached - place, np.zeros(2), np.zeros(2)]))
-        if _cubic.length_between(c, t, 1.0) > 1e-12:
-            self.append(_cubic.restrict(c, t, 1.0))
         removed = before - after + float(_cubic.length_between(c, 0.0, t))
-        return [Loop(after, removed - gap, (float(place[0]), float(place[1])))]
+        return Loop(after, removed - gap, (float(place[0]), float(place[1])))
 
 
 def _at(c: Array, t: float) -> Array:

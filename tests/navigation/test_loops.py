@@ -265,6 +265,24 @@ def test_a_cubic_that_folds_onto_itself_is_straightened():
     assert spline.length == pytest.approx(0.2, abs=1e-3)
 
 
+def test_a_crossing_within_an_accuracy_of_the_joint_is_found_too():
+    """Near the joint the coarse search must not look; a finer one does."""
+    accuracy = 1e-4
+    old = np.array([[0, 0], [0.01, 0], [0, 0], [0, 0.0]])
+    # Leaves the joint upwards and backwards, and crosses the old piece 18 micrometres before it.
+    new = np.array([[0.01, 0], [-2e-4, 1.2e-4], [0, -4.8e-4], [0, -1e-2]])
+    spline = Spline()
+    spline.append(old)
+    assert spline.meeting(new, accuracy) is None
+    (loop,) = spline.append_without_loops(new, accuracy)
+    assert 0 < loop.length < accuracy
+    assert loop.place[0] == pytest.approx(0.01 - 1.76e-5, abs=1e-7)
+    first, last = (Cubic(c)(np.linspace(0, 1, 3000)) for c in spline.coefficients[: spline.n])
+    assert len(chord_crossings(first[:-1], last[1:])) == 0
+    assert len(chord_crossings(Cubic(old)(np.linspace(0, 1, 3000))[:-1],
+                               Cubic(new)(np.linspace(0, 1, 3000))[1:])) > 0  # fmt: skip
+
+
 # The boxes.
 
 
