@@ -84,6 +84,11 @@ class Spline:
         tau = _cubic.parameter_at(self.coefficients[i], self.tables[i], s - self.starts[i])
         return i, float(tau)
 
+    def arc_length(self, i: int, tau: float) -> float:
+        """Arc length (m) at parameter tau of segment i."""
+        inside = _cubic.length_to(self.coefficients[i], self.tables[i], tau)
+        return float(self.starts[i] + inside)
+
     def points(self, s: Array, derivative: bool = False) -> Array:
         """Points, or unit tangents, (n, 2) at arc lengths (n,)."""
         out = np.empty((len(s), 2))
@@ -129,9 +134,7 @@ class Spline:
         if touch < 0.0:
             return None
         place = np.array([[_cubic.value(c, touch, 0), _cubic.value(c, touch, 1)]])
-        limit = self.starts[n - 1] + _cubic.length_to(
-            self.coefficients[n - 1], self.tables[n - 1], last_tau
-        )
+        limit = self.arc_length(n - 1, last_tau)
         s, _ = self.nearest(place, np.zeros(1), np.array([limit]))
         return (touch, *self.locate(float(s[0])))
 

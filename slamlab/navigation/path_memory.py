@@ -381,6 +381,30 @@ class PathMemory:
         """Loops cut out so far."""
         return tuple(self._loops)
 
+    def meeting(self) -> float | None:
+        """Look where the open segment meets the stored path, and change nothing.
+
+        `add` looks when a segment closes, which is enough to cut the loops out; P3 looks at every
+        point. For a robot that wants to know at once that it has come back to its own way.
+
+        Returns
+        -------
+        float or None
+            Arc length (m) of the last place met; None if there is none.
+
+        Raises
+        ------
+        ValueError
+            If `loop_accuracy` is None: loops are not looked for.
+        """
+        if self.loop_accuracy is None:
+            raise ValueError("loop_accuracy: expected a length to look for loops, got None")
+        self._hide_open_curve()
+        if self._curve is None:
+            return None
+        found = self._spline.meeting(self._curve, self.loop_accuracy)
+        return None if found is None else self._spline.arc_length(found[1], found[2])
+
     @property
     def box_tests(self) -> int:
         """Boxes compared in the search for loops so far."""

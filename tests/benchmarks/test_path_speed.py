@@ -46,9 +46,7 @@ def cycles(points, accuracy, passes):
             start = time.perf_counter()
             memory.add(point)
             added = time.perf_counter()
-            if memory._curve is not None:
-                memory._hide_open_curve()
-                memory._spline.meeting(memory._curve, accuracy)
+            memory.meeting()
             row[k] = added - start, time.perf_counter() - added
     middle = np.median(seconds, axis=0)
     return middle.sum(1), middle[:, 1]

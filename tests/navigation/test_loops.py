@@ -343,3 +343,30 @@ def test_a_plain_crossing_costs_the_search_a_logarithm():
     growth = np.diff(counts)
     assert growth.max() < 20
     assert growth[-1] < 1.5 * growth[0]
+
+
+def test_meeting_tells_where_the_open_segment_crosses_and_changes_nothing():
+    out = [(x, 0.0) for x in np.arange(0, 1.01, 0.05)]
+    back = [(1.0, 0.3), (0.9, 0.5), (0.7, 0.5), (0.5, 0.3)]
+    memory = PathMemory(0.02)
+    for point in out + back:
+        memory.add(point)
+    memory.close()
+    memory.add((0.5, 0.1))
+    assert memory.meeting() is None
+    before = memory.length
+    memory.add((0.5, -0.1))
+    s = memory.meeting()
+    assert s == pytest.approx(0.5, abs=0.02)
+    assert_allclose(memory.point_at(s), [0.5, 0.0], atol=0.02)
+    assert memory.meeting() == s
+    assert memory.length == pytest.approx(before + 0.2, abs=0.02)
+    assert memory.loops == ()
+
+
+def test_meeting_needs_an_accuracy():
+    memory = PathMemory(0.02, loop_accuracy=None)
+    memory.add((0, 0))
+    with pytest.raises(ValueError, match="loop_accuracy"):
+        memory.meeting()
+    assert PathMemory(0.02).meeting() is None
