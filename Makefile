@@ -15,6 +15,8 @@ ifneq ($(wildcard $(DATA)),)
 export SLAMLAB_DATA ?= $(DATA)
 endif
 
+NBVAL := $(BIN)/python -m pytest -q -n 2 --dist loadfile --nbval --nbval-current-env \
+  --nbval-cell-timeout 300
 NOTEBOOKS := notebooks/*.ipynb notebooks/exercises/*.ipynb notebooks/solutions/*.ipynb
 
 .DEFAULT_GOAL := help
@@ -62,8 +64,9 @@ speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
 
 notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
 	@echo "== Notebooks, cell by cell"
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile --nbval --nbval-current-env \
-	  --nbval-cell-timeout 300 $(NOTEBOOKS)
+	@$(NBVAL) $(NOTEBOOKS) || \
+	{ echo "== Once more what failed: two kernels may have reached for one port"; \
+	  $(NBVAL) --last-failed $(NOTEBOOKS); }
 
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
