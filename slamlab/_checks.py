@@ -7,6 +7,7 @@ Floor 0 of the house: everything may import this, it imports nothing of ours.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -60,13 +61,16 @@ def as_shaped(
     return array
 
 
+# Every step of a filter asks the same few questions.
+@lru_cache(maxsize=1024)
 def _shape_fits(shape: tuple[int, ...], wanted: tuple[int | str | None, ...]) -> bool:
     if wanted and wanted[0] == "...":
         wanted = wanted[1:]
         shape = shape[len(shape) - len(wanted) :] if len(shape) >= len(wanted) else (-1,)
     if len(shape) != len(wanted):
         return False
-    return all(not isinstance(w, int) or w == s for s, w in zip(shape, wanted, strict=True))
+    pairs = zip(shape, wanted, strict=True)
+    return all(w is None or isinstance(w, str) or w == s for s, w in pairs)
 
 
 def as_covariance(name: str, value: ArrayLike, dim: int | None = None) -> Array:
