@@ -27,6 +27,7 @@ _ROOMS = (
     "plots",
     "widgets",
     "exercises",
+    "commands",
 )
 
 

@@ -13,7 +13,7 @@ FLOORS = [
     {"slam", "localization"},
     {"navigation"},
     {"evaluation", "datasets"},
-    {"plots", "widgets", "exercises"},
+    {"plots", "widgets", "exercises", "commands", "__main__"},
 ]
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
 FACES_ONLY = {"matplotlib", "anywidget", "ipywidgets", "IPython", "matplotlib_inline"}

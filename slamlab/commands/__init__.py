@@ -1,0 +1,63 @@
+"""The command line, ``python -m slamlab COMMAND ...``: a command is one file of this room.
+
+The file ``name.py`` is the command `name`; files that begin with an underscore help the others.
+The first sentence of its docstring is its help. It has `arguments(parser)`, which declares what
+it takes, and `run(options)`, which prints what it found and, where it cannot go on, raises a
+ValueError, OSError or ImportError whose message is a sentence for the user.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pkgutil import iter_modules
+
+__all__ = ["main"]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; print its answer, or one sentence on why there is none.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Words after the program's name; those of the process by default.
+
+    Returns
+    -------
+    int
+        0 if all went well, 1 if the command could not do its work, 130 if it was interrupted.
+        Wrong words on the command line end in SystemExit with 2, as argparse does it.
+    """
+    options = _parser().parse_args(argv)
+    try:
+        options.run(options)
+    except (ValueError, OSError, ImportError, MemoryError) as error:
+        sentence = str(error) or type(error).__name__
+        print(f"slamlab {options.command}: {sentence}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f"slamlab {options.command}: interrupted", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m slamlab", description="slamlab at work.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for module in iter_modules(__path__):
+        if module.name.startswith("_"):
+            continue
+        command = import_module(f"{__name__}.{module.name}")
+        text = (command.__doc__ or "").strip()
+        added = commands.add_parser(
+            module.name,
+            help=text.split("\n")[0],
+            description=text,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.arguments(added)
+        added.set_defaults(run=command.run)
+    return parser
