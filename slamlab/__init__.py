@@ -7,33 +7,25 @@ Rooms (subpackages) load when first used, so that ``import slamlab`` stays cheap
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
 from types import ModuleType
 
 __version__ = "0.1.0"
 
-_ROOMS = (
-    "geometry",
-    "gaussian",
-    "worlds",
-    "robots",
-    "sensors",
-    "filters",
-    "mapping",
-    "slam",
-    "localization",
-    "navigation",
-    "evaluation",
-    "datasets",
-    "plots",
-    "widgets",
-    "exercises",
-    "commands",
+_ROOMS = sorted(
+    path.stem
+    for path in Path(__file__).parent.iterdir()
+    if (path.suffix == ".py" or (path / "__init__.py").exists()) and path.stem[0] != "_"
 )
 
 
 def __getattr__(name: str) -> ModuleType:
     if name in _ROOMS:
         return importlib.import_module(f"{__name__}.{name}")
+    for room in _ROOMS:
+        door = Path(__file__).parent / room / "__init__.py"
+        if not name.startswith("_") and door.exists() and f'"{name}"' in door.read_text():
+            raise ImportError(f"{name} lives in slamlab.{room}: from slamlab.{room} import {name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -1,97 +1,277 @@
-"""The house of DESIGN section 1: no room imports from a floor above, and no cycle exists."""
+"""The house of DESIGN section 1: nothing imports upwards, in circles or in disguise."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1] / "slamlab"
 FLOORS = [
-    {"_checks", "geometry", "gaussian"},
+    {"_checks", "_compiling", "geometry", "gaussian"},
+    {"models", "grids", "logs"},
     {"worlds", "robots", "sensors"},
-    {"filters", "mapping"},
+    {"filters", "matching", "mapping"},
     {"slam", "localization"},
     {"navigation"},
-    {"evaluation", "datasets"},
-    {"plots", "widgets", "exercises", "commands", "__main__"},
+    {"simulation", "datasets", "evaluation"},
+    {"printed", "plots", "widgets", "exercises", "commands", "__main__"},
 ]
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
-FACES_ONLY = {"matplotlib", "anywidget", "ipywidgets", "IPython", "matplotlib_inline"}
+CORE = {"slamlab", "numpy", "scipy", "numba"}  # what every import of a core room may need
+COURSE = {"plots", "widgets", "exercises"}  # rooms that need an extra
+# What a core room may ask for inside a function, where it says which extra is missing.
+LATE = {
+    "commands": {"importlib", "pkgutil", "matplotlib"},
+    "datasets": {"rtbdata", "rosbags"},
+    "evaluation": {"joblib", "tqdm", "dask", "importlib"},
+    "localization": {"tqdm"},
+    "mapping": {"PIL", "yaml"},
+    "worlds": {"PIL", "yaml"},
+    "simulation": {"tqdm"},
+}
+SNEAKS = {"importlib", "imp", "pkgutil", "runpy"}
+FILES = [path for path in sorted(ROOT.rglob("*.py")) if path != ROOT / "__init__.py"]
 
 
 def room_of(path: Path) -> str:
     return path.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
-def imported(source: str) -> set[str]:
-    """Names of all modules that a file imports, those inside functions included."""
-    names = set()
-    for node in ast.walk(ast.parse(source)):
+def imports(source: str) -> list[tuple[str, bool]]:
+    """Full names of everything a file imports, and whether it does so at the top of the file."""
+    tree, found = ast.parse(source), []
+    inside = {
+        child
+        for function in ast.walk(tree)
+        if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        for child in ast.walk(function)
+    }
+    for node in ast.walk(tree):
+        names = []
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
+            names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            if node.level:
-                names.add("." * node.level)
-            else:
-                names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return names
-
-
-def offences(room: str, source: str) -> list[str]:
-    found = []
-    for name in sorted(imported(source)):
-        top, *rest = name.split(".")
-        if name.startswith("."):
-            found.append("a relative import")
-        elif top == "slamlab" and rest and rest[0] in FLOOR and FLOOR[rest[0]] > FLOOR[room]:
-            found.append(
-                f"{room} (floor {FLOOR[room]}) imports {rest[0]} (floor {FLOOR[rest[0]]})"
-            )
-        elif top in FACES_ONLY and FLOOR[room] < 6:
-            found.append(f"{room} (floor {FLOOR[room]}) imports {top}")
+            start = "." * node.level + (node.module or "")
+            names = [f"{start}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Name) and node.id == "__import__":
+            names = ["__import__"]
+        elif isinstance(node, ast.Attribute) and ast.unparse(node) == "sys.modules":
+            names = ["sys.modules"]
+        found += [(name, node not in inside) for name in names]
     return found
 
 
-FILES = [path for path in sorted(ROOT.rglob("*.py")) if path.parent != ROOT or path.stem in FLOOR]
+def offence(room: str, name: str, at_top: bool) -> str | None:
+    """What is wrong with a room importing a name, or None."""
+    top, *rest = name.split(".")
+    where = f"{room} (floor {FLOOR[room]}) imports {name}"
+    if name.startswith("."):
+        return f"{where}: a relative import"
+    if top == "slamlab":
+        other = rest[0] if rest else ""
+        if other == "__version__":
+            return None
+        if other not in FLOOR:
+            return f"{where}: name the room"
+        if FLOOR[other] > FLOOR[room]:
+            return f"{where} of floor {FLOOR[other]}"
+        if other != room and any(part.startswith("_") for part in rest[1:]):
+            return f"{where}, which is private to {other}"
+        if other == "printed" and room not in {"printed", "exercises"}:
+            return f"{where}: a formula that is refuted"
+        return None
+    if name in {"__import__", "sys.modules"} or (
+        top in SNEAKS and not name.startswith("importlib.resources")
+    ):
+        return None if top in LATE.get(room, ()) else f"{where}: an import in disguise"
+    own = top in sys.stdlib_module_names or top in CORE or room in COURSE
+    late = not at_top and top in LATE.get(room, ())
+    return None if own or late else f"{where}, no core dependency"
+
+
+def offences(room: str, source: str) -> list[str]:
+    found = [offence(room, name, at_top) for name, at_top in imports(source)]
+    return [text for text in found if text]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_no_room_imports_upwards(path):
+def test_every_import_is_allowed(path):
     assert offences(room_of(path), path.read_text()) == []
 
 
 def test_every_room_has_a_floor():
-    rooms = {room_of(path) for path in ROOT.rglob("*.py")} - {"__init__"}
-    assert rooms <= set(FLOOR)
+    assert {room_of(path) for path in FILES} <= set(FLOOR)
 
 
-def graph_of_rooms() -> dict[str, set[str]]:
-    """Which room imports which other rooms."""
-    graph: dict[str, set[str]] = {}
-    for path in FILES:
-        names = {name.split(".")[1] for name in imported(path.read_text()) if "slamlab." in name}
-        graph.setdefault(room_of(path), set()).update(names & set(FLOOR) - {room_of(path)})
-    return graph
+# Circles: of rooms, and of modules inside a room, however late the import.
 
 
-def has_cycle(graph: dict[str, set[str]]) -> bool:
-    left = {room: set(needs) for room, needs in graph.items()}
-    while left:
-        free = [room for room, needs in left.items() if not needs & set(left)]
-        if not free:
-            return True
-        for room in free:
-            del left[room]
-    return False
+def graph(sources: dict[str, str]) -> dict[str, set[str]]:
+    """Which module imports which other modules, of sources by full module name."""
+    needs: dict[str, set[str]] = {}
+    for module, source in sources.items():
+        names = {name for name, _ in imports(source)}
+        names |= {name.rpartition(".")[0] for name in names - set(sources)}
+        needs[module] = names & set(sources) - {module}
+    return needs
+
+
+def by_room(needs: dict[str, set[str]]) -> dict[str, set[str]]:
+    rooms: dict[str, set[str]] = {}
+    for module, others in needs.items():
+        room = module.split(".")[1]
+        rooms.setdefault(room, set()).update({o.split(".")[1] for o in others} - {room})
+    return rooms
+
+
+def circle(needs: dict[str, set[str]]) -> set[str]:
+    """Return the nodes that stand in or above a circle: empty if there is none."""
+    left = dict(needs)
+    while free := [node for node, others in left.items() if not others & set(left)]:
+        for node in free:
+            del left[node]
+    return set(left)
+
+
+SOURCES = {
+    ".".join(path.relative_to(ROOT.parent).with_suffix("").parts).removesuffix(
+        ".__init__"
+    ): path.read_text()
+    for path in FILES
+}
+
+
+def test_modules_import_in_no_circle():
+    assert circle(graph(SOURCES)) == set()
 
 
 def test_rooms_import_in_no_circle():
-    assert not has_cycle(graph_of_rooms())
+    assert circle(by_room(graph(SOURCES))) == set()
 
 
-def test_the_guards_see_what_they_are_for():
-    assert offences("geometry", "from slamlab.slam import PoseGraph")
-    assert offences("slam", "def f():\n    import matplotlib.pyplot as plt")
-    assert offences("slam", "from . import graph")
-    assert not offences("slam", "import numpy as np\nfrom slamlab.geometry import compose")
-    assert has_cycle({"filters": {"mapping"}, "mapping": {"filters"}})
+# What really happens when the library is imported.
+
+
+def run(code: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=100
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def loaded(module: str) -> list[str]:
+    names = run(f"import {module}, sys; print(*sys.modules)").split()
+    return [name for name in names if name.startswith("slamlab.") or name == "numpy"]
+
+
+def test_import_slamlab_loads_no_room_and_no_numpy():
+    assert loaded("slamlab") == []
+    assert {"numpy", "slamlab._checks"} <= set(loaded("slamlab.geometry"))
+
+
+BARE = """
+import importlib, sys
+
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] not in {allowed} | set(sys.stdlib_module_names):
+            raise ImportError(name + " is in no core dependency")
+
+import numpy, scipy.special, numba  # what they look for themselves is their own affair
+sys.meta_path.insert(0, Refuse())
+for module in {modules}:
+    importlib.import_module(module)
+print("imported", len({modules}))
+"""
+
+
+def bare(modules: list[str]) -> str:
+    """Import modules where only the core dependencies are installed."""
+    return run(BARE.replace("{allowed}", repr(CORE)).replace("{modules}", repr(modules)))
+
+
+def test_every_core_room_imports_where_only_the_core_is_installed():
+    modules = [name for name in SOURCES if name.split(".")[1] not in COURSE]
+    assert bare(modules) == f"imported {len(modules)}\n"
+
+
+def test_the_bare_machine_has_no_matplotlib():
+    with pytest.raises(AssertionError, match="matplotlib.* is in no core dependency"):
+        bare(["slamlab.plots"])
+
+
+# Each guard, seen to refuse what it is for.
+
+OFFENCES = {
+    "upwards": ("geometry", "from slamlab.slam import PoseGraph"),
+    "upwards, inside a function": ("sensors", "def f():\n    from slamlab.slam import EKFSlam"),
+    "upwards, the room itself": ("filters", "from slamlab import slam"),
+    "upwards, by a module's name": ("worlds", "import slamlab.slam.graph as g"),
+    "upwards, star": ("robots", "from slamlab.filters import *"),
+    "upwards, only for types": (
+        "robots",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import slamlab.slam",
+    ),
+    "relative": ("slam", "from . import graph"),
+    "relative, upwards": ("slam", "from ..navigation import explore"),
+    "by lazy attribute": ("navigation", "import slamlab\nx = slamlab.slam.PoseGraph"),
+    "by lazy attribute, renamed": ("navigation", "import slamlab as s\nx = s.slam.PoseGraph"),
+    "by importlib": ("robots", "import importlib\nimportlib.import_module('slamlab.slam')"),
+    "by import_module": ("robots", "from importlib import import_module"),
+    "by __import__": ("robots", "__import__('slamlab.slam')"),
+    "by sys.modules": ("robots", "import sys\nslam = sys.modules['slamlab.slam']"),
+    "a figure below": ("slam", "def f():\n    import matplotlib.pyplot as plt"),
+    "sympy": ("slam", "import sympy"),
+    "sympy, inside a function": ("slam", "def f():\n    import sympy"),
+    "filterpy": ("filters", "from filterpy.kalman import KalmanFilter"),
+    "anywidget": ("simulation", "import anywidget"),
+    "an extra too early": ("datasets", "import rtbdata"),
+    "an extra too early, in a try": ("evaluation", "try:\n    import joblib\nexcept E:\n    pass"),
+    "an extra in a printed formula": ("printed", "import sympy"),
+    "private module of another room": ("navigation", "from slamlab.slam._edges import Edges"),
+    "private name of another room": ("navigation", "from slamlab.slam.graph import _solve"),
+    "private module, from the room": ("navigation", "from slamlab.slam import _edges"),
+    "a refuted formula": ("plots", "from slamlab.printed.p5 import turn_as_printed"),
+    "a refuted formula, the room": ("widgets", "from slamlab import printed"),
+    "without a room": ("slam", "from slamlab import EKFSlam"),
+}
+FINE = [
+    ("slam", "import numpy as np\nfrom slamlab.geometry import compose"),
+    ("slam", "from slamlab.slam._edges import Edges"),
+    ("slam", "from slamlab._checks import as_array"),
+    ("datasets", "def f():\n    import rtbdata"),
+    ("exercises", "import matplotlib\nfrom slamlab.printed.p5 import turn_as_printed"),
+    ("widgets", "from importlib import resources"),
+]
+
+
+@pytest.mark.parametrize(("room", "source"), OFFENCES.values(), ids=OFFENCES.keys())
+def test_a_guard_refuses(room, source):
+    assert offences(room, source)
+
+
+@pytest.mark.parametrize(("room", "source"), FINE)
+def test_a_guard_accepts(room, source):
+    assert offences(room, source) == []
+
+
+def test_a_circle_is_seen_inside_a_room_and_between_rooms():
+    late = {
+        "slamlab.slam.ekf": "def f():\n    from slamlab.slam.association import g",
+        "slamlab.slam.association": "from slamlab.slam.ekf import EKFSlam",
+    }
+    assert circle(graph(late)) == set(late)
+    by_the_door = {"slamlab.slam": "from slamlab.slam.ekf import E", "slamlab.slam.ekf": ""}
+    assert circle(graph(by_the_door)) == set()
+    assert circle(graph({**by_the_door, "slamlab.slam.ekf": "from slamlab.slam import E"}))
+    rooms = {
+        "slamlab.filters.a": "import slamlab.mapping.a",
+        "slamlab.mapping.b": "import slamlab.filters.b",
+        "slamlab.filters.b": "",
+        "slamlab.mapping.a": "",
+    }
+    assert circle(graph(rooms)) == set()
+    assert circle(by_room(graph(rooms))) == {"filters", "mapping"}

@@ -1,4 +1,4 @@
-"""Exercise checks, one module a chapter. Floor 6 of the house."""
+"""Exercise checks, one module a chapter.."""
 
 from slamlab.exercises._report import Mistake, Property, Report, run_cases, run_checks
 

@@ -1,4 +1,4 @@
-"""What the robot believes: filters. Floor 2 of the house."""
+"""What the robot believes: filters.."""
 
 from slamlab.filters import extended, histogram, kalman, particle, unscented
 

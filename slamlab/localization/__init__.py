@@ -1,4 +1,4 @@
-"""Where am I in a known map? Floor 3 of the house."""
+"""Where am I in a known map?."""
 
 from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.localization.monte_carlo import MonteCarloLocalization

@@ -1,4 +1,4 @@
-"""Where the robot goes: routes, paths remembered and followed, exploration. Floor 4."""
+"""Where the robot goes: routes, paths remembered and followed, exploration."""
 
 from slamlab.navigation.drive import YOUBOT_BODY, Belief, Body, Drive, drive_round
 from slamlab.navigation.explore import Exploration, explore

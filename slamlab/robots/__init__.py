@@ -1,4 +1,4 @@
-"""How the robot moves. Floor 1 of the house."""
+"""How the robot moves.."""
 
 from slamlab.robots.encoders import Encoders, dead_reckoning, dead_reckoning_cov
 from slamlab.robots.mecanum import YOUBOT, Mecanum

@@ -1,4 +1,4 @@
-"""What the robot sees. Floor 1 of the house."""
+"""What the robot sees.."""
 
 from slamlab.sensors.lidar import Lidar
 from slamlab.sensors.range_bearing import RangeBearing

@@ -2,7 +2,7 @@
 
 `Replay` plays a run of a robot, `Sweep` moves sliders over precomputed results, `Simulator` is
 P5's program: a robot with a lidar to drive. All draw on a canvas in plain JavaScript, through
-anywidget. Floor 6 of the house: import it where it is used.
+anywidget. Import it where it is used.
 """
 
 from slamlab.widgets.replay import Replay

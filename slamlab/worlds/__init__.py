@@ -1,4 +1,4 @@
-"""Where the robot lives: rooms of pixels, of walls, of landmarks. Floor 1 of the house."""
+"""Where the robot lives: rooms of pixels, of walls, of landmarks.."""
 
 from slamlab.worlds import rooms
 from slamlab.worlds._world import World, free_poses
