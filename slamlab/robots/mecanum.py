@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_covariance, as_rng, as_scalar
-from slamlab.gaussian import root
 from slamlab.geometry import wrap_angle
 from slamlab.robots.unicycle import _sinc, _sinc_slope
 
@@ -298,8 +297,10 @@ class Mecanum:
         pose, u, dt = _checked(pose, u, dt)
         control_cov = as_covariance("control_cov", control_cov, 3)
         rng = as_rng("rng", rng)
+        values, vectors = np.linalg.eigh(control_cov)
+        root = vectors * np.sqrt(np.clip(values, 0.0, None))
         lead = np.broadcast_shapes(pose.shape[:-1], u.shape[:-1])
-        return self.step(pose, u + rng.standard_normal((*lead, 3)) @ root(control_cov).T, dt)
+        return self.step(pose, u + rng.standard_normal((*lead, 3)) @ root.T, dt)
 
     def _displacement(self, pose: Array, u: Array, dt: float) -> tuple[Array, Array, Array, Array]:
         """Displacement in the world, and dt times the mean cosine and sine over the step."""

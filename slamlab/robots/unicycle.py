@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_covariance, as_rng, as_scalar
-from slamlab.gaussian import root
 from slamlab.geometry import wrap_angle
 
 __all__ = ["Unicycle"]
@@ -147,8 +146,10 @@ class Unicycle:
         pose, u, dt = _checked(pose, u, dt)
         control_cov = as_covariance("control_cov", control_cov, 2)
         rng = as_rng("rng", rng)
+        values, vectors = np.linalg.eigh(control_cov)
+        root = vectors * np.sqrt(np.clip(values, 0.0, None))
         lead = np.broadcast_shapes(pose.shape[:-1], u.shape[:-1])
-        return self.step(pose, u + rng.standard_normal((*lead, 2)) @ root(control_cov).T, dt)
+        return self.step(pose, u + rng.standard_normal((*lead, 2)) @ root.T, dt)
 
 
 def _checked(pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array, float]:

@@ -1,0 +1,137 @@
+"""Compiled loops under the fields: stamping, looking up, Gauss-Newton. Loaded when needed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def stamp(values, cells, sigma):  # type: ignore[no-untyped-def]
+    """Raise the sheet to exp(-d^2 / 2 sigma^2) round every point (k, 2: column, row; cells).
+
+    The exponential is a product of one factor a column and one a row.
+    """
+    rows, columns = values.shape
+    reach = int(np.ceil(3.5 * sigma))
+    along = np.empty(2 * reach + 2)
+    factor = -0.5 / sigma**2
+    for k in range(len(cells)):
+        x, y = cells[k, 0] - 0.5, cells[k, 1] - 0.5
+        left, low = int(np.floor(x)) - reach, int(np.floor(y)) - reach
+        for i in range(2 * reach + 2):
+            along[i] = np.exp(factor * (left + i - x) ** 2)
+        first, last = max(0, -left), min(2 * reach + 2, columns - left)
+        for j in range(max(0, -low), min(2 * reach + 2, rows - low)):
+            across = np.exp(factor * (low + j - y) ** 2)
+            for i in range(first, last):
+                value = np.float32(across * along[i])
+                if value > values[low + j, left + i]:
+                    values[low + j, left + i] = value
+
+
+@njit(cache=True)
+def _cell(values, row, column, log_odds):  # type: ignore[no-untyped-def]
+    """Value of one cell; outside the sheet nothing is known, which is 0."""
+    inside = 0 <= row < values.shape[0] and 0 <= column < values.shape[1]
+    value = float(values[row, column]) if inside else 0.0
+    return 1.0 / (1.0 + np.exp(-value)) if log_odds else value
+
+
+@njit(cache=True)
+def look_up(values, x, y, log_odds):  # type: ignore[no-untyped-def]
+    """M and its gradient at (x, y), both in cells: Hector (5) and (6)."""
+    if not (-1e9 < x < 1e9 and -1e9 < y < 1e9):
+        return _cell(values, -1, -1, log_odds), 0.0, 0.0
+    x, y = x - 0.5, y - 0.5  # a value belongs to the centre of its cell
+    column, row = int(np.floor(x)), int(np.floor(y))
+    a, b = x - column, y - row
+    m00 = _cell(values, row, column, log_odds)
+    m10 = _cell(values, row, column + 1, log_odds)
+    m01 = _cell(values, row + 1, column, log_odds)
+    m11 = _cell(values, row + 1, column + 1, log_odds)
+    value = (1 - b) * ((1 - a) * m00 + a * m10) + b * ((1 - a) * m01 + a * m11)
+    gradient_x = (1 - b) * (m10 - m00) + b * (m11 - m01)
+    gradient_y = (1 - a) * (m01 - m00) + a * (m11 - m10)
+    return value, gradient_x, gradient_y
+
+
+@njit(cache=True)
+def look_up_all(values, cells, log_odds, out):  # type: ignore[no-untyped-def]
+    """Rows (M, dM/dx, dM/dy) of points (k, 2), in cells."""
+    for k in range(len(cells)):
+        out[k] = look_up(values, cells[k, 0], cells[k, 1], log_odds)
+
+
+@njit(cache=True)
+def normal_equations(values, frame, log_odds, points, pose, H, g):  # type: ignore[no-untyped-def]
+    """H and g of Hector (11), (12); returns sum M and sum (1 - M)^2. frame: resolution, x0, y0."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    H[:], g[:] = 0.0, 0.0
+    total, left = 0.0, 0.0
+    J = np.empty(3)
+    for k in range(len(points)):
+        px, py = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
+        x, y = (px + pose[0] - frame[1]) / frame[0], (py + pose[1] - frame[2]) / frame[0]
+        value, gx, gy = look_up(values, x, y, log_odds)
+        # (9): the gradient, turned by d S / d xi = [I | R'(psi) s]
+        J[0], J[1] = gx / frame[0], gy / frame[0]
+        J[2] = J[1] * px - J[0] * py
+        for i in range(3):
+            g[i] += J[i] * (1.0 - value)
+            for j in range(3):
+                H[i, j] += J[i] * J[j]
+        total += value
+        left += (1.0 - value) ** 2
+    return total, left
+
+
+@njit(cache=True)
+def solve3(H, g, step):  # type: ignore[no-untyped-def]
+    """Solve H step = g by Cholesky; False if H is singular."""
+    if H[0, 0] <= 0.0:
+        return False
+    l00 = np.sqrt(H[0, 0])
+    l10, l20 = H[1, 0] / l00, H[2, 0] / l00
+    d1 = H[1, 1] - l10 * l10
+    if d1 <= 1e-12 * H[1, 1]:
+        return False
+    l11 = np.sqrt(d1)
+    l21 = (H[2, 1] - l20 * l10) / l11
+    d2 = H[2, 2] - l20 * l20 - l21 * l21
+    if d2 <= 1e-12 * H[2, 2]:
+        return False
+    l22 = np.sqrt(d2)
+    a = g[0] / l00
+    b = (g[1] - l10 * a) / l11
+    step[2] = (g[2] - l20 * a - l21 * b) / l22 / l22
+    step[1] = (b - l21 * step[2]) / l11
+    step[0] = (a - l10 * step[1] - l20 * step[2]) / l00
+    return True
+
+
+@njit(cache=True)
+def gauss_newton(values, frame, log_odds, points, pose, prior, n_iterations):  # type: ignore[no-untyped-def]
+    """Take steps (12) from `pose`, moved to the best pose met; returns H, sum M, squares.
+
+    `prior` (3, 3) is an information matrix that pulls towards the guess; zeros for none.
+    """
+    guess, here, step = pose.copy(), pose.copy(), np.zeros(3)
+    H, g = np.empty((3, 3)), np.empty(3)
+    best_H, best_total, best_left, least = np.zeros((3, 3)), 0.0, 0.0, np.inf
+    for n in range(n_iterations + 1):
+        total, left = normal_equations(values, frame, log_odds, points, here, H, g)
+        off = guess - here
+        pull = prior @ off
+        cost = left + (off * pull).sum()
+        if cost < least:
+            least, best_total, best_left = cost, total, left
+            pose[:] = here
+            best_H[:] = H
+        if n == n_iterations or not solve3(H + prior, g + pull, step):
+            break
+        step[2] = min(max(step[2], -0.2), 0.2)
+        here = here + step
+        if abs(step[0]) + abs(step[1]) < 1e-5 and abs(step[2]) < 1e-6:
+            break
+    return best_H, best_total, best_left

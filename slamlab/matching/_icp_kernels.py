@@ -1,0 +1,234 @@
+"""Compiled loops under the outlines and `match_icp`: a hash of cells, neighbours, Gauss-Newton."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from slamlab.matching._field_kernels import solve3
+
+
+@njit(cache=True)
+def thinned(points, spacing):  # type: ignore[no-untyped-def]
+    """Rows of the first point of every square of that spacing, in their order."""
+    keys = np.empty(len(points), np.int64)
+    for k in range(len(points)):
+        keys[k] = int(np.floor(points[k, 0] / spacing)) * 2097152 + int(
+            np.floor(points[k, 1] / spacing)
+        )
+    order = np.argsort(keys, kind="mergesort")
+    keep = np.zeros(len(points), np.bool_)
+    for n in range(len(order)):
+        keep[order[n]] = n == 0 or keys[order[n]] != keys[order[n - 1]]
+    return np.flatnonzero(keep)
+
+
+@njit(cache=True)
+def hashed(points, side):  # type: ignore[no-untyped-def]
+    """Sort points into squares: (corner x, corner y, side, columns), starts, order."""
+    x0, y0 = points[:, 0].min(), points[:, 1].min()
+    columns = int((points[:, 0].max() - x0) / side) + 1
+    rows = int((points[:, 1].max() - y0) / side) + 1
+    while columns * rows > 16 * len(points) + 65536:
+        side *= 2.0
+        columns = int((points[:, 0].max() - x0) / side) + 1
+        rows = int((points[:, 1].max() - y0) / side) + 1
+    start = np.zeros(columns * rows + 1, np.int64)
+    cell = np.empty(len(points), np.int64)
+    for k in range(len(points)):
+        cell[k] = int((points[k, 1] - y0) / side) * columns + int((points[k, 0] - x0) / side)
+        start[cell[k] + 1] += 1
+    start = np.cumsum(start)
+    fill = start.copy()
+    order = np.empty(len(points), np.int64)
+    for k in range(len(points)):
+        order[fill[cell[k]]] = k
+        fill[cell[k]] += 1
+    return (x0, y0, side, columns, rows), start, order
+
+
+@njit(cache=True)
+def nearest(points, frame, start, order, x, y, limit):  # type: ignore[no-untyped-def]
+    """Row of the nearest point within `limit`, -1 if there is none."""
+    x0, y0, side, columns, rows = frame
+    best, least = -1, limit * limit
+    first_c, last_c = max(0, int(np.floor((x - limit - x0) / side))), int((x + limit - x0) / side)
+    first_r, last_r = max(0, int(np.floor((y - limit - y0) / side))), int((y + limit - y0) / side)
+    for r in range(first_r, min(last_r, rows - 1) + 1):
+        for c in range(first_c, min(last_c, columns - 1) + 1):
+            for n in range(start[r * columns + c], start[r * columns + c + 1]):
+                k = order[n]
+                d = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2
+                if d < least:
+                    best, least = k, d
+    return best
+
+
+@njit(cache=True)
+def lines_through(points, hashes, neighbours, radius, flatness):  # type: ignore[no-untyped-def]
+    """Return normals (k, 2) by total least squares, NaN off walls, and spreads (k,).
+
+    The spread is the sum of squares along the wall: noise s turns the normal by s / sqrt(spread).
+    """
+    (x0, y0, side, columns, rows), start, order = hashes
+    normals, spread = np.full((len(points), 2), np.nan), np.zeros(len(points))
+    near = np.empty(neighbours, np.int64)
+    far = np.empty(neighbours)
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        count = 0
+        first_c, last_c = int((x - radius - x0) / side), int((x + radius - x0) / side)
+        first_r, last_r = int((y - radius - y0) / side), int((y + radius - y0) / side)
+        for r in range(max(first_r, 0), min(last_r, rows - 1) + 1):
+            for c in range(max(first_c, 0), min(last_c, columns - 1) + 1):
+                for n in range(start[r * columns + c], start[r * columns + c + 1]):
+                    d = (points[order[n], 0] - x) ** 2 + (points[order[n], 1] - y) ** 2
+                    if d > radius * radius or (count == neighbours and d >= far[count - 1]):
+                        continue
+                    if count < neighbours:
+                        count += 1
+                    at = count - 1
+                    while at > 0 and far[at - 1] > d:
+                        near[at], far[at] = near[at - 1], far[at - 1]
+                        at -= 1
+                    near[at], far[at] = order[n], d
+        if count < 3:
+            continue
+        mx, my = 0.0, 0.0
+        for n in range(count):
+            mx += points[near[n], 0] / count
+            my += points[near[n], 1] / count
+        xx, xy, yy = 0.0, 0.0, 0.0
+        for n in range(count):
+            dx, dy = points[near[n], 0] - mx, points[near[n], 1] - my
+            xx += dx * dx
+            xy += dx * dy
+            yy += dy * dy
+        half, root = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+        if half + root <= 0.0 or half - root > flatness * (half + root):
+            continue
+        # The normal stands across the direction of the larger eigenvalue.
+        angle = 0.5 * np.arctan2(2 * xy, xx - yy)
+        normals[k, 0], normals[k, 1] = -np.sin(angle), np.cos(angle)
+        spread[k] = half + root
+    return normals, spread
+
+
+@njit(cache=True)
+def _pairs(reference, hashes, points, pose, gate, pair):  # type: ignore[no-untyped-def]
+    """Nearest reference point of each moved point, -1 beyond the gate; returns how many."""
+    frame, start, order = hashes
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    count = 0
+    for k in range(len(points)):
+        x = c * points[k, 0] - s * points[k, 1] + pose[0]
+        y = s * points[k, 0] + c * points[k, 1] + pose[1]
+        pair[k] = nearest(reference, frame, start, order, x, y, gate)
+        count += pair[k] >= 0
+    return count
+
+
+@njit(cache=True)
+def icp_equations(reference, normals, points, pose, pair, width, line, H, g):  # type: ignore[no-untyped-def]
+    """J^T w J and -J^T w e of all pairs; returns sums: (w, w e^2, 1, w^2, w^2 e^2, psi').
+
+    psi' is the derivative of w e, by which a robust fit is less sure than its weights say.
+    """
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    H[:], g[:] = 0.0, 0.0
+    J = np.empty((2, 3))
+    e = np.empty(2)
+    sums = np.zeros(6)
+    for k in range(len(points)):
+        j = pair[k]
+        if j < 0:
+            continue
+        px, py = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
+        dx, dy = px + pose[0] - reference[j, 0], py + pose[1] - reference[j, 1]
+        n_rows = _rows(line, normals[j, 0], normals[j, 1], px, py, dx, dy, J, e)
+        e2 = e[0] ** 2 + e[1] ** 2
+        w = (width**2 / (width**2 + e2)) ** 2  # Geman and McClure
+        for q in range(n_rows):
+            for i in range(3):
+                g[i] -= w * J[q, i] * e[q]
+                for m in range(3):
+                    H[i, m] += w * J[q, i] * J[q, m]
+        slope = w * (width**2 - 3.0 * e2) / (width**2 + e2)
+        for i, term in enumerate((w, w * e2, 1.0, w * w, w * w * e2, slope)):
+            sums[i] += term
+    return sums
+
+
+@njit(cache=True)
+def _rows(line, nx, ny, px, py, dx, dy, J, e):  # type: ignore[no-untyped-def]
+    """Error and Jacobian of one pair: n . (R p + t - q), or both coordinates of R p + t - q."""
+    if line:
+        e[0], e[1] = nx * dx + ny * dy, 0.0
+        J[0, 0], J[0, 1], J[0, 2] = nx, ny, ny * px - nx * py
+        return 1
+    e[0], e[1] = dx, dy
+    J[0, 0], J[0, 1], J[0, 2] = 1.0, 0.0, -py
+    J[1, 0], J[1, 1], J[1, 2] = 0.0, 1.0, px
+    return 2
+
+
+@njit(cache=True)
+def iterate(reference, normals, hashes, points, pose, width, gates, n_iterations, line, pair):  # type: ignore[no-untyped-def]
+    """Pair and step, first with the wide gate, then with the narrow one; `pose` is moved.
+
+    False if the points hold no pose.
+    """
+    H, g, step = np.empty((3, 3)), np.empty(3), np.zeros(3)
+    for gate in gates:
+        for _ in range(n_iterations):
+            if _pairs(reference, hashes, points, pose, gate, pair) < 3:
+                return False
+            icp_equations(reference, normals, points, pose, pair, width, line, H, g)
+            # Next to nothing on the diagonal keeps a direction that no wall holds where it is.
+            little = 1e-9 * (H[0, 0] + H[1, 1])
+            for i in range(3):
+                H[i, i] += little
+            if not solve3(H, g, step):
+                return False
+            pose += step
+            if abs(step[0]) + abs(step[1]) < 1e-6 and abs(step[2]) < 1e-7:
+                break
+    return _pairs(reference, hashes, points, pose, gates[-1], pair) >= 3
+
+
+@njit(cache=True)
+def noise_of(reference, normals, spread, points, pose, pair, width, line, noise, blur):  # type: ignore[no-untyped-def]
+    """Two sums (3, 3) for the covariance.
+
+    `noise`: what unit noise of the points and of the reference, whose points serve several pairs,
+    puts into J^T w e. `blur`: the information that unit noise of the normals pretends.
+    """
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    J = np.empty((2, 3))
+    e = np.empty(2)
+    shared = np.zeros((len(reference), 2, 3))
+    noise[:], blur[:] = 0.0, 0.0
+    for k in range(len(points)):
+        j = pair[k]
+        if j < 0:
+            continue
+        px, py = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
+        dx, dy = px + pose[0] - reference[j, 0], py + pose[1] - reference[j, 1]
+        nx, ny = normals[j, 0], normals[j, 1]
+        n_rows = _rows(line, nx, ny, px, py, dx, dy, J, e)
+        w = (width**2 / (width**2 + e[0] ** 2 + e[1] ** 2)) ** 2
+        for q in range(n_rows):
+            for i in range(3):
+                shared[j, q, i] += w * J[q, i]
+                for m in range(3):
+                    noise[i, m] += w * w * J[q, i] * J[q, m]
+        if line and spread[j] > 0.0:
+            T = (-ny, nx, nx * px + ny * py)
+            for i in range(3):
+                for m in range(3):
+                    blur[i, m] += w / spread[j] * T[i] * T[m]
+    for j in range(len(reference)):
+        for q in range(2):
+            for i in range(3):
+                for m in range(3):
+                    noise[i, m] += shared[j, q, i] * shared[j, q, m]

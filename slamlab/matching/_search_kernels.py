@@ -1,0 +1,100 @@
+"""Compiled loops under the correlative search. Scores are whole numbers, 0 to 255 a point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def doubled(blocks, width):  # type: ignore[no-untyped-def]
+    """Largest value of blocks of 2 width cells, from those of width; overhanging ones included.
+
+    Of blocks of width w, cell (r, c) is the one whose lowest cell is (r - w + 1, c - w + 1).
+    """
+    rows, columns = blocks.shape
+    out = np.zeros((rows + width, columns + width), blocks.dtype)
+    for r in range(rows):
+        for c in range(columns):
+            value = blocks[r, c]
+            if value > 0:
+                out[r, c] = max(out[r, c], value)
+                out[r, c + width] = max(out[r, c + width], value)
+                out[r + width, c] = max(out[r + width, c], value)
+                out[r + width, c + width] = max(out[r + width, c + width], value)
+    return out
+
+
+@njit(cache=True)
+def score_of(blocks, width, cells, dc, dr):  # type: ignore[no-untyped-def]
+    """Sum over the points of the block whose lowest cell is the point's, shifted by (dc, dr)."""
+    rows, columns = blocks.shape
+    total = 0
+    for k in range(len(cells)):
+        c, r = cells[k, 0] + dc + width - 1, cells[k, 1] + dr + width - 1
+        if 0 <= c < columns and 0 <= r < rows:
+            total += blocks[r, c]
+    return total
+
+
+@njit(cache=True)
+def _far(dc, dr, width, shut):  # type: ignore[no-untyped-def]
+    """Whether a block of shifts reaches beyond the disc (column, row, radius; below 0: none)."""
+    c = max(abs(dc - shut[0]), abs(dc + width - 1 - shut[0]))
+    r = max(abs(dr - shut[1]), abs(dr + width - 1 - shut[1]))
+    return c * c + r * r > shut[2] * abs(shut[2])
+
+
+@njit(cache=True)
+def branch_and_bound(levels, cells, reach, least, shut):  # type: ignore[no-untyped-def]
+    """Angle number and shift of the best score above `least`: (angle, dc, dr, score, looked).
+
+    `levels[h]` holds blocks of 2^h cells; `cells` (angles, k, 2) the turned points; shifts go
+    from -reach to reach; those inside the disc `shut` are left out. Angle -1: nothing found.
+    """
+    top = len(levels) - 1
+    width = 1 << top
+    per_side = (2 * reach + width) // width
+    n_roots = len(cells) * per_side * per_side
+    scores = np.empty(n_roots, np.int64)
+    for n in range(n_roots):
+        a, rest = n // (per_side * per_side), n % (per_side * per_side)
+        dc, dr = (rest % per_side) * width - reach, (rest // per_side) * width - reach
+        scores[n] = score_of(levels[top], width, cells[a], dc, dr)
+    best = (-1, 0, 0, least)
+    looked = n_roots
+    # A depth of `top` with four children each: 3 wait on each level.
+    stack = np.empty((4 * top + 8, 5), np.int64)
+    child = np.empty((4, 5), np.int64)
+    for n in np.argsort(-scores):
+        if scores[n] <= best[3]:
+            break
+        a, rest = n // (per_side * per_side), n % (per_side * per_side)
+        dc, dr = (rest % per_side) * width - reach, (rest // per_side) * width - reach
+        stack[0] = (top, a, dc, dr, scores[n])
+        size = 1
+        while size > 0:
+            size -= 1
+            h, a, dc, dr, score = stack[size]
+            if score <= best[3] or not _far(dc, dr, 1 << h, shut):
+                continue
+            if h == 0:
+                best = (a, dc, dr, score)
+                continue
+            half = 1 << (h - 1)
+            count = 0
+            for q in range(4):
+                x, y = dc + (q % 2) * half, dr + (q // 2) * half
+                if x > reach or y > reach:
+                    continue
+                looked += 1
+                score = score_of(levels[h - 1], half, cells[a], x, y)
+                if score > best[3]:
+                    child[count] = (h - 1, a, x, y, score)
+                    count += 1
+            # The best child is put down last and so taken first.
+            order = np.argsort(child[:count, 4])
+            for q in order:
+                stack[size] = child[q]
+                size += 1
+    return best[0], best[1], best[2], best[3], looked

@@ -1,0 +1,106 @@
+"""Where am I, with hardly a guess? All poses of a window are tried, most of them unseen.
+
+Olson, ICRA 2009 (correlative matching); branch and bound as Hess, Kohler, Rapp and Andor,
+ICRA 2016. Chapter 14.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab.geometry import rotation, wrap_angle
+from slamlab.matching._match import Match, good_points
+from slamlab.matching.field import PointField
+
+__all__ = ["match_correlative"]
+
+_HIGHEST = 6  # blocks of at most 2^6 cells
+
+
+def match_correlative(
+    field: PointField,
+    points: ArrayLike,
+    guess: ArrayLike,
+    window: float,
+    angle_window: float,
+    angle_step: float = np.deg2rad(1.0),
+    min_score: float = 0.0,
+    rival_distance: float = np.inf,
+) -> Match | None:
+    """Best of all poses in a window, exactly: branch and bound over shifts, all angles.
+
+    A block of shifts can score at most what its best cells give; a block that promises less than
+    the best pose so far is left unopened.
+
+    Parameters
+    ----------
+    field : PointField
+        Shifts are whole cells of it.
+    points : array_like, shape (k, 2)
+        The scan in the frame of the body (m); rows with NaN are left out.
+    guess : array_like, shape (3,)
+        Middle of the window (m, m, rad).
+    window : float
+        Shifts up to this in x and in y (m).
+    angle_window : float
+        Turns up to this to either side (rad).
+    angle_step : float, default 1 degree
+        Distance between the angles tried (rad).
+    min_score : float, default 0
+        Poses must score more than this.
+    rival_distance : float, default inf
+        Search also for the best pose farther than this (m) from the winner: `Match.rival`.
+
+    Returns
+    -------
+    Match or None
+        None if no pose scores more than `min_score`. Its `score` is the mean of the field, in
+        steps of 1/255, at the cells in which the points lie; `cov` that of the grid
+        of poses searched: a step's width.
+
+    Raises
+    ------
+    ValueError
+        If there is no point, or an argument is out of range.
+    """
+    from slamlab.matching._search_kernels import branch_and_bound, doubled
+
+    if not isinstance(field, PointField):
+        raise ValueError(f"field: expected a PointField, got {field!r}")
+    points = good_points("points", as_shaped("points", points, ("k", 2)))
+    guess = as_array("guess", guess, (3,)).astype(np.float64)
+    reach = int(np.ceil(as_scalar("window", window, 0.0, 1e4) / field.resolution - 1e-9))
+    step = as_scalar("angle_step", angle_step, 1e-6, np.pi)
+    side = int(np.ceil(as_scalar("angle_window", angle_window, 0.0, np.pi) / step - 1e-9))
+    min_score = as_scalar("min_score", min_score, 0.0, 1.0)
+    rival_distance = as_scalar("rival_distance", rival_distance, 0.0)
+    angles = guess[2] + step * np.arange(-side, side + 1)
+    cells = _turned_cells(field, points, guess, angles)
+    sheet = np.rint(255.0 * field.values).astype(np.uint8)
+    levels = [sheet]
+    while 2 ** len(levels) <= reach and len(levels) <= _HIGHEST:
+        levels.append(doubled(levels[-1], 2 ** (len(levels) - 1)))
+    full = 255 * len(points)
+    everywhere = (0.0, 0.0, -1.0)
+    pyramid = tuple(levels)
+    a, dc, dr, score, _ = branch_and_bound(
+        pyramid, cells, reach, int(min_score * full), everywhere
+    )
+    if a < 0:
+        return None
+    rival = float("nan")
+    if np.isfinite(rival_distance):
+        disc = (float(dc), float(dr), rival_distance / field.resolution)
+        *_, second, _ = branch_and_bound(pyramid, cells, reach, score // 2, disc)
+        rival = second / score if second > score // 2 else 0.0
+    pose = np.array([*(guess[:2] + field.resolution * np.array([dc, dr])), wrap_angle(angles[a])])
+    cov = np.diag([field.resolution**2, field.resolution**2, step**2]) / 12
+    return Match(pose, cov, score / full, len(points), rival)
+
+
+def _turned_cells(field: PointField, points: Array, guess: Array, angles: Array) -> Array:
+    """Cells (angles, k, 2: column, row) of the points, turned about the guess."""
+    turned = np.einsum("aij,kj->aki", rotation(angles), points) + guess[:2]
+    return np.floor((turned - field.origin) / field.resolution).astype(np.int64)

@@ -1,0 +1,235 @@
+"""A field over the floor, high where walls are, that a scan can slide up: Hector's matching.
+
+Kohlbrecher, von Stryk, Meyer and Klingauf, SSRR 2011, formulas (4) to (12). Chapter 14.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_scalar, as_shaped
+from slamlab.geometry import wrap_angle
+from slamlab.matching._match import Match, capped_inverse, good_points
+
+__all__ = ["Field", "PointField", "match_field"]
+
+_MOST_CELLS = 64_000_000
+
+
+class Field:
+    """Values on square cells, read between the cell centres by bilinear interpolation.
+
+    Parameters
+    ----------
+    values : array_like, shape (rows, columns)
+        Values at the cell centres; row 0 is at the bottom. Beyond the sheet they are 0.
+    resolution : float
+        Side of a cell (m).
+    origin : array_like, shape (2,), default (0, 0)
+        Lower left corner of cell (0, 0) in the world (m).
+    log_odds : bool, default False
+        The values are log odds, as an occupancy grid keeps them, and are read as probabilities
+        (beyond the sheet: 0.5).
+
+    Raises
+    ------
+    ValueError
+        If there is no cell, a number is not finite or the resolution is not positive.
+
+    Examples
+    --------
+    >>> field = Field([[0.0, 1.0], [0.0, 1.0]], resolution=1.0)
+    >>> field.value([1.25, 1.0]).tolist(), field.gradient([1.25, 1.0]).tolist()
+    (0.75, [1.0, 0.0])
+    """
+
+    def __init__(
+        self,
+        values: ArrayLike,
+        resolution: float,
+        origin: ArrayLike = (0.0, 0.0),
+        log_odds: bool = False,
+    ) -> None:
+        self.values: Any = as_array("values", values, ("rows", "columns"))
+        if self.values.size == 0:
+            raise ValueError(f"values: expected at least one cell, got {self.values.shape}")
+        self.resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
+        self.origin = as_array("origin", origin, (2,)).astype(np.float64)
+        self.log_odds = bool(log_odds)
+
+    def __repr__(self) -> str:
+        rows, columns = self.values.shape
+        return f"{type(self).__name__}({rows} x {columns} cells of {self.resolution:g} m)"
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom and top of the sheet in the world (m)."""
+        rows, columns = self.values.shape
+        x, y = (float(side) for side in self.origin)
+        return x, x + columns * self.resolution, y, y + rows * self.resolution
+
+    def value(self, points: ArrayLike) -> Array:
+        """Return M at points (..., 2) of the world (m), shape (...): Hector (4)."""
+        return self._look_up(points)[..., 0]
+
+    def gradient(self, points: ArrayLike) -> Array:
+        """Return dM/dx and dM/dy at points (..., 2), shape (..., 2), a metre: (5), (6)."""
+        return self._look_up(points)[..., 1:] / self.resolution
+
+    def _look_up(self, points: ArrayLike) -> Array:
+        from slamlab.matching._field_kernels import look_up_all
+
+        points = as_array("points", points, ("...", 2))
+        out = np.empty((points.size // 2, 3))
+        look_up_all(self.values, self._cells(points.reshape(-1, 2)), self.log_odds, out)
+        return out.reshape(*points.shape[:-1], 3)
+
+    def _cells(self, points: Array) -> Array:
+        """Points (k, 2) in units of cells from the corner of the sheet."""
+        return (points - self.origin) / self.resolution
+
+
+class PointField(Field):
+    """Likelihood field of points: exp(-d^2 / 2 sigma^2), d the distance to the nearest of them.
+
+    Parameters
+    ----------
+    points : array_like, shape (k, 2)
+        In the world (m); rows with NaN (lost beams) are left out.
+    sigma : float, default 0.1
+        Width of the slope on both sides of a wall (m).
+    resolution : float, default 0.05
+        Side of a cell (m).
+
+    Raises
+    ------
+    ValueError
+        If there is no point, a parameter is out of range or the sheet would be beyond 64 million
+        cells.
+
+    Examples
+    --------
+    >>> field = PointField([[0.0, 0.0], [3.0, 0.0]])
+    >>> field.value([[0.0, 0.1], [1.5, 0.0]]).round(2).tolist()
+    [0.6, 0.0]
+    """
+
+    def __init__(self, points: ArrayLike, sigma: float = 0.1, resolution: float = 0.05) -> None:
+        self.sigma = as_scalar("sigma", sigma, 1e-6, 1e6)
+        resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
+        self.points = good_points("points", as_shaped("points", points, ("k", 2)))
+        low, high = self._sides(self.points, resolution)
+        columns, rows = _size(low, high)
+        super().__init__(np.zeros((rows, columns), np.float32), resolution, low * resolution)
+        self._stamp(self.points)
+
+    def add(self, points: ArrayLike) -> None:
+        """Put more points (k, 2) into the field; the sheet grows with them."""
+        points = good_points("points", as_shaped("points", points, ("k", 2)))
+        low, high = self._sides(points, self.resolution)
+        here = np.rint(self.origin / self.resolution)
+        size = np.array(self.values.shape[::-1])
+        before = np.maximum(here - low, 0).astype(int)
+        after = np.maximum(high - here - size, 0).astype(int)
+        _size(here - before, here + size + after)
+        if before.any() or after.any():
+            pad = ((before[1], after[1]), (before[0], after[0]))
+            self.values = np.pad(self.values, pad)
+            self.origin = (here - before) * self.resolution
+        self._stamp(points)
+        self.points = np.concatenate([self.points, points])
+
+    def pyramid(self, levels: int) -> list[PointField]:
+        """Fields of the same points, each twice as fine and narrow as the one before; last: this.
+
+        Parameters
+        ----------
+        levels : int
+            How many, at least one.
+
+        Returns
+        -------
+        list of PointField
+            Ready for `match_field`.
+        """
+        scales = [2**k for k in range(as_count("levels", levels, 1) - 1, 0, -1)]
+        return [PointField(self.points, k * self.sigma, k * self.resolution) for k in scales] + [
+            self
+        ]
+
+    def _sides(self, points: Array, resolution: float) -> tuple[Array, Array]:
+        """First and last cell numbers that points reach, a slope's width more."""
+        reach = 4 * self.sigma + resolution
+        low = np.floor((points.min(axis=0) - reach) / resolution)
+        return low, np.ceil((points.max(axis=0) + reach) / resolution)
+
+    def _stamp(self, points: Array) -> None:
+        from slamlab.matching._field_kernels import stamp
+
+        stamp(self.values, self._cells(points), self.sigma / self.resolution)
+
+
+def _size(low: Array, high: Array) -> tuple[int, int]:
+    columns, rows = high - low
+    if columns * rows > _MOST_CELLS:
+        raise ValueError(f"points: expected them on one floor, they need {columns * rows:g} cells")
+    return int(columns), int(rows)
+
+
+def match_field(
+    field: Field | Sequence[Field],
+    points: ArrayLike,
+    guess: ArrayLike,
+    prior_cov: ArrayLike | None = None,
+    n_iterations: int = 10,
+) -> Match:
+    """Slide a scan up the slopes of a field: Gauss-Newton on sum [1 - M(S_i(xi))]^2, Hector (7).
+
+    Parameters
+    ----------
+    field : Field or sequence of Field
+        A sequence is climbed in its order: coarse first.
+    points : array_like, shape (k, 2)
+        The scan in the frame of the body (m); rows with NaN are left out.
+    guess : array_like, shape (3,)
+        Where to begin (m, m, rad).
+    prior_cov : array_like, shape (3, 3), optional
+        Covariance of the guess, if it is to pull; one point's weight is 1. Wheels have a bias that
+        no covariance tells: chapter 14 shows what that does.
+    n_iterations : int, default 10
+        Steps at most, for each field.
+
+    Returns
+    -------
+    Match
+        `cov` is s^2 H^-1 with s^2 the mean square of 1 - M.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three points, or a shape is wrong.
+    """
+    from slamlab.matching._field_kernels import gauss_newton
+
+    fields = [field] if isinstance(field, Field) else list(field)
+    if not fields or not all(isinstance(one, Field) for one in fields):
+        raise ValueError(f"field: expected a Field or a sequence of them, got {field!r}")
+    points = good_points("points", as_shaped("points", points, ("k", 2)), 3)
+    pose = as_array("guess", guess, (3,)).astype(np.float64)
+    rounds = as_count("n_iterations", n_iterations, 1)
+    prior = np.zeros((3, 3))
+    if prior_cov is not None:
+        prior[:] = np.linalg.inv(as_covariance("prior_cov", prior_cov, 3))
+    for one in fields:
+        frame = np.array([one.resolution, *one.origin])
+        H, total, left = gauss_newton(one.values, frame, one.log_odds, points, pose, prior, rounds)
+    pose[2] = wrap_angle(pose[2])
+    n = len(points)
+    arm = float(np.sqrt((points**2).sum(1).mean()))
+    s2 = max(left / max(n - 3, 1), 1e-9)
+    cov = capped_inverse(H / s2, arm)
+    return Match(pose, cov, total / n, n, residual=float(np.sqrt(left / n)))

@@ -1,0 +1,281 @@
+"""Points laid upon points, or upon the lines through them: ICP.
+
+Besl and McKay 1992; point to line: Censi, ICRA 2008; gate and weights: Vizzo et al., RA-L 2023
+(KISS-ICP); covariance after Censi, ICRA 2007. Chapter 14.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped
+from slamlab.geometry import between, rotation, transform, wrap_angle
+from slamlab.matching._match import CAP, Match, capped_inverse, good_points
+
+__all__ = ["AdaptiveGate", "Outline", "match_icp", "normals", "thin"]
+
+
+def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
+    """Keep one point in every square of `spacing` (m), so that the near wall does not win.
+
+    A lidar lays thirty times as many points on a wall one metre away as on one thirty metres off.
+
+    Parameters
+    ----------
+    points : array_like, shape (k, 2)
+        Rows with NaN are left out.
+    spacing : float, default 0.1
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        The first point of each square, in their order.
+    """
+    from slamlab.matching._icp_kernels import thinned
+
+    points = good_points("points", as_shaped("points", points, ("k", 2)), 0)
+    spacing = as_scalar("spacing", spacing, 1e-3, 1e6)
+    return points[thinned(points, spacing)] if len(points) else points
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Points on walls, with the direction in which each wall looks.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k, 2)
+        (m).
+    normals : ndarray, shape (k, 2)
+        Unit vectors across the wall, of either sign; NaN where the neighbours draw no line.
+    spread : ndarray, shape (k,)
+        Sum of squares of the neighbours along the wall (m^2): range noise s turns the normal by
+        about s / sqrt(spread).
+    """
+
+    points: Array
+    normals: Array
+    spread: Array
+
+    @classmethod
+    def of(
+        cls, points: ArrayLike, neighbours: int = 5, radius: float = 0.5, flatness: float = 0.15
+    ) -> Outline:
+        """Find the walls through points, by total least squares over each one's neighbourhood.
+
+        Parameters
+        ----------
+        points : array_like, shape (k, 2)
+            Rows with NaN are left out.
+        neighbours : int, default 5
+            So many nearest points, the point itself included; at least three must be there.
+        radius : float, default 0.5
+            Neighbours lie within this distance (m).
+        flatness : float, default 0.15
+            A wall's smaller eigenvalue is at most this part of the larger one.
+
+        Returns
+        -------
+        Outline
+        """
+        from slamlab.matching._icp_kernels import hashed, lines_through
+
+        points = good_points("points", as_shaped("points", points, ("k", 2)))
+        radius = as_scalar("radius", radius, 1e-6, 1e6)
+        flatness = as_scalar("flatness", flatness, 0.0, 1.0)
+        count = as_count("neighbours", neighbours, 3)
+        hashes = hashed(points, radius)
+        normals, spread = lines_through(points, hashes, count, radius, flatness)
+        return cls(points, normals, spread)
+
+    def moved(self, pose: ArrayLike) -> Outline:
+        """Return the outline, given in the frame of `pose` (3,), in the frame of its parent."""
+        pose = as_array("pose", pose, (3,))
+        turned = self.normals @ rotation(pose[2]).T
+        return Outline(transform(pose, self.points), turned, self.spread)
+
+    @classmethod
+    def joined(cls, outlines: Sequence[Outline]) -> Outline:
+        """Several outlines of one frame as one."""
+        return cls(
+            np.concatenate([one.points for one in outlines]),
+            np.concatenate([one.normals for one in outlines]),
+            np.concatenate([one.spread for one in outlines]),
+        )
+
+
+def normals(
+    points: ArrayLike, neighbours: int = 5, radius: float = 0.5, flatness: float = 0.15
+) -> Array:
+    """Return unit vectors across the walls through points (k, 2); NaN off walls (`Outline`)."""
+    points = as_array("points", points, ("k", 2))
+    return Outline.of(points, neighbours, radius, flatness).normals
+
+
+def match_icp(
+    reference: ArrayLike | Outline,
+    points: ArrayLike,
+    guess: ArrayLike,
+    metric: str = "line",
+    width: float = 0.05,
+    gate: float = 0.5,
+    fine_gate: float = 0.2,
+    n_iterations: int = 15,
+) -> Match:
+    """Lay points upon a reference: pair with the nearest, step, again.
+
+    Parameters
+    ----------
+    reference : array_like, shape (m, 2), or Outline
+        Points of the map (m); an `Outline` brings its normals along.
+    points : array_like, shape (k, 2)
+        The scan in the frame of the body (m); rows with NaN are left out.
+    guess : array_like, shape (3,)
+        Where to begin (m, m, rad).
+    metric : {"line", "point"}
+        Error of a pair: its distance across the wall, n . (R p + t - q), or all of R p + t - q.
+    width : float, default 0.05
+        From this error (m) on a pair counts for less: weight (width^2 / (width^2 + e^2))^2.
+    gate : float, default 0.5
+        Farther neighbours (m) are no pairs, until the pose rests;
+    fine_gate : float, default 0.2
+        then the same with this gate (never more than `gate`).
+    n_iterations : int, default 15
+        Rounds at most, for each gate.
+
+    Returns
+    -------
+    Match
+        `cov` holds the noise of scan and reference, both estimated from what is left of the
+        errors; information along a wall that only the noise of its normals pretends is taken off.
+        `score` is the sum of the weights over the number of points; 0 if fewer than three
+        pairs were found: then the pose is the guess and `cov` large.
+
+    Raises
+    ------
+    ValueError
+        If fewer than three points, or reference points on walls, are there, or an argument is
+        out of range.
+    """
+    from slamlab.matching import _icp_kernels as kernels
+
+    line = as_choice("metric", metric, ["line", "point"]) == "line"
+    base = _reference(reference, line)
+    points = good_points("points", as_shaped("points", points, ("k", 2)), 3)
+    guess = as_array("guess", guess, (3,)).astype(np.float64)
+    width = as_scalar("width", width, 1e-6, 1e6)
+    gate = as_scalar("gate", gate, 1e-6, 1e6)
+    fine_gate = min(as_scalar("fine_gate", fine_gate, 1e-6, 1e6), gate)
+    rounds = as_count("n_iterations", n_iterations, 1)
+    gates = np.array([gate, fine_gate])
+    hashes = kernels.hashed(base.points, 0.5 * gate)
+    pose, pair = guess.copy(), np.empty(len(points), np.int64)
+    held = kernels.iterate(
+        base.points, base.normals, hashes, points, pose, width, gates, rounds, line, pair
+    )
+    arm = float(np.sqrt((points**2).sum(1).mean()))
+    if not held or not np.isfinite(pose).all():
+        return Match(guess, capped_inverse(np.zeros((3, 3)), arm), 0.0, 0)
+    H, g, noise, blur = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    total, squares, count, weights2, psi2, slope = kernels.icp_equations(
+        base.points, base.normals, points, pose, pair, width, line, H, g
+    )
+    kernels.noise_of(
+        base.points, base.normals, base.spread, points, pose, pair, width, line, noise, blur
+    )
+    # Variance of an error, as a robust fit feels it (Huber): E[psi^2] / E[psi']^2.
+    s2 = psi2 / weights2 / max(slope / total, 0.2) ** 2 / (1 if line else 2)
+    s2 = max(s2 * count / max(count - 3, 1.0), 1e-8)
+    pose[2] = wrap_angle(pose[2])
+    return Match(
+        pose,
+        _covariance(H, noise, blur, s2, arm),
+        total / len(points),
+        int(count),
+        residual=float(np.sqrt(squares / total)),
+    )
+
+
+def _covariance(H: Array, noise: Array, blur: Array, s2: float, arm: float) -> Array:
+    """A^-1 (s^2 / 2 N) A^-1: half of the error's variance is the scan's, half the reference's.
+
+    A is H without what noise of the normals pretends. A direction in which that is half of H or
+    more is held by nothing: its standard deviation is CAP.
+    """
+    scale = np.array([1.0, 1.0, 1.0 / max(arm, 1e-3)])
+    both = scale[:, None] * scale
+    pretended = 0.5 * s2 * blur * both
+    values, vectors = np.linalg.eigh(H * both - pretended)
+    doubt = ((pretended @ vectors) * vectors).sum(axis=0)
+    held = values > np.maximum(doubt, s2 / CAP**2)
+    inverse = (vectors[:, held] / values[held]) @ vectors[:, held].T
+    loose = CAP * vectors[:, ~held]
+    cov = both * (0.5 * s2 * inverse @ (noise * both) @ inverse + loose @ loose.T)
+    return 0.5 * (cov + cov.T)
+
+
+def _reference(reference: ArrayLike | Outline, line: bool) -> Outline:
+    """Outline of the reference: for lines only the points on walls."""
+    if not isinstance(reference, Outline):
+        if line:
+            reference = Outline.of(reference)
+        else:
+            points = good_points("reference", as_shaped("reference", reference, ("m", 2)), 3)
+            reference = Outline(points, np.zeros_like(points), np.zeros(len(points)))
+    if not line:
+        return reference
+    on_wall = np.isfinite(reference.normals[:, 0])
+    if on_wall.sum() < 3:
+        raise ValueError(
+            f"reference: expected at least 3 points on walls, got {int(on_wall.sum())}"
+        )
+    return Outline(
+        reference.points[on_wall], reference.normals[on_wall], reference.spread[on_wall]
+    )
+
+
+class AdaptiveGate:
+    """KISS-ICP's rule: expect errors as large as the guesses have been wrong so far.
+
+    Parameters
+    ----------
+    start : float, default 0.5
+        Gate (m) before anything is known.
+    least : float, default 0.1
+        Never narrower than this (m).
+    max_range : float, default 20
+        How far out (m) a wrong heading displaces points.
+
+    Examples
+    --------
+    >>> gate = AdaptiveGate(start=0.5)
+    >>> gate.gate
+    0.5
+    >>> gate.add([1.0, 0.0, 0.0], [1.03, 0.04, 0.0])
+    >>> round(gate.gate, 3)
+    0.15
+    """
+
+    def __init__(self, start: float = 0.5, least: float = 0.1, max_range: float = 20.0) -> None:
+        self.start = as_scalar("start", start, 1e-6, 1e6)
+        self.least = as_scalar("least", least, 1e-6, 1e6)
+        self.max_range = as_scalar("max_range", max_range, 1e-6, 1e6)
+        self._squares, self._count = 0.0, 0
+
+    @property
+    def gate(self) -> float:
+        """Three times the root mean square of the deviations so far (m)."""
+        if self._count == 0:
+            return self.start
+        return max(self.least, 3.0 * float(np.sqrt(self._squares / self._count)))
+
+    def add(self, guess: ArrayLike, matched: ArrayLike) -> None:
+        """Learn from a guess (3,) and the pose (3,) that the match made of it."""
+        dx, dy, turn = between(guess, matched)
+        deviation = np.hypot(dx, dy) + 2 * self.max_range * abs(np.sin(0.5 * turn))
+        self._squares += float(deviation) ** 2
+        self._count += 1

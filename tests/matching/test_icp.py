@@ -1,0 +1,184 @@
+"""ICP: Jacobians, recovery of a motion, equivariance, honest covariances."""
+
+import numpy as np
+import pytest
+
+from slamlab.geometry import between, compose, inverse, rotation, transform
+from slamlab.matching import AdaptiveGate, Outline, match_icp, normals, thin
+from slamlab.matching._icp_kernels import icp_equations
+from slamlab.sensors import Lidar
+from slamlab.worlds import rooms
+
+POSE = np.array([2.0, 4.0, 0.3])
+MOTION = np.array([0.2, 0.05, 0.1])
+
+
+def scan(pose, rng, lidar=None, room=None):
+    lidar = lidar or Lidar(360, max_range=20.0, sigma_range=0.01)
+    return thin(lidar.points(lidar.scan(room or rooms.office(), pose, rng)))
+
+
+def pair_of_scans(seed=0):
+    rng = np.random.default_rng(seed)
+    return scan(POSE, rng), scan(compose(POSE, MOTION), rng)
+
+
+def errors(metric, normal, p, q, pose):
+    d = rotation(pose[2]) @ p + pose[:2] - q
+    return np.array([normal @ d]) if metric == "line" else d
+
+
+@pytest.mark.parametrize("metric", ["line", "point"])
+def test_the_equations_are_those_of_the_derivatives(metric):
+    """J by central differences: one pair at a time, with a weight of 1."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        p, q, pose = rng.normal(size=2), rng.normal(size=2), rng.normal(size=3)
+        angle = rng.uniform(0, 7)
+        n = np.array([np.cos(angle), np.sin(angle)])
+        H, g = np.empty((3, 3)), np.empty(3)
+        icp_equations(
+            q[None], n[None], p[None], pose, np.zeros(1, int), 1e9, metric == "line", H, g
+        )
+        step = 1e-6 * np.eye(3)
+        J = np.stack(
+            [
+                (errors(metric, n, p, q, pose + s) - errors(metric, n, p, q, pose - s)) / 2e-6
+                for s in step
+            ],
+            -1,
+        )
+        np.testing.assert_allclose(H, J.T @ J, atol=1e-7)
+        np.testing.assert_allclose(g, -J.T @ errors(metric, n, p, q, pose), atol=1e-7)
+        # The form without the turned lever arm (n . p for the heading) fails.
+        wrong = np.array([*n, n @ p])
+        assert metric == "point" or np.abs(np.outer(wrong, wrong) - H).max() > 1e-3
+
+
+@pytest.mark.parametrize("metric", ["line", "point"])
+def test_a_scan_on_itself_does_not_move(metric):
+    points, _ = pair_of_scans()
+    points = points[np.isfinite(normals(points)[:, 0])]
+    match = match_icp(points, points, np.zeros(3), metric)
+    np.testing.assert_allclose(match.pose, 0.0, atol=1e-9)
+    assert match.residual < 1e-9
+    if metric == "point":
+        assert match.score == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_point_to_line_finds_the_motion_and_point_to_point_stays_behind(seed):
+    a, b = pair_of_scans(seed)
+    line, point = (match_icp(a, b, np.zeros(3), metric) for metric in ("line", "point"))
+    assert np.abs(line.pose - MOTION).max() < 0.01
+    assert np.hypot(*(point.pose - MOTION)[:2]) > 2 * np.hypot(*(line.pose - MOTION)[:2])
+
+
+def test_the_match_moves_with_the_world():
+    a, b = pair_of_scans()
+    found = match_icp(a, b, np.zeros(3))
+    frame = np.array([-7.0, 3.0, 2.5])
+    moved = match_icp(transform(frame, a), b, frame)
+    np.testing.assert_allclose(compose(inverse(frame), moved.pose), found.pose, atol=1e-6)
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(frame[2])
+    np.testing.assert_allclose(moved.cov, turn @ found.cov @ turn.T, rtol=1e-3, atol=1e-12)
+
+
+def test_an_outline_that_moves_is_the_outline_of_the_moved_points():
+    a, _ = pair_of_scans()
+    frame = np.array([1.0, -2.0, 0.7])
+    moved, other = Outline.of(a).moved(frame), Outline.of(transform(frame, a))
+    same = np.abs((moved.normals * other.normals).sum(-1))
+    assert np.array_equal(np.isnan(moved.normals[:, 0]), np.isnan(other.normals[:, 0]))
+    np.testing.assert_allclose(same[np.isfinite(same)], 1.0)
+    both = Outline.joined([moved, other])
+    assert len(both.points) == 2 * len(a)
+
+
+def test_normals_stand_across_walls_and_corners_have_none():
+    x = np.linspace(0, 2, 21)
+    wall = np.column_stack([x, np.full(21, 3.0)])
+    post = np.array([[10.0, 10.0]])
+    found = normals(np.concatenate([wall, post]))
+    np.testing.assert_allclose(np.abs(found[:21]), np.tile([0.0, 1.0], (21, 1)), atol=1e-12)
+    assert np.isnan(found[21]).all()
+    cross = np.array([[0, 0], [0.1, 0], [-0.1, 0], [0, 0.1], [0, -0.1]])
+    assert np.isnan(normals(cross)[0]).all()
+
+
+def nees_of(room, lidar, pose, motion, n_runs=150):
+    rng = np.random.default_rng(0)
+    found, weakest = [], []
+    for _ in range(n_runs):
+        a, b = scan(pose, rng, lidar, room), scan(compose(pose, motion), rng, lidar, room)
+        match = match_icp(a, b, motion)
+        error = between(motion, match.pose)
+        found.append(error @ np.linalg.solve(match.cov, error))
+        weakest.append(match.weakest)
+    return np.array(found), np.array(weakest)
+
+
+@pytest.mark.parametrize("sigma", [0.01, 0.03])
+@pytest.mark.parametrize("pose", [[2.0, 4.0, 0.3], [2.0, 1.8, 0.3]])
+def test_covariances_are_honest_where_the_room_holds_the_pose(pose, sigma):
+    """Mean NEES of three degrees of freedom; s^2 H^-1 with half the noise has 6 and more."""
+    lidar = Lidar(360, max_range=20.0, sigma_range=sigma)
+    nees, _ = nees_of(rooms.office(), lidar, np.array(pose), MOTION)
+    assert 2.3 < nees.mean() < 5.0
+
+
+def test_a_corridor_flags_its_length():
+    lidar = Lidar(360, max_range=2.5, sigma_range=0.01)
+    _, weakest = nees_of(rooms.corridor(), lidar, np.array([6.0, 1.0, 0.4]), MOTION, 60)
+    flagged = weakest[:, 0] > 0.5
+    assert flagged.mean() > 0.9
+    along = np.angle(np.exp(2j * (weakest[flagged, 1] + 0.4))) / 2
+    assert np.abs(along).max() < 0.1
+
+
+def test_thinning_keeps_one_point_a_square():
+    points = np.random.default_rng(0).uniform(-1, 1, (2000, 2))
+    kept = thin(points, 0.25)
+    assert len(kept) == 64
+    assert len(np.unique(np.floor(kept / 0.25), axis=0)) == 64
+    assert len(thin(np.full((5, 2), np.nan))) == 0
+
+
+def test_the_gate_learns_how_wrong_guesses_are():
+    gate = AdaptiveGate(start=0.5, least=0.01, max_range=10.0)
+    assert gate.gate == 0.5
+    gate.add([0, 0, 0], [0.03, 0.04, 0.0])
+    assert gate.gate == pytest.approx(0.15)
+    gate.add([1, 2, 0.5], [1, 2, 0.5 + 0.02])
+    assert gate.gate == pytest.approx(3 * np.sqrt((0.05**2 + (20 * np.sin(0.01)) ** 2) / 2))
+
+
+def test_no_pairs_is_a_match_that_knows_nothing():
+    a, b = pair_of_scans()
+    match = match_icp(a, b, [100.0, 0.0, 0.0])
+    assert match.score == 0.0
+    assert match.n_points == 0
+    assert match.weakest[0] > 5
+    assert match.pose.tolist() == [100.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda a: match_icp(a[:2], a, np.zeros(3)), "reference"),
+        (lambda a: match_icp(a, a[:2], np.zeros(3)), "points"),
+        (lambda a: match_icp(a, a, np.zeros(2)), "guess"),
+        (lambda a: match_icp(a, a, np.zeros(3), "plane"), "metric"),
+        (lambda a: match_icp(a, a, np.zeros(3), width=0), "width"),
+        (lambda a: match_icp(a, a, np.zeros(3), gate=-1), "gate"),
+        (lambda a: match_icp(a, a, np.zeros(3), n_iterations=0), "n_iterations"),
+        (lambda a: Outline.of(a, neighbours=2), "neighbours"),
+        (lambda a: normals([[np.nan, 0.0]]), "points"),
+        (lambda a: thin(a, 0.0), "spacing"),
+        (lambda a: AdaptiveGate(0.0), "start"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call(pair_of_scans()[0])
