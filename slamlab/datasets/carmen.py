@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from slamlab._checks import Array
-from slamlab.sensors.scan import ScanGeometry
+from slamlab._checks import Array, as_scalar
+from slamlab.geometry import between
+from slamlab.logs import Log, ScanGeometry
 
-__all__ = ["CarmenLog", "read_carmen"]
+__all__ = ["read_carmen"]
 
 # Tags of CARMEN (and of GMapping, NEFF) without a front scan or odometry; they are passed over.
 _IGNORED = {
-    "PARAM",
     "SYNC",
     "RLASER",
     "SONAR",
@@ -33,45 +33,27 @@ _IGNORED = {
 _NO_RETURN = 50.0
 
 
-@dataclass(frozen=True, eq=False)
-class CarmenLog:
-    """Scans of one log, in the order of the file.
-
-    Attributes
-    ----------
-    ranges : ndarray, shape (n, n_beams)
-        Ranges (m); NaN where a beam met nothing.
-    lidar : ScanGeometry
-        Directions of the beams in the frame of the body (rad).
-    poses : ndarray, shape (n, 3)
-        Pose of the laser as the log gives it (in a "corrected" log, the corrected one).
-    timestamps : ndarray, shape (n,)
-        Seconds.
-    odometry : ndarray, shape (k, 3)
-        Poses of the ODOM lines.
-    odometry_timestamps : ndarray, shape (k,)
-        Seconds.
-    """
-
-    ranges: Array
-    lidar: ScanGeometry
-    poses: Array
-    timestamps: Array
-    odometry: Array
-    odometry_timestamps: Array
-
-
 @dataclass(frozen=True)
 class _Scan:
     ranges: list[float]
     pose: list[float]
     timestamp: float
     angles: Array
-    max_range: float
+    max_range: float | None
 
 
-def read_carmen(path: str | Path, field_of_view: float = np.pi) -> CarmenLog:
+def read_carmen(
+    path: str | Path,
+    field_of_view: float = np.pi,
+    *,
+    max_range: float | None = None,
+    corrected: bool = False,
+) -> Log:
     """Read the scans and the odometry of a CARMEN log, plain or ``.gz``.
+
+    The motion of a step is that between the poses of two scans as the log gives them, so that
+    `robots.RelativePose` is its motion model. Readings of `max_range` and more are beams that met
+    nothing (inf); ``notes["beyond"]`` counts those of each scan.
 
     Parameters
     ----------
@@ -79,30 +61,41 @@ def read_carmen(path: str | Path, field_of_view: float = np.pi) -> CarmenLog:
     field_of_view : float, default pi
         Opening of FLASER scans (rad), which the format does not write down; their first beam
         looks to the right. ROBOTLASER1 lines carry their own.
+    max_range : float, optional
+        Range (m) of FLASER scans that means "nothing". Without it a ``PARAM ...laser_max`` line of
+        the log decides, else 50 m.
+    corrected : bool, default False
+        Whether the poses in the log are already corrected (the Radish archive has such logs):
+        then they are kept as `truth` as well.
 
     Returns
     -------
-    CarmenLog
+    Log
+        A step a scan; `control_cov` is 10 % of each motion and 1 cm, 0.5 degrees besides, squared:
+        the format says nothing of its odometry.
 
     Raises
     ------
     ValueError
         For a line that breaks the format, with its number: an unknown tag, a missing or extra
         field, no finite number, a negative range, another number of beams than before; for a
-        damaged ``.gz``; for a log without any scan.
+        damaged ``.gz``; for a log without any scan; for an argument out of range.
     FileNotFoundError
         If there is no such file.
     """
+    tiny = float(np.finfo(float).tiny)
+    field_of_view = as_scalar("field_of_view", field_of_view, tiny, 2 * np.pi)
+    limit = None if max_range is None else as_scalar("max_range", max_range, tiny)
     scans: list[_Scan] = []
-    odometry: list[list[float]] = []
-    lines = _lines(Path(path))
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(_lines(Path(path)), start=1):
         fields = line.split()
         if not fields or fields[0].startswith("#") or fields[0] in _IGNORED:
             continue
         try:
             if fields[0] == "ODOM":
-                odometry.append(_odom(fields))
+                _check_odom(fields)
+            elif fields[0] == "PARAM":
+                limit = _laser_max(fields) if limit is None else limit
             elif fields[0] == "FLASER":
                 scans.append(_flaser(fields, field_of_view))
             elif fields[0] == "ROBOTLASER1":
@@ -114,7 +107,10 @@ def read_carmen(path: str | Path, field_of_view: float = np.pi) -> CarmenLog:
             raise ValueError(f"{path}, line {number}: {error}") from error
     if not scans:
         raise ValueError(f"{path}: expected at least one FLASER or ROBOTLASER1 line, got none")
-    return _log(scans, odometry)
+    try:
+        return _log(scans, _NO_RETURN if limit is None else limit, corrected)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
 def _lines(path: Path) -> list[str]:
@@ -155,12 +151,21 @@ def _count(field: str) -> int:
     return int(field)
 
 
-def _odom(fields: list[str]) -> list[float]:
-    # ODOM x y theta tv rv accel ipc_timestamp hostname logger_timestamp
+def _check_odom(fields: list[str]) -> None:
+    # ODOM x y theta tv rv accel ipc_timestamp hostname logger_timestamp: scans carry their pose.
     if len(fields) != 10:
         raise ValueError(f"expected 10 fields in ODOM, got {len(fields)}")
-    values = _numbers([*fields[1:8], fields[9]])
-    return [*values[:3], values[6]]
+    _numbers([*fields[1:8], fields[9]])
+
+
+def _laser_max(fields: list[str]) -> float | None:
+    # PARAM laser_front_laser_max 81.9 ...: names differ, all end in laser_max.
+    if len(fields) < 3 or not fields[1].endswith("laser_max"):
+        return None
+    (value,) = _numbers(fields[2:3])
+    if value <= 0:
+        raise ValueError(f"expected a positive maximal range, got {value:g}")
+    return value
 
 
 def _ranges(fields: list[str]) -> list[float]:
@@ -179,7 +184,7 @@ def _flaser(fields: list[str], field_of_view: float) -> _Scan:
     # 180 readings in half a turn stand one degree apart, 181 and 361 reach both ends.
     step = field_of_view / (n if n % 2 == 0 else max(n - 1, 1))
     angles = -field_of_view / 2 + step * np.arange(n, dtype=np.float64)
-    return _Scan(_ranges(fields[2 : n + 2]), tail[:3], tail[6], angles, _NO_RETURN)
+    return _Scan(_ranges(fields[2 : n + 2]), tail[:3], tail[6], angles, None)
 
 
 def _robotlaser(fields: list[str]) -> _Scan:
@@ -211,15 +216,31 @@ def _same_beams(scans: list[_Scan]) -> None:
         )
 
 
-def _log(scans: list[_Scan], odometry: list[list[float]]) -> CarmenLog:
-    max_range = scans[0].max_range
+def _log(scans: list[_Scan], limit: float, corrected: bool) -> Log:
+    max_range = scans[0].max_range or limit
     ranges = np.array([scan.ranges for scan in scans])
-    odom = np.array(odometry).reshape(-1, 4)
-    return CarmenLog(
-        ranges=np.where(ranges < max_range, ranges, np.nan),
-        lidar=ScanGeometry(scans[0].angles, max_range),
-        poses=np.array([scan.pose for scan in scans]),
-        timestamps=np.array([scan.timestamp for scan in scans]),
-        odometry=odom[:, :3],
-        odometry_timestamps=odom[:, 3],
+    poses = np.array([scan.pose for scan in scans])
+    motion = between(np.concatenate([poses[:1], poses[:-1]]), poses)
+    times = np.array([scan.timestamp for scan in scans])
+    size = np.linalg.norm(motion[:, :2], axis=1, keepdims=True)
+    sigmas = np.hstack([0.1 * size + 0.01] * 2 + [0.1 * np.abs(motion[:, 2:]) + np.deg2rad(0.5)])
+    sigmas[0] = 0.0
+    return Log(
+        times,
+        motion,
+        _durations(times),
+        sigmas[:, :, None] ** 2 * np.eye(3),
+        ranges=np.where(ranges < max_range, ranges, np.inf),
+        scan=ScanGeometry(scans[0].angles, max_range),
+        truth=poses if corrected else None,
+        notes={"beyond": (ranges >= max_range).sum(1)},
     )
+
+
+def _durations(times: Array) -> Array:
+    """Seconds between scans; where coarse time stamps stand still, the median of the others."""
+    dt = np.diff(times, prepend=times[0])
+    moving = dt[1:] > 0
+    usual = float(np.median(dt[1:][moving])) if moving.any() else 1.0
+    dt[1:][~moving] = usual
+    return dt

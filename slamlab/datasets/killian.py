@@ -6,14 +6,16 @@ The files come with the package rtb-data. Chapter 00 draws its maps from them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamlab._checks import Array
-from slamlab.geometry import compose
-from slamlab.sensors.scan import ScanGeometry
+from slamlab.logs import Log, ScanGeometry
+from slamlab.robots import RelativePose
+from slamlab.robots.encoders import dead_reckoning
 from slamlab.slam import PoseGraph
 
 __all__ = ["Killian", "killian"]
@@ -30,8 +32,8 @@ class Killian:
     loop_mask : ndarray of bool, shape (m,)
         Which edges are loop closures: all that do not join a pose with the next one.
     scans : ndarray, shape (n, n_beams)
-        Ranges (m) of the scan taken at each pose; NaN where a beam met nothing. No rows in the
-        small variant, which has no scans.
+        Ranges (m) of the scan taken at each pose; inf where a beam met nothing, NaN at a pose
+        without a scan. No rows in the small variant, which has no scans.
     lidar : ScanGeometry
         Directions of the beams, and the range that means "nothing".
     """
@@ -49,16 +51,44 @@ class Killian:
     @property
     def odometry(self) -> Array:
         """Measured motion from each pose to the next, in the frame of the first, (n - 1, 3)."""
-        odometry = np.flatnonzero(~self.loop_mask)
-        order = odometry[np.argsort(self.graph.edges[odometry, 0])]
-        return self.graph.measurements[order]
+        return self.graph.measurements[self._odometry_edges]
+
+    @property
+    def _odometry_edges(self) -> NDArray[np.intp]:
+        edges = np.flatnonzero(~self.loop_mask)
+        return edges[np.argsort(self.graph.edges[edges, 0])]
 
     def dead_reckoned(self) -> Array:
         """Poses (n, 3) by odometry alone, from the first pose of the graph."""
-        poses = [self.graph.poses[0]]
-        for motion in self.odometry:
-            poses.append(compose(poses[-1], motion))
-        return np.array(poses)
+        return dead_reckoning(RelativePose(), self.graph.poses[0], self.odometry, 1.0)
+
+    @cached_property
+    def log(self) -> Log:
+        """The drive as a log for `robots.RelativePose`: odometry edges, scans, a reference.
+
+        Nobody measured the truth: its place is taken by the optimum of the file's own graph.
+        The file's "odometry" has been scan-matched by those who made it, and has no time stamps:
+        a step counts as one second. ValueError for the small variant, whose file has no odometry.
+        """
+        edges = self._odometry_edges
+        n = len(self.graph.poses)
+        if len(edges) != n - 1:
+            raise ValueError(
+                f"log: expected an odometry edge from each pose to the next, got {len(edges)}"
+            )
+        cov = np.zeros((n, 3, 3))
+        cov[1:] = np.linalg.inv(self.graph.information[edges])
+        first: Array = np.zeros((1, 3))
+        times: Array = np.arange(n, dtype=np.float64)
+        return Log(
+            times,
+            np.concatenate([first, self.odometry]),
+            np.minimum(times, 1.0),
+            0.5 * (cov + np.swapaxes(cov, 1, 2)),
+            ranges=self.scans,
+            scan=self.lidar,
+            truth=self.graph.with_poses(self.dead_reckoned()).optimize().poses,
+        )
 
 
 def killian(small: bool = False) -> Killian:
@@ -94,5 +124,5 @@ def killian(small: bool = False) -> Killian:
     scans = graph.scans
     lidar = ScanGeometry(scans.angles, scans.max_range)
     ranges = np.full((len(graph.poses), lidar.n_beams), np.nan)
-    ranges[scans.rows] = np.where(scans.ranges < scans.max_range, scans.ranges, np.nan)
+    ranges[scans.rows] = np.where(scans.ranges < scans.max_range, scans.ranges, np.inf)
     return Killian(graph, loop_mask, ranges, lidar)

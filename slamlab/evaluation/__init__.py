@@ -2,12 +2,14 @@
 
 from slamlab.evaluation.association_runs import Loop, LoopRun, run_loop, simulate_loop
 from slamlab.evaluation.consistency import chi2_band, monte_carlo, nees, nis
+from slamlab.evaluation.run import Run, run
 from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
 from slamlab.evaluation.wall_maps import WallScores, seen_lengths, wall_scores
 
 __all__ = [
     "Loop",
     "LoopRun",
+    "Run",
     "TrajectoryError",
     "WallScores",
     "align",
@@ -17,6 +19,7 @@ __all__ = [
     "nees",
     "nis",
     "rpe",
+    "run",
     "run_loop",
     "seen_lengths",
     "simulate_loop",

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaincinv
 
-from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_scalar, needed
+from slamlab.evaluation.run import Run
 from slamlab.gaussian import mahalanobis_squared
 from slamlab.geometry import wrap_angle
 
@@ -22,7 +23,9 @@ Result = TypeVar("Result")
 
 
 def nees(
-    errors: ArrayLike | tuple[ArrayLike, ArrayLike], covs: ArrayLike, angles: Sequence[int] = ()
+    errors: ArrayLike | tuple[ArrayLike, ArrayLike] | Run,
+    covs: ArrayLike | None = None,
+    angles: Sequence[int] = (),
 ) -> Array:
     """Normalised estimation error squared, e^T P^-1 e.
 
@@ -31,10 +34,11 @@ def nees(
 
     Parameters
     ----------
-    errors : array_like, shape (..., n), or tuple (estimates, truths) of two such arrays
+    errors : array_like, shape (..., n), or tuple (estimates, truths) of two such arrays, or Run
         Errors, or the two things to subtract. A tuple of two arrays is always read as the pair.
+        Of a run: its poses and their truth, NaN where it claims to know a pose exactly.
     covs : array_like, shape (..., n, n)
-        Covariances that the filter claimed; positive definite.
+        Covariances that the filter claimed; positive definite. Not with a run.
     angles : sequence of int, default ()
         Components that are angles (rad), for example ``(2,)`` for a pose: their error is wrapped.
 
@@ -56,13 +60,24 @@ def nees(
     >>> float(nees((estimate, truth), [[np.radians(2.0) ** 2]], angles=(0,)).round(9))
     1.0
     """
+    if isinstance(errors, Run):
+        return _nees_of(errors)
     error = _errors(errors)
     n = error.shape[-1]
     for i in angles:
         if not 0 <= as_count("angles", i) < n:
             raise ValueError(f"angles: expected indices below {n}, got {i}")
         error[..., i] = wrap_angle(error[..., i])
-    return mahalanobis_squared(error, as_array("covs", covs, ("...", n, n)))
+    return mahalanobis_squared(error, as_array("covs", cast(ArrayLike, covs), ("...", n, n)))
+
+
+def _nees_of(run: Run) -> Array:
+    values = np.linalg.eigvalsh(run.covs)
+    doubtful = values[..., 0] > 1e-12 * values[..., -1]
+    scores = np.full(doubtful.shape, np.nan)
+    parts = run.poses[doubtful], run.truth[doubtful]
+    scores[doubtful] = nees(parts, run.covs[doubtful], angles=(2,))
+    return scores
 
 
 def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
@@ -79,15 +94,16 @@ def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
     return as_array("errors", cast(ArrayLike, errors), ("...", "n")).copy()
 
 
-def nis(residuals: ArrayLike, covs: ArrayLike) -> Array:
+def nis(residuals: ArrayLike | Run, covs: ArrayLike | None = None) -> Array:
     """Normalised innovation squared, v^T S^-1 v: the test that needs no truth.
 
     Parameters
     ----------
-    residuals : array_like, shape (..., m)
-        Innovations, angles already wrapped (P1 (19), P5 (5)).
+    residuals : array_like, shape (..., m), or Run
+        Innovations, angles already wrapped (P1 (19), P5 (5)). Of a run: what the `nis` of its
+        reports says in each step of its log, NaN where nothing known was measured.
     covs : array_like, shape (..., m, m)
-        Innovation covariances S (P5 (6)).
+        Innovation covariances S (P5 (6)). Not with a run.
 
     Returns
     -------
@@ -99,9 +115,17 @@ def nis(residuals: ArrayLike, covs: ArrayLike) -> Array:
     ValueError
         If shapes do not fit, a number is not finite, or a covariance is not positive definite.
     """
+    if isinstance(residuals, Run):
+        return np.array([_nis_of(report) for report in residuals.reports])
     residuals = as_array("residuals", residuals, ("...", "m"))
     m = residuals.shape[-1]
-    return mahalanobis_squared(residuals, as_array("covs", covs, ("...", m, m)))
+    return mahalanobis_squared(residuals, as_array("covs", cast(ArrayLike, covs), ("...", m, m)))
+
+
+def _nis_of(report: Any) -> float:
+    """Return what a report says of its innovation; an innovation of nothing says nothing."""
+    nothing = np.size(getattr(report, "residual", 0.0)) == 0
+    return np.nan if nothing else float(getattr(report, "nis", np.nan))
 
 
 def chi2_band(dim: int, n_runs: int, probability: float = 0.99) -> tuple[float, float]:
@@ -190,11 +214,11 @@ def monte_carlo(
     if n_jobs == 1:
         results = (_one_run(run, stream) for stream in streams)
     else:
-        joblib = _needed("joblib", "runs in parallel (n_jobs other than 1)")
+        joblib = needed("joblib", "runs in parallel (n_jobs other than 1)")
         tasks = (joblib.delayed(_one_run)(run, stream) for stream in streams)
         results = joblib.Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
     if progress:
-        results = _needed("tqdm", "a progress bar").tqdm(results, total=n_runs, unit="run")
+        results = needed("tqdm", "a progress bar").tqdm(results, total=n_runs, unit="run")
     return list(results)
 
 
@@ -202,15 +226,3 @@ def _one_run(
     run: Callable[[np.random.Generator], Result], stream: np.random.SeedSequence
 ) -> Result:
     return run(np.random.default_rng(stream))
-
-
-def _needed(name: str, purpose: str) -> Any:
-    """Import an optional package, or say what it is for and how to get it."""
-    import importlib
-
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise ImportError(
-            f"{name} is needed for {purpose}: pip install {name}, or slamlab[course]"
-        ) from error

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar
+from slamlab.evaluation.run import Run
 from slamlab.geometry import between, compose, rotation, wrap_angle
 
 __all__ = ["TrajectoryError", "align", "ate", "rpe"]
@@ -84,13 +85,15 @@ def align(estimate: ArrayLike, truth: ArrayLike) -> Array:
     return compose(np.append(shift, theta), estimate)
 
 
-def ate(estimate: ArrayLike, truth: ArrayLike, aligned: bool = True) -> TrajectoryError:
+def ate(
+    estimate: ArrayLike | Run, truth: ArrayLike | None = None, aligned: bool = True
+) -> TrajectoryError:
     """Absolute trajectory error: distances between poses of the same time.
 
     Parameters
     ----------
     estimate, truth : array_like, shape (n, 3)
-        Poses at the same times (m, m, rad).
+        Poses at the same times (m, m, rad). Of a `Run`: its trajectory, and the truth of its log.
     aligned : bool, default True
         Align the estimate first (a map is defined up to a rigid motion). With False both paths
         are compared as they are.
@@ -120,14 +123,17 @@ def ate(estimate: ArrayLike, truth: ArrayLike, aligned: bool = True) -> Trajecto
 
 
 def rpe(
-    estimate: ArrayLike, truth: ArrayLike, delta: float = 1, unit: str = "steps"
+    estimate: ArrayLike | Run,
+    truth: ArrayLike | None = None,
+    delta: float = 1,
+    unit: str = "steps",
 ) -> TrajectoryError:
     """Relative pose error: how wrong the motion over a fixed stretch is.
 
     Parameters
     ----------
     estimate, truth : array_like, shape (n, 3)
-        Poses at the same times (m, m, rad).
+        Poses at the same times (m, m, rad). Of a `Run`: its trajectory, and the truth of its log.
     delta : float, default 1
         Length of the stretch.
     unit : {"steps", "metres"}, default "steps"
@@ -166,7 +172,12 @@ def _stretches(truth: Array, delta: float, unit: str) -> tuple[np.ndarray, np.nd
     return rows[there], last[there]
 
 
-def _paths(estimate: ArrayLike, truth: ArrayLike) -> tuple[Array, Array]:
+def _paths(estimate: ArrayLike | Run, truth: ArrayLike | None) -> tuple[Array, Array]:
+    if isinstance(estimate, Run):
+        truth = estimate.truth if truth is None else truth
+        estimate = estimate.trajectory
+    if truth is None:
+        raise ValueError("truth: expected true poses, or a Run whose log has them, got None")
     estimate = as_array("estimate", estimate, ("n", 3))
     truth = as_array("truth", truth, (len(estimate), 3))
     if len(truth) == 0:

@@ -1,10 +1,12 @@
 """Where am I in a known map?."""
 
+from slamlab.localization.dead_reckoning import DeadReckoning
 from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.localization.monte_carlo import MonteCarloLocalization
 from slamlab.localization.signature import Location, SignatureMap, autocorrelation
 
 __all__ = [
+    "DeadReckoning",
     "LikelihoodField",
     "Location",
     "MonteCarloLocalization",

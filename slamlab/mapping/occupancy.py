@@ -67,7 +67,7 @@ class OccupancyGrid:
 
     Examples
     --------
-    >>> from slamlab.sensors.scan import ScanGeometry
+    >>> from slamlab.logs import ScanGeometry
     >>> grid = OccupancyGrid((1, 4), 1.0)
     >>> grid.insert([0.5, 0.5, 0.0], [2.0], ScanGeometry([0.0]))
     >>> grid.probability.round(2).tolist()

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
+from slamlab.logs import ScanGeometry
 from slamlab.navigation.seen_floor import SeenFloor
 from slamlab.navigation.strategies import NearestFrontier, View
 from slamlab.robots.mecanum import YOUBOT, Mecanum
 from slamlab.sensors.lidar import Lidar
-from slamlab.sensors.scan import ScanGeometry
 from slamlab.worlds import World
 
 __all__ = ["YOUBOT_BODY", "Belief", "Body", "Drive", "drive_round"]

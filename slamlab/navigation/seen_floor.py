@@ -54,7 +54,7 @@ class SeenFloor:
 
     Examples
     --------
-    >>> from slamlab.sensors.scan import ScanGeometry
+    >>> from slamlab.logs import ScanGeometry
     >>> floor = SeenFloor([0, 0, 4, 1], 1.0)
     >>> beams = ScanGeometry(np.deg2rad([-5, 5]))
     >>> floor.insert([0.5, 0.5, 0.0], [2.0, 2.0], beams)

@@ -11,15 +11,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_covariance, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_choice, as_scalar
 from slamlab.geometry import wrap_angle
+from slamlab.models import MotionModel
 from slamlab.robots.unicycle import _sinc, _sinc_slope
 
 __all__ = ["YOUBOT", "Mecanum"]
 
 
 @dataclass(frozen=True)
-class Mecanum:
+class Mecanum(MotionModel):
     """Four wheels with rollers at 45 degrees; seen from above, the rollers make an X.
 
     Wheels are numbered front-left, front-right, rear-left, rear-right. The control is the body
@@ -261,46 +262,6 @@ class Mecanum:
             F_u[..., 0, 2] += shorter * bend_x
             F_u[..., 1, 2] += shorter * bend_y
         return F_x, F_u
-
-    def sample(
-        self,
-        pose: ArrayLike,
-        u: ArrayLike,
-        dt: float,
-        control_cov: ArrayLike,
-        rng: np.random.Generator,
-    ) -> Array:
-        """Draw next poses, each with its own noise on the control.
-
-        Parameters
-        ----------
-        pose : array_like, shape (..., 3)
-            Poses before the step, for example particles (M, 3).
-        u : array_like, shape (3,) or (..., 3)
-            Measured or commanded body velocity.
-        dt : float
-            Duration (s).
-        control_cov : array_like, shape (3, 3)
-            V of P1 (15): covariance of the velocity around `u`; singular is allowed.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, `control_cov` is no covariance, or `rng`
-            is no generator.
-        """
-        pose, u, dt = _checked(pose, u, dt)
-        control_cov = as_covariance("control_cov", control_cov, 3)
-        rng = as_rng("rng", rng)
-        values, vectors = np.linalg.eigh(control_cov)
-        root = vectors * np.sqrt(np.clip(values, 0.0, None))
-        lead = np.broadcast_shapes(pose.shape[:-1], u.shape[:-1])
-        return self.step(pose, u + rng.standard_normal((*lead, 3)) @ root.T, dt)
 
     def _displacement(self, pose: Array, u: Array, dt: float) -> tuple[Array, Array, Array, Array]:
         """Displacement in the world, and dt times the mean cosine and sine over the step."""

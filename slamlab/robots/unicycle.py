@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_covariance, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_scalar
 from slamlab.geometry import wrap_angle
+from slamlab.models import MotionModel
 
 __all__ = ["Unicycle"]
 
@@ -30,7 +31,7 @@ def _sinc_slope(h: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Unicycle:
+class Unicycle(MotionModel):
     """Unicycle or differential-drive robot with control u = (v, omega), constant over a step.
 
     v is the forward speed (m/s), omega the turn rate (rad/s). The path of a step is an arc (a
@@ -109,47 +110,6 @@ class Unicycle:
         F_u[..., 0, 1], F_u[..., 1, 1] = bend * c - half * s, bend * s + half * c
         F_u[..., 2, 1] = dt
         return F_x, F_u
-
-    def sample(
-        self,
-        pose: ArrayLike,
-        u: ArrayLike,
-        dt: float,
-        control_cov: ArrayLike,
-        rng: np.random.Generator,
-    ) -> Array:
-        """Draw next poses from p(x_k | x_{k-1}, u_k), P2 (3): each pose gets its own noise.
-
-        Parameters
-        ----------
-        pose : array_like, shape (..., 3)
-            Poses before the step, for example particles (M, 3).
-        u : array_like, shape (2,) or (..., 2)
-            Commanded control.
-        dt : float
-            Duration (s).
-        control_cov : array_like, shape (2, 2)
-            Covariance of the control actually executed around `u`, in (m/s)^2 and (rad/s)^2;
-            singular is allowed.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        ndarray, shape (..., 3)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, `control_cov` is no covariance, or `rng`
-            is no generator.
-        """
-        pose, u, dt = _checked(pose, u, dt)
-        control_cov = as_covariance("control_cov", control_cov, 2)
-        rng = as_rng("rng", rng)
-        values, vectors = np.linalg.eigh(control_cov)
-        root = vectors * np.sqrt(np.clip(values, 0.0, None))
-        lead = np.broadcast_shapes(pose.shape[:-1], u.shape[:-1])
-        return self.step(pose, u + rng.standard_normal((*lead, 2)) @ root.T, dt)
 
 
 def _checked(pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array, float]:

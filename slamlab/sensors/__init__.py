@@ -1,8 +1,8 @@
 """What the robot sees.."""
 
+from slamlab.logs import ScanGeometry
 from slamlab.sensors.lidar import Lidar
 from slamlab.sensors.range_bearing import RangeBearing
-from slamlab.sensors.scan import ScanGeometry
 from slamlab.sensors.scan_motion import (
     displacement_as_printed,
     motion_between,

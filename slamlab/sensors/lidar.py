@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
-from slamlab.sensors.scan import ScanGeometry
+from slamlab.logs import ScanGeometry
 
 __all__ = ["BeamWorld", "Lidar"]
 

@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 
 from slamlab._checks import Array, as_array, as_count, as_shaped
 from slamlab.geometry import wrap_angle
-from slamlab.sensors.scan import ScanGeometry
+from slamlab.logs import ScanGeometry
 
 __all__ = [
     "displacement_as_printed",

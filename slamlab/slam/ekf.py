@@ -85,6 +85,8 @@ class EKFSlam:
     ((7,), [[2.0, 0.0]], 0.0)
     """
 
+    measures = "looks"
+
     def __init__(
         self,
         motion: Any,
@@ -134,8 +136,8 @@ class EKFSlam:
 
     @property
     def pose(self) -> Array:
-        """Estimated pose (m, m, rad), shape (3,); a view."""
-        return _read_only(self._mean[:3])
+        """Estimated pose (m, m, rad), shape (3,); a copy."""
+        return self._mean[:3].copy()
 
     @property
     def pose_cov(self) -> Array:

@@ -15,6 +15,7 @@ import traitlets
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab.evaluation.run import Run
 from slamlab.widgets import _pack
 from slamlab.widgets._pack import Packed, script
 
@@ -165,6 +166,40 @@ class Replay(anywidget.AnyWidget):
         }
         super().__init__(payload=payload, step=_start(start, steps))
 
+    @classmethod
+    def of(cls, run: Run, **options: Any) -> Replay:
+        """Replay a run: its poses with their ellipses, beside what its log knows.
+
+        Parameters
+        ----------
+        run : Run
+            What `evaluation.run` returned. True path and landmarks are drawn if its log has them,
+            the estimated map if `keep` had "landmarks" (and "landmark_covs"), particles if it
+            had "particles" or "poses". Scans are drawn where the robot believed to be.
+        **options
+            Any argument of `Replay`; it takes the place of what is drawn from the run.
+
+        Raises
+        ------
+        ValueError
+            As `Replay`.
+        """
+        log, kept = run.log, run.kept
+        shown: dict[str, Any] = {"times": run.times, "estimate": run.poses, "covs": run.covs}
+        if log.truth is not None:
+            shown["truth"] = run.truth
+        if log.landmarks is not None:
+            shown["landmarks"] = log.landmarks
+        if log.ranges is not None and log.scan is not None:
+            shown["scans"] = log.scan.points(log.ranges[run.rows], run.poses)
+        for name, argument in (("landmarks", "landmark_estimates"), ("landmark_covs",) * 2):
+            if name in kept:
+                shown[argument] = _grown(kept[name])
+        for name in ("particles", "poses"):
+            if name in kept:
+                shown["particles"] = np.array(kept[name])
+        return cls(**(shown | options))
+
     def __repr__(self) -> str:
         """Name the figure, its steps and its layers: the same text on every machine."""
         shown = sorted(self.payload["arrays"]) + (["occupancy"] if self.payload["maps"] else [])
@@ -197,6 +232,15 @@ def _steps(clock: dict[str, Any], occupancy_steps: ArrayLike | None) -> int:
     if not first:
         raise ValueError("truth: expected at least one argument that varies with time, got none")
     return steps
+
+
+def _grown(maps: Sequence[Array]) -> Array:
+    """Return maps (m_k, ...) that grew from step to step as one array, NaN before."""
+    most = max(len(one) for one in maps)
+    padded = np.full((len(maps), most, *maps[-1].shape[1:]), np.nan)
+    for row, one in zip(padded, maps, strict=True):
+        row[: len(one)] = one
+    return padded
 
 
 def _check_needs(value: Any, other: Any, name: str, needed: str) -> None:

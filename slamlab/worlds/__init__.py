@@ -1,7 +1,8 @@
 """Where the robot lives: rooms of pixels, of walls, of landmarks.."""
 
+from slamlab.models import World
 from slamlab.worlds import rooms
-from slamlab.worlds._world import World, free_poses
+from slamlab.worlds._world import free_poses
 from slamlab.worlds.bitmap import BitmapWorld
 from slamlab.worlds.landmarks import LandmarkWorld
 from slamlab.worlds.walls import WallWorld

@@ -1,43 +1,15 @@
-"""What every world answers, and free poses to start from."""
+"""Free poses to start from, and what every world checks."""
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
+from slamlab.models import World
 
-__all__ = ["World", "free_poses"]
-
-Bounds = tuple[float, float, float, float]
-
-
-class World(Protocol):
-    """A world with obstacles: `BitmapWorld` and `WallWorld` are two."""
-
-    @property
-    def bounds(self) -> Bounds:
-        """Left, bottom, right and top (m)."""
-
-    def is_free(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which points (..., 2) lie in no obstacle."""
-
-    def clearance(self, points: ArrayLike) -> Array:
-        """Distance (m) of points (..., 2) to the nearest obstacle; 0 inside."""
-
-    def cast(self, origins: ArrayLike, angles: ArrayLike, max_range: float = np.inf) -> Array:
-        """Distance (m) at which beams meet something, inf where they meet nothing."""
-
-    def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
-        """Tell at which poses (..., 3) a convex footprint (k, 2) overlaps an obstacle."""
-
-    def sweep_collides(
-        self, footprint: ArrayLike, start: ArrayLike, end: ArrayLike
-    ) -> NDArray[np.bool_]:
-        """Tell which straight drives or turns on the spot meet an obstacle."""
+__all__ = ["free_poses"]
 
 
 def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float = 0.0) -> Array:

@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab.models import Bounds
 from slamlab.worlds._cast import cast_everywhere, cast_grid
 from slamlab.worlds._clearance import grid_clearance
 from slamlab.worlds._collide import hits_grid
 from slamlab.worlds._image import read_map
-from slamlab.worlds._world import Bounds, checked_footprint, checked_motion
+from slamlab.worlds._world import checked_footprint, checked_motion
 
 __all__ = ["BitmapWorld"]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_rng
-from slamlab.worlds._world import Bounds
+from slamlab.models import Bounds
 
 __all__ = ["LandmarkWorld"]
 

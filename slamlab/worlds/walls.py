@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_scalar
+from slamlab.models import Bounds
 from slamlab.worlds._cast import cast_segments, inside_segments
 from slamlab.worlds._clearance import segment_clearance
 from slamlab.worlds._collide import hits_segments
-from slamlab.worlds._world import Bounds, checked_footprint, checked_motion
+from slamlab.worlds._world import checked_footprint, checked_motion
 from slamlab.worlds.bitmap import BitmapWorld, checked_beams
 
 __all__ = ["WallWorld"]

@@ -10,6 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from slamlab.datasets import read_carmen
+from slamlab.evaluation import run
+from slamlab.localization import DeadReckoning
+from slamlab.robots import RelativePose
 
 LASER = "FLASER 4 1.0 2.5 81.91 0.5 {x} 2.0 0.3 {x} 2.0 0.3 10.{x} host 11.5"
 ODOM = "ODOM {x} 2.0 0.3 0.1 0.2 0.0 9.{x} host 11.0"
@@ -21,44 +24,68 @@ GOOD = ["# a log", "PARAM robot_length 50 0 host 0", ""]
 GOOD += [form.format(x=k) for k in range(4) for form in (ODOM, LASER)]
 
 
-def read(tmp_path, lines, name="a.log"):
+def read(tmp_path, lines, name="a.log", **options):
     path = tmp_path / name
     path.write_text("\n".join(lines) + "\n")
-    return read_carmen(path)
+    return read_carmen(path, corrected=True, **options)
 
 
-def test_scans_poses_and_odometry_are_read(tmp_path):
+def test_scans_and_motion_are_read(tmp_path):
     log = read(tmp_path, GOOD)
     assert log.ranges.shape == (4, 4)
-    assert np.isnan(log.ranges[:, 2]).all()
-    assert log.ranges[0, [0, 1, 3]].tolist() == [1.0, 2.5, 0.5]
-    assert log.poses[:, 0].tolist() == [0, 1, 2, 3]
-    assert log.odometry.tolist() == [[k, 2.0, 0.3] for k in range(4)]
-    assert log.timestamps[2] == 10.2
-    assert log.odometry_timestamps[3] == 9.3
+    assert log.ranges[0].tolist() == [1.0, 2.5, np.inf, 0.5]
+    assert log.notes["beyond"].tolist() == [1] * 4
+    assert log.truth[:, 0].tolist() == [0, 1, 2, 3]
+    np.testing.assert_allclose(log.u[1:], [[np.cos(0.3), -np.sin(0.3), 0]] * 3)
+    assert log.u[0].tolist() == [0, 0, 0]
+    assert log.times[2] == 10.2
+    assert log.dt.round(9).tolist() == [0, 0.1, 0.1, 0.1]
+    path = tmp_path / "a.log"
+    assert read_carmen(path).truth is None
+
+
+def test_dead_reckoning_leads_along_the_poses_of_the_log(tmp_path):
+    log = read(tmp_path, GOOD)
+    driven = run(DeadReckoning(RelativePose(), log.truth[0]), log)
+    np.testing.assert_allclose(driven.poses, log.truth, atol=1e-12)
+
+
+def test_the_range_that_means_nothing_comes_from_the_log_or_the_caller(tmp_path):
+    assert read(tmp_path, GOOD).scan.max_range == 50.0
+    said = ["PARAM laser_front_laser_max 81.9 nohost 0", *GOOD]
+    assert read(tmp_path, said).scan.max_range == 81.9
+    assert read(tmp_path, said, max_range=2.0).ranges[0].tolist() == [1.0, np.inf, np.inf, 0.5]
+    with pytest.raises(ValueError, match="max_range: expected"):
+        read(tmp_path, GOOD, max_range=0)
+
+
+def test_time_stamps_that_stand_still_still_pass(tmp_path):
+    lines = [LASER.format(x=k).replace(f"10.{k}", stamp) for k, stamp in enumerate("5578")]
+    log = read(tmp_path, lines)
+    assert log.dt.tolist() == [0, 1.5, 2, 1]
 
 
 def test_beams_are_laid_out_from_right_to_left(tmp_path):
-    even = read(tmp_path, GOOD).lidar.beam_angles
+    even = read(tmp_path, GOOD).scan.beam_angles
     assert np.rad2deg(even).round(6).tolist() == [-90, -45, 0, 45]
     odd = LASER.replace("FLASER 4 1.0", "FLASER 5 1.0 1.0").format(x=0)
-    assert np.rad2deg(read(tmp_path, [odd]).lidar.beam_angles).round(6).tolist() == [
+    assert np.rad2deg(read(tmp_path, [odd]).scan.beam_angles).round(6).tolist() == [
         -90, -45, 0, 45, 90,
     ]  # fmt: skip
 
 
 def test_robotlaser_lines_bring_their_own_geometry(tmp_path):
     log = read(tmp_path, [ROBOT.format(x=1), ROBOT.format(x=2)])
-    assert log.lidar.beam_angles.tolist() == [-1.5, -0.5, 0.5, 1.5]
-    assert log.lidar.max_range == 40.0
-    assert np.isnan(log.ranges[:, 2]).all()
-    assert log.poses[:, 0].tolist() == [1, 2]
+    assert log.scan.beam_angles.tolist() == [-1.5, -0.5, 0.5, 1.5]
+    assert log.scan.max_range == 40.0
+    assert np.isinf(log.ranges[:, 2]).all()
+    assert log.truth[:, 0].tolist() == [1, 2]
 
 
 def test_a_compressed_log_reads_the_same(tmp_path):
     path = tmp_path / "a.log.gz"
     path.write_bytes(gzip.compress("\n".join(GOOD).encode()))
-    np.testing.assert_array_equal(read_carmen(path).poses, read(tmp_path, GOOD).poses)
+    np.testing.assert_array_equal(read_carmen(path).u, read(tmp_path, GOOD).u)
 
 
 @pytest.mark.parametrize(
@@ -141,16 +168,15 @@ def test_a_mutated_log_gives_a_named_line_or_a_faithful_log(tmp_path, lines):
     except ValueError as error:
         complaint = str(error)
     if log is None:
-        assert "line " in complaint or "expected at least one FLASER" in complaint
+        assert "a.log" in complaint or str(path) in complaint
         return
     text = path.read_bytes().decode("ascii").split("\n")
     scans = [line for line in text if line.split()[:1] == ["FLASER"]]
-    odometry = [line for line in text if line.split()[:1] == ["ODOM"]]
-    assert len(log.ranges) == len(scans) == len(log.poses)
-    assert len(log.odometry) == len(odometry)
+    assert len(log) == len(scans)
+    assert (log.dt[1:] > 0).all()
     for row, line in zip(log.ranges, scans, strict=True):
         values = np.array([float(v) for v in line.split()[2 : 2 + len(row)]])
-        np.testing.assert_array_equal(row, np.where(values < 50, values, np.nan))
+        np.testing.assert_array_equal(row, np.where(values < log.scan.max_range, values, np.inf))
 
 
 @pytest.mark.skipif("SLAMLAB_DATA" not in os.environ, reason="SLAMLAB_DATA is not set")
@@ -161,6 +187,5 @@ def test_a_mutated_log_gives_a_named_line_or_a_faithful_log(tmp_path, lines):
 def test_real_logs(name, shape, metres):
     log = read_carmen(Path(os.environ["SLAMLAB_DATA"]) / f"{name}-corrected.log.gz")
     assert log.ranges.shape == shape
-    driven = np.linalg.norm(np.diff(log.poses[:, :2], axis=0), axis=1).sum()
-    assert driven == pytest.approx(metres, abs=1.0)
-    assert np.isnan(log.ranges).any()
+    assert np.linalg.norm(log.u[:, :2], axis=1).sum() == pytest.approx(metres, abs=1.0)
+    assert np.isinf(log.ranges).any()

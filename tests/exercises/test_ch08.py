@@ -5,8 +5,8 @@ import pytest
 from scipy.special import expit, logit, xlogy
 
 from slamlab.exercises import ch08_occupancy_maps as ch
+from slamlab.logs import ScanGeometry
 from slamlab.mapping import OccupancyGrid
-from slamlab.sensors.scan import ScanGeometry
 
 EXERCISES = {
     "fuse": (ch.check_fuse, ch.fuse, ch.MISTAKES_FUSE),

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from slamlab.logs import ScanGeometry
 from slamlab.mapping import OccupancyGrid
-from slamlab.sensors.scan import ScanGeometry
 from slamlab.worlds import BitmapWorld
 
 

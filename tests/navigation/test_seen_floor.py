@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from slamlab.logs import ScanGeometry
 from slamlab.navigation.seen_floor import FREE, OCCUPIED, UNKNOWN, SeenFloor
 from slamlab.sensors import Lidar
-from slamlab.sensors.scan import ScanGeometry
 from slamlab.worlds import BitmapWorld, free_poses, rooms
 
 LIDAR = Lidar(120)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from slamlab.geometry import compose, wrap_angle
+from slamlab.logs import ScanGeometry
 from slamlab.sensors import (
     displacement_as_printed,
     motion_between,
     turn_as_printed,
     turn_between,
 )
-from slamlab.sensors.scan import ScanGeometry
 
 N_BEAMS = 120
 LIDAR = ScanGeometry(np.arange(N_BEAMS) * 2 * np.pi / N_BEAMS)

@@ -1,0 +1,236 @@
+"""What a robot, a sensor, a world, an estimator and a pilot must be able to do.
+
+The protocols of the whole house, declared once. Whoever derives from `MotionModel` or
+`LandmarkSensor` writes the mathematics and gets the rest. Book page "Bring your own robot".
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_covariance, as_rng
+
+__all__ = [
+    "Bounds",
+    "Estimator",
+    "LandmarkSensor",
+    "MotionModel",
+    "Pilot",
+    "ScanSensor",
+    "Smoother",
+    "World",
+    "as_estimator",
+    "as_motion",
+    "as_scan_sensor",
+    "as_sensor",
+]
+
+Bounds = tuple[float, float, float, float]
+
+
+@runtime_checkable
+class MotionModel(Protocol):
+    """How a robot moves: x_k = f(x_{k-1}, u_k), P2 (6). Leading axes are batches."""
+
+    def step(self, pose: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """Pose (..., 3) after driving from `pose` (..., 3) with control u (..., p) for dt (s)."""
+
+    def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
+        """Return the derivatives of `step` by pose, (..., 3, 3), and by control, (..., 3, p)."""
+
+    def sample(
+        self,
+        pose: ArrayLike,
+        u: ArrayLike,
+        dt: float,
+        control_cov: ArrayLike,
+        rng: np.random.Generator,
+    ) -> Array:
+        """Draw next poses from p(x_k | x_{k-1}, u_k), P2 (3): each pose gets its own noise.
+
+        Parameters
+        ----------
+        pose : array_like, shape (..., 3)
+            Poses before the step, for example particles (M, 3).
+        u : array_like, shape (p,) or (..., p)
+            Commanded control.
+        dt : float
+            Duration (s).
+        control_cov : array_like, shape (p, p)
+            Covariance of the control actually executed around `u`; singular is allowed.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite, `control_cov` is no covariance, or `rng`
+            is no generator.
+        """
+        pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", "p"))
+        cov = as_covariance("control_cov", control_cov, u.shape[-1])
+        values, vectors = np.linalg.eigh(cov)
+        root = vectors * np.sqrt(np.clip(values, 0.0, None))
+        lead = np.broadcast_shapes(pose.shape[:-1], u.shape[:-1])
+        noise = as_rng("rng", rng).standard_normal((*lead, u.shape[-1]))
+        return self.step(pose, u + noise @ root.T, dt)
+
+
+@runtime_checkable
+class LandmarkSensor(Protocol):
+    """How a sensor measures a landmark: z = h(pose, landmark) + noise of covariance `cov`."""
+
+    @property
+    def cov(self) -> Array:
+        """Covariance R (2, 2) of one measurement."""
+
+    def observe(self, pose: ArrayLike, landmark: ArrayLike) -> Array:
+        """Noise-free measurements (..., 2) of landmarks (..., 2) from poses (..., 3)."""
+
+    def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of `observe` by pose, (..., 2, 3), and landmark, (..., 2, 2)."""
+
+    def locate(self, pose: ArrayLike, z: ArrayLike) -> Array:
+        """Landmarks (..., 2) that measurements (..., 2) point to: the inverse of `observe`."""
+
+    def locate_jacobians(self, pose: ArrayLike, z: ArrayLike) -> tuple[Array, Array]:
+        """Return the derivatives of `locate` by pose, (..., 2, 3), and by z, (..., 2, 2)."""
+
+    def residual(self, z: ArrayLike, predicted: ArrayLike) -> Array:
+        """Difference z - predicted (..., 2); a sensor that measures angles wraps them."""
+        return np.subtract(z, predicted)
+
+
+@runtime_checkable
+class ScanSensor(Protocol):
+    """How the beams of a lidar are laid out: `logs.ScanGeometry` and `sensors.Lidar` are two."""
+
+    @property
+    def beam_angles(self) -> Array:
+        """Directions of the beams in the frame of the body (rad), shape (n_beams,)."""
+
+    @property
+    def n_beams(self) -> int:
+        """Number of beams."""
+
+    @property
+    def max_range(self) -> float:
+        """A range of at least this (m) is a beam that met nothing."""
+
+    @property
+    def offset(self) -> float:
+        """Distance of the lidar ahead of the body centre (m)."""
+
+    def points(self, ranges: ArrayLike, poses: ArrayLike | None = None) -> Array:
+        """End points (..., n_beams, 2) of scans, NaN where a beam met nothing."""
+
+
+class World(Protocol):
+    """A world with obstacles: `worlds.BitmapWorld` and `worlds.WallWorld` are two."""
+
+    @property
+    def bounds(self) -> Bounds:
+        """Left, bottom, right and top (m)."""
+
+    def is_free(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points (..., 2) lie in no obstacle."""
+
+    def clearance(self, points: ArrayLike) -> Array:
+        """Distance (m) of points (..., 2) to the nearest obstacle; 0 inside."""
+
+    def cast(self, origins: ArrayLike, angles: ArrayLike, max_range: float = np.inf) -> Array:
+        """Distance (m) at which beams meet something, inf where they meet nothing."""
+
+    def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
+        """Tell at which poses (..., 3) a convex footprint (k, 2) overlaps an obstacle."""
+
+    def sweep_collides(
+        self, footprint: ArrayLike, start: ArrayLike, end: ArrayLike
+    ) -> NDArray[np.bool_]:
+        """Tell which straight drives or turns on the spot meet an obstacle."""
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """A system that turns controls and measurements into a belief about the pose.
+
+    `pose` and `pose_cov` are copies: four of them appended to a list are four poses. A call that
+    is refused with ValueError leaves the system as it was, and no call changes its arguments.
+    """
+
+    measures: str
+    """What `update` takes: "looks" (measurements of landmarks), "ranges" (a scan) or "nothing"."""
+
+    @property
+    def pose(self) -> Array:
+        """Estimated pose (m, m, rad), shape (3,), or (M, 3) of M runs side by side; a copy."""
+
+    @property
+    def pose_cov(self) -> Array:
+        """Covariance of the pose, shape (3, 3) or (M, 3, 3); a copy."""
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
+
+    def update(self, measurement: Any, ids: Any = None) -> Any:
+        """Correct by a measurement: landmarks (k, 2), their `ids` if known, or ranges (n,)."""
+
+
+@runtime_checkable
+class Smoother(Protocol):
+    """An estimator that revises its past, such as graph SLAM."""
+
+    @property
+    def trajectory(self) -> Array:
+        """Best poses (T, 3) of all steps so far; a copy."""
+
+
+@runtime_checkable
+class Pilot(Protocol):
+    """Who decides where to drive. It sees what the robot believes, never the truth."""
+
+    def command(self, view: Any) -> Any:
+        """Return the next control u (p,), or None when there is nothing left to do."""
+
+
+def as_motion(name: str, value: Any) -> MotionModel:
+    """Return `value` if it is a motion model; ValueError names what it lacks."""
+    model: MotionModel = _as_model(name, value, MotionModel, "a motion model such as Unicycle()")
+    return model
+
+
+def as_sensor(name: str, value: Any) -> LandmarkSensor:
+    """Return `value` if it is a sensor of landmarks; ValueError names what it lacks."""
+    wanted = "a sensor such as RangeBearing(...)"
+    sensor: LandmarkSensor = _as_model(name, value, LandmarkSensor, wanted)
+    return sensor
+
+
+def as_scan_sensor(name: str, value: Any) -> ScanSensor:
+    """Return `value` if it knows how a lidar's beams lie; ValueError names what it lacks."""
+    lidar: ScanSensor = _as_model(name, value, ScanSensor, "a lidar such as Lidar(...)")
+    return lidar
+
+
+def as_estimator(name: str, value: Any) -> Estimator:
+    """Return `value` if it is an estimator; ValueError names what it lacks."""
+    system: Estimator = _as_model(name, value, Estimator, "an estimator such as EKFSlam(...)")
+    return system
+
+
+def _as_model(name: str, value: Any, protocol: Any, wanted: str) -> Any:
+    if isinstance(value, type):
+        raise ValueError(f"{name}: expected {wanted}, got the class {value.__name__} itself")
+    members = [m for m in vars(protocol) if not m.startswith("_")]
+    members += list(vars(protocol).get("__annotations__", ()))
+    missing = [member for member in dict.fromkeys(members) if not hasattr(value, member)]
+    if missing:
+        got = f"{type(value).__name__}, which has no {', '.join(missing)}"
+        raise ValueError(f"{name}: expected {wanted}, got {got}")
+    return value

@@ -1,0 +1,66 @@
+"""A robot of which only its measured motion is known: odometry increments, scan to scan.
+
+What real logs carry (Killian Court, CARMEN, Victoria Park). Chapters 00, 13, 14.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array
+from slamlab.geometry import compose, rotation
+from slamlab.models import MotionModel
+
+__all__ = ["RelativePose"]
+
+
+@dataclass(frozen=True)
+class RelativePose(MotionModel):
+    """Motion model whose control is the motion itself, seen from the pose before it.
+
+    u = (dx forward, dy left, dtheta) in (m, m, rad), the same for every robot; `dt` plays no
+    part. Its covariance is that of the measured motion.
+
+    Examples
+    --------
+    >>> RelativePose().step([2, 0, np.pi / 2], [1, 0, 0], dt=0.1).round(3).tolist()
+    [2.0, 1.0, 1.571]
+    """
+
+    def step(self, pose: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """Return the pose after the motion: x (+) u.
+
+        Parameters
+        ----------
+        pose : array_like, shape (..., 3)
+            Pose in the world (m, m, rad).
+        u : array_like, shape (..., 3)
+            Motion in the frame of `pose` (m, m, rad); leading axes broadcast.
+        dt : float
+            Not used.
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or a number is not finite.
+        """
+        return compose(as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 3)))
+
+    def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
+        """Return the derivatives of `step` by pose and motion, both of shape (..., 3, 3)."""
+        pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 3))
+        theta, dx, dy = np.broadcast_arrays(pose[..., 2], u[..., 0], u[..., 1])
+        c, s = np.cos(theta), np.sin(theta)
+        F_x = np.zeros((*theta.shape, 3, 3))
+        F_x[...] = np.eye(3)
+        F_x[..., 0, 2], F_x[..., 1, 2] = -s * dx - c * dy, c * dx - s * dy
+        F_u = np.zeros_like(F_x)
+        F_u[..., :2, :2], F_u[..., 2, 2] = rotation(theta), 1.0
+        return F_x, F_u
