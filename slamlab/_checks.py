@@ -166,15 +166,3 @@ def as_rng(name: str, value: Any) -> np.random.Generator:
             f"got {value!r}"
         )
     return value
-
-
-def needed(name: str, purpose: str) -> Any:
-    """Import an optional package, or say what it is for and how to get it (ImportError)."""
-    import importlib
-
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise ImportError(
-            f"{name} is needed for {purpose}: pip install {name}, or slamlab[course]"
-        ) from error

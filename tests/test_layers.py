@@ -25,7 +25,7 @@ COURSE = {"plots", "widgets", "exercises"}  # rooms that need an extra
 LATE = {
     "commands": {"importlib", "pkgutil", "matplotlib"},
     "datasets": {"rtbdata", "rosbags"},
-    "evaluation": {"joblib", "tqdm", "dask"},
+    "evaluation": {"joblib", "tqdm", "dask", "importlib"},
     "localization": {"tqdm"},
     "mapping": {"PIL", "yaml"},
     "worlds": {"PIL", "yaml"},

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaincinv
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, needed
+from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab.evaluation._optional import needed
 from slamlab.evaluation.run import Run
 from slamlab.gaussian import mahalanobis_squared
 from slamlab.geometry import wrap_angle

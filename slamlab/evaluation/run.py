@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamlab._checks import Array, as_choice, as_count, needed
+from slamlab._checks import Array, as_choice, as_count
+from slamlab.evaluation._optional import needed
 from slamlab.logs import Log, Step
 from slamlab.models import Estimator, Smoother, as_estimator
 
