@@ -1,12 +1,13 @@
 """Particle filter: propose, weight in log space, resample when the particles degenerate.
 
-P2 (13)-(17), P5 (14)-(15); adaptive size after Fox (2001). Chapter 04; FastSLAM uses the
-resamplers.
+P2 (13)-(17), P5 (14)-(15); adaptive size after Fox (2001). Chapter 04; the weights of everything
+that has particles: localization (04), FastSLAM (12), grid FastSLAM (15).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +20,11 @@ from slamlab.geometry import wrap_angle
 __all__ = [
     "KLD",
     "ParticleFilter",
+    "PoseParticles",
     "effective_sample_size",
+    "lineage",
     "multinomial_resample",
+    "restored_on_failure",
     "residual_resample",
     "stratified_resample",
     "systematic_resample",
@@ -59,10 +63,10 @@ class ParticleFilter:
     ess : float
         Effective sample size after the last weighting, before any resampling.
     ancestors : ndarray of int, shape (M,)
-        Row of each particle's parent in the set before the last `update`: 0, 1, 2, ... if that
-        did not resample.
+        Row of each particle's parent in the set before the last `predict` or `update`: 0, 1, 2,
+        ... if that did not resample.
     resampled : bool
-        Whether the last `update` resampled.
+        Whether the last `predict` or `update` resampled.
     degenerate : bool
         Whether the last `update` gave every particle the likelihood 0. Its measurement was then
         ignored (weights kept, no resampling): the model excludes it, and a filter that divided
@@ -131,22 +135,25 @@ class ParticleFilter:
         ------
         ValueError
             If the number of particles changes, a coordinate is not finite, or all corrections
-            are minus infinity.
+            are minus infinity. The filter and its generator are then as they were.
         """
-        drawn = propose(self.particles, self._rng)
-        moved, correction = drawn if isinstance(drawn, tuple) else (drawn, None)
-        moved = as_array("propose(particles)", moved)
-        if moved.shape != self.particles.shape:
-            raise ValueError(
-                f"propose: expected particles of shape {self.particles.shape}, got {moved.shape}"
-            )
-        if correction is not None:
-            log_ratio = _log_values("propose: log correction", correction, len(moved))
-            log_weights, total = _log_normalised(self.log_weights + log_ratio)
-            if total == -np.inf:
-                raise ValueError("propose: the corrected weights are all zero")
-            self.log_weights = log_weights
+        with restored_on_failure(self._rng):
+            drawn = propose(self.particles, self._rng)
+            moved, correction = drawn if isinstance(drawn, tuple) else (drawn, None)
+            moved = as_array("propose(particles)", moved)
+            if moved.shape != self.particles.shape:
+                raise ValueError(
+                    f"propose: expected particles of shape {self.particles.shape}, "
+                    f"got {moved.shape}"
+                )
+            if correction is not None:
+                log_ratio = _log_values("propose: log correction", correction, len(moved))
+                log_weights, total = _log_normalised(self.log_weights + log_ratio)
+                if total == -np.inf:
+                    raise ValueError("propose: the corrected weights are all zero")
+                self.log_weights = log_weights
         self.particles = moved
+        self.ancestors, self.resampled = np.arange(len(moved)), False
 
     def update(self, log_likelihood: ArrayLike | Callable[[Array], ArrayLike]) -> float:
         """Weigh every particle by a measurement, P2 (14), and resample if the set degenerates.
@@ -229,6 +236,126 @@ class ParticleFilter:
         return (deviation * self.weights[:, None]).T @ deviation
 
 
+class PoseParticles:
+    """What a cloud of poses says: the base of everything that estimates a pose by particles.
+
+    All arrays are copies: a list of them keeps what was.
+
+    Attributes
+    ----------
+    measures : str
+        What `update` takes: "looks" or "ranges".
+    """
+
+    measures = "looks"
+    _cloud: ParticleFilter
+
+    @property
+    def poses(self) -> Array:
+        """Poses of the particles, shape (M, 3) (m, m, rad)."""
+        return self._cloud.particles.copy()
+
+    @property
+    def n_particles(self) -> int:
+        """Number of particles M."""
+        return len(self._cloud.particles)
+
+    @property
+    def log_weights(self) -> Array:
+        """Logarithms of `weights`, shape (M,)."""
+        return self._cloud.log_weights.copy()
+
+    @property
+    def weights(self) -> Array:
+        """Weights of the particles, shape (M,); they sum to 1."""
+        return self._cloud.weights
+
+    @property
+    def pose(self) -> Array:
+        """Weighted mean of the poses, shape (3,); the heading as direction of the mean vector."""
+        return self._cloud.mean(angles=(2,))
+
+    @property
+    def pose_cov(self) -> Array:
+        """Weighted covariance of the poses about `pose`, shape (3, 3)."""
+        return self._cloud.cov(angles=(2,))
+
+    @property
+    def ess(self) -> float:
+        """Effective sample size after the last weighting, before any resampling."""
+        return self._cloud.ess
+
+    @property
+    def ancestors(self) -> Indices:
+        """Row of each particle's parent before the last `predict` or `update`; -1: it has none."""
+        return self._cloud.ancestors.copy()
+
+    @property
+    def resampled(self) -> bool:
+        """Whether the last `update` resampled."""
+        return self._cloud.resampled
+
+    def __repr__(self) -> str:
+        """Say in one line what it is and where the robot is believed to be."""
+        x, y, theta = self.pose
+        return (
+            f"{type(self).__name__}({self.n_particles} particles, {self._contents()}"
+            f"pose ({x:.2f} m, {y:.2f} m, {np.rad2deg(theta):.1f} deg))"
+        )
+
+    def _contents(self) -> str:
+        return ""
+
+
+def lineage(ancestors: Sequence[ArrayLike]) -> Indices:
+    """Follow every particle of the last step back through its parents.
+
+    Parameters
+    ----------
+    ancestors : array_like of int, shape (T, M)
+        Attribute `ancestors` of a filter after each step.
+
+    Returns
+    -------
+    ndarray of int, shape (T, M)
+        Row of the forefather at each step of each particle of the last: poses (T, M, 3) of all
+        steps become paths by ``poses[np.arange(T)[:, None], rows]``, and ``np.unique(rows[k])``
+        are the particles of step k that have descendants. -1 before a particle without parent.
+
+    Raises
+    ------
+    ValueError
+        If the steps differ in their number of particles, or a parent does not exist.
+
+    Examples
+    --------
+    >>> lineage([[0, 1, 2], [0, 0, 2], [0, 1, 1]]).tolist()
+    [[0, 0, 0], [0, 1, 1], [0, 1, 2]]
+    """
+    parents = np.asarray(ancestors)
+    if parents.ndim != 2 or not np.issubdtype(parents.dtype, np.integer):
+        raise ValueError(f"ancestors: expected whole numbers (T, M), got shape {parents.shape}")
+    T, M = parents.shape
+    if T and not (-1 <= parents.min() and parents.max() < M):
+        raise ValueError(f"ancestors: expected rows of {M} particles or -1, got {parents.max()}")
+    rows = np.tile(np.arange(M), (T, 1))
+    for k in range(T - 2, -1, -1):
+        later = rows[k + 1]
+        rows[k] = np.where(later >= 0, parents[k + 1, later], -1)
+    return rows
+
+
+@contextmanager
+def restored_on_failure(rng: np.random.Generator) -> Iterator[None]:
+    """Give a generator its state back if the block fails: a refused call has drawn nothing."""
+    state = rng.bit_generator.state
+    try:
+        yield
+    except BaseException:
+        rng.bit_generator.state = state
+        raise
+
+
 @dataclass(frozen=True)
 class KLD:
     """Adaptive number of particles: as many as the occupied volume asks for (Fox 2001).
@@ -261,7 +388,7 @@ class KLD:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        bins = as_array("bins", self.bins, ("d",))
+        bins = as_array("bins", self.bins, ("d",)).copy()
         if not (bins > 0).all():
             raise ValueError(f"bins: expected positive sizes, got {bins.min():g}")
         object.__setattr__(self, "bins", bins)

@@ -146,10 +146,12 @@ class RangeBearing:
         Raises
         ------
         ValueError
-            If a shape is wrong or a number is not finite.
+            If a shape is wrong, a number is not finite, or a range is negative.
         """
         pose, z = as_array("pose", pose, ("...", 3)), as_array("z", z, ("...", 2))
         theta, distance = pose[..., 2], z[..., 0]
+        if (distance < 0).any():
+            raise ValueError(f"z: expected ranges that are not negative, got {distance.min():g}")
         beam = theta + z[..., 1]
         x = pose[..., 0] + self.offset * np.cos(theta) + distance * np.cos(beam)
         y = pose[..., 1] + self.offset * np.sin(theta) + distance * np.sin(beam)
@@ -202,6 +204,10 @@ class RangeBearing:
         difference = z - predicted
         difference[..., 1] = wrap_angle(difference[..., 1])
         return difference
+
+    def reach(self, z: ArrayLike) -> Array:
+        """Return how far from the body (m) a landmark measured as z (..., 2) may lie, (...)."""
+        return as_array("z", z, ("...", 2))[..., 0] + abs(self.offset)
 
     def visible(self, pose: ArrayLike, landmark: ArrayLike) -> NDArray[np.bool_]:
         """Tell which landmarks lie within `max_range` and `field_of_view`, shape (...)."""

@@ -200,6 +200,10 @@ class Wall:
         distance = np.where(opposite, -z[..., 0], z[..., 0])
         return np.stack([distance - predicted[..., 0], turn], -1)
 
+    def reach(self, z: ArrayLike) -> Array:
+        """Return how far from the body a wall's parameters may lie: they are no place, inf."""
+        return np.full(as_array("z", z, ("...", 2)).shape[:-1], np.inf)
+
     def visible(self, pose: ArrayLike, landmark: ArrayLike) -> NDArray[np.bool_]:
         """Tell which walls at least one beam meets within `max_range`, shape (...)."""
         z = self.observe(pose, landmark)

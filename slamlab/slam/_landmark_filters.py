@@ -10,12 +10,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array
-from slamlab.slam._shared_maps import ABSENT
+from slamlab._checks import Array, as_covariance
+from slamlab.slam._landmark_maps import ABSENT
 
-__all__ = ["Comparison", "Landmarks", "Prediction", "compare", "correct", "information", "predict"]
+__all__ = [
+    "Comparison",
+    "Landmarks",
+    "Prediction",
+    "as_noise",
+    "compare",
+    "correct",
+    "information",
+    "predict",
+    "started",
+]
 
 # Entries xx, xy, yy of symmetric matrices, each of shape (...).
 Symmetric = tuple[Array, Array, Array]
@@ -76,20 +86,21 @@ class Prediction:
     """What each particle expects to measure of each of its landmarks.
 
     `H_pose` (M, k, 2, 3) and `H` (M, k, 2, 2) are the sensor's Jacobians, `cross` the four entries
-    of S H^T (rows first), `cov` the innovation covariance Z = H S H^T + R.
+    of S H^T (rows first), `spread` the innovation covariance without the sensor's, H S H^T.
     """
 
     z: Array
     H_pose: Array
     H: Array
     cross: tuple[Array, Array, Array, Array]
-    cov: Symmetric
+    spread: Symmetric
 
 
 @dataclass(frozen=True)
 class Comparison:
     """Measurements beside their predictions: innovation, Z^-1, distance, log density, (M, k)."""
 
+    noise: Symmetric
     y: tuple[Array, Array]
     inverse: Symmetric
     distance: Array
@@ -101,7 +112,7 @@ def predict(
 ) -> Prediction:
     """Predict the measurements of landmarks (M, k) from poses (M, 3).
 
-    With `pose_root` A (M, 3, q) the poses are uncertain, of covariance A A^T, and Z has it too.
+    With `pose_root` A (M, 3, q) the poses are uncertain, of covariance A A^T: the spread has it.
     """
     mean = landmarks.mean
     H_pose, H = sensor.jacobians(poses[:, None], mean)
@@ -110,11 +121,10 @@ def predict(
     # S H^T
     c00, c01 = xx * h00 + xy * h01, xx * h10 + xy * h11
     c10, c11 = xy * h00 + yy * h01, xy * h10 + yy * h11
-    # Z = H S H^T + R
-    (r00, r01), (_, r11) = sensor.cov
-    z00 = h00 * c00 + h01 * c10 + r00
-    z01 = h00 * c01 + h01 * c11 + r01
-    z11 = h10 * c01 + h11 * c11 + r11
+    # H S H^T
+    z00 = h00 * c00 + h01 * c10
+    z01 = h00 * c01 + h01 * c11
+    z11 = h10 * c01 + h11 * c11
     if pose_root is not None:
         spread = H_pose @ pose_root[:, None]
         along, across = spread[..., 0, :], spread[..., 1, :]
@@ -125,23 +135,27 @@ def predict(
     return Prediction(expected, H_pose, H, (c00, c01, c10, c11), (z00, z01, z11))
 
 
-def compare(sensor: Any, prediction: Prediction, z: Array) -> Comparison:
-    """Compare measurements, (k, 2) or (2,), with predictions (M, k): (15) for each landmark."""
+def compare(sensor: Any, prediction: Prediction, z: Array, R: Array) -> Comparison:
+    """Compare measurements with predictions (M, k): (15) for each landmark.
+
+    Each has its own measurement, z (k, 2) with covariances R (k, 2, 2), or all have one, z (2,)
+    with R (2, 2).
+    """
     y = sensor.residual(z, prediction.z)
     a, b = y[..., 0], y[..., 1]
-    z00, z01, z11 = prediction.cov
+    noise = R[..., 0, 0], R[..., 0, 1], R[..., 1, 1]
+    # Z = H S H^T + R
+    z00, z01, z11 = (one + other for one, other in zip(prediction.spread, noise, strict=True))
     determinant = z00 * z11 - z01 * z01
     inverse = z11 / determinant, -z01 / determinant, z00 / determinant
     # A measurement more than 1e154 sigmas off has probability 0: infinity stands for it.
     with np.errstate(over="ignore", invalid="ignore"):
         distance = inverse[0] * a * a + 2 * inverse[1] * a * b + inverse[2] * b * b
     log_density = -0.5 * distance - 0.5 * np.log(determinant) - np.log(2 * np.pi)
-    return Comparison((a, b), inverse, distance, log_density)
+    return Comparison(noise, (a, b), inverse, distance, log_density)
 
 
-def correct(
-    sensor: Any, prediction: Prediction, comparison: Comparison, landmarks: Landmarks
-) -> Landmarks:
+def correct(prediction: Prediction, comparison: Comparison, landmarks: Landmarks) -> Landmarks:
     """Kalman update of every landmark by its measurement, covariance in Joseph's form."""
     c00, c01, c10, c11 = prediction.cross
     i00, i01, i11 = comparison.inverse
@@ -153,11 +167,8 @@ def correct(
     # (I - K H) S (I - K H)^T + K R K^T
     left = (1 - k00 * h00 - k01 * h10, -k00 * h01 - k01 * h11)
     right = (-k10 * h00 - k11 * h10, 1 - k10 * h01 - k11 * h11)
-    (r00, r01), (_, r11) = sensor.cov
-    kept, added = (
-        _sandwich(left, right, landmarks.cov),
-        _sandwich((k00, k01), (k10, k11), (r00, r01, r11)),
-    )
+    kept = _sandwich(left, right, landmarks.cov)
+    added = _sandwich((k00, k01), (k10, k11), comparison.noise)
     cov = (kept[0] + added[0], kept[1] + added[1], kept[2] + added[2])
     x, y = landmarks.x + k00 * a + k01 * b, landmarks.y + k10 * a + k11 * b
     return Landmarks(x, y, cov, landmarks.log_odds)
@@ -182,6 +193,25 @@ def information(
     stacked = np.swapaxes(weighted.reshape(M, 2 * k, 3), 1, 2)
     y = np.stack([a, b], -1).reshape(M, 2 * k, 1)
     return stacked @ prediction.H_pose.reshape(M, 2 * k, 3), (stacked @ y)[..., 0]
+
+
+def started(sensor: Any, poses: Array, z: Array, R: Array) -> Landmarks:
+    """Landmarks (M, k) that each particle would start from each measurement: g and G_z R G_z^T."""
+    mean = sensor.locate(poses[:, None], z)
+    _, G = sensor.locate_jacobians(poses[:, None], z)
+    with np.errstate(over="ignore", invalid="ignore"):
+        cov = G @ R @ np.swapaxes(G, -1, -2)
+    return Landmarks.from_moments(mean, cov, np.zeros(mean.shape[:-1]))
+
+
+def as_noise(sensor: Any, covs: ArrayLike | None, k: int) -> Array:
+    """Covariances (k, 2, 2) of k measurements: the sensor's own unless others are given."""
+    if covs is None:
+        return np.broadcast_to(sensor.cov, (k, 2, 2))
+    R = as_covariance("covs", covs, 2)
+    if R.shape != (k, 2, 2):
+        raise ValueError(f"covs: expected shape ({k}, 2, 2), got {R.shape}")
+    return R
 
 
 def _entries(matrix: Array) -> tuple[Array, Array, Array, Array]:

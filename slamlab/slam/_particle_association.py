@@ -1,42 +1,48 @@
-"""Maximum likelihood association of many particles at once, each with its own map.
+"""Which landmark was measured? Many particles at once, each with its own map.
 
-Landmarks are read some pages at a time, and those out of reach of every particle are passed over,
-so that memory and matrices do not grow with the map. Used by FastSLAM.
+Maximum likelihood within a gate, or an association of EKF-SLAM asked for every particle. Landmarks
+out of reach of every particle are passed over. Used by FastSLAM (chapters 11 and 12).
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array
-from slamlab.sensors import RangeBearing
 from slamlab.slam._landmark_filters import Landmarks, compare, predict
-from slamlab.slam._particle_view import IGNORED, NEW
-from slamlab.slam._shared_maps import PAGE, SharedMaps
+from slamlab.slam._landmark_maps import LandmarkMaps
+from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
 
-__all__ = ["most_likely"]
+__all__ = ["Associate", "Sighting", "ask", "log_density_at", "most_likely"]
 
 Indices = NDArray[np.intp]
+Associate = Callable[[ParticleView, Array], ArrayLike]
 
-BLOCKS = 16
+
+class Sighting(NamedTuple):
+    """Measurements z (k, 2) of covariances R (k, 2, 2), from poses (M, 3), before these maps.
+
+    With `root` A (M, 3, q) the poses have the covariance A A^T.
+    """
+
+    maps: LandmarkMaps
+    sensor: Any
+    poses: Array
+    root: Array | None
+    z: Array
+    R: Array
 
 
-def most_likely(
-    maps: SharedMaps, sensor: Any, poses: Array, root: Array | None, z: Array, gate: float
-) -> Indices:
+def most_likely(seen: Sighting, gate: float) -> Indices:
     """Give each measurement its most likely landmark within the gate, the best pair first.
 
     Parameters
     ----------
-    maps : SharedMaps
-    sensor : sensor
-    poses : ndarray, shape (M, 3)
-    root : ndarray, shape (M, 3, q), optional
-        The poses have the covariance ``root root^T``.
-    z : ndarray, shape (k, 2)
+    seen : Sighting
     gate : float
         Largest squared Mahalanobis distance of a pair.
 
@@ -46,30 +52,58 @@ def most_likely(
         Column of the particle's map; `NEW` if all landmarks are beyond twice the gate, `IGNORED`
         in between, or if the landmark is taken. No column comes twice for one particle.
     """
-    scores, columns = [np.zeros((len(poses), len(z), 0))], [np.zeros(0, np.intp)]
-    near = np.zeros((len(poses), len(z)), bool)
-    for first in range(0, maps.table.shape[1], BLOCKS):
-        landmarks = Landmarks.read(maps.read_blocks(first, first + BLOCKS), poses)
-        some = _in_reach(sensor, poses, root, landmarks, z, 2 * gate)
+    M, k = len(seen.poses), len(seen.z)
+    scores, columns = [np.zeros((M, k, 0))], [np.zeros(0, np.intp)]
+    near = np.zeros((M, k), bool)
+    for first, fields in seen.maps.blocks() if k else ():
+        landmarks = Landmarks.read(fields, seen.poses)
+        some = _in_reach(seen, landmarks, 2 * gate)
         if some.any():
-            score, close = _scores(sensor, poses, root, landmarks.columns(some), z, gate)
+            score, close = _scores(seen, landmarks.columns(some), gate)
             scores.append(score)
-            columns.append(first * PAGE + np.flatnonzero(some))
+            columns.append(first + np.flatnonzero(some))
             near |= close
     chosen = _best_first(np.concatenate(scores, 2), np.concatenate(columns))
     # Too far to be a landmark of the map, too near to be another one.
     return np.where((chosen == NEW) & near, IGNORED, chosen)
 
 
-def _scores(
-    sensor: Any, poses: Array, root: Array | None, landmarks: Landmarks, z: Array, gate: float
-) -> tuple[Array, NDArray[np.bool_]]:
+def ask(seen: Sighting, associate: Associate) -> Indices:
+    """Ask `associate` for every particle; the result is that of `most_likely`."""
+    columns = np.empty((len(seen.poses), len(seen.z)), np.intp)
+    for i in range(len(columns)):
+        cov = np.zeros((3, 3)) if seen.root is None else seen.root[i] @ seen.root[i].T
+        view = ParticleView.of(i, seen.maps, seen.poses[i].copy(), cov, seen.sensor, noise=seen.R)
+        rows = np.asarray(associate(view, seen.z))
+        _check_rows(rows, len(seen.z), view.n_landmarks)
+        columns[i] = np.append(seen.maps.present(i), [IGNORED, NEW])[rows]
+    return columns
+
+
+def log_density_at(gate: float, R: Array) -> Array:
+    """Log density (k,) at the edge of the gate, for measurements that nothing explains."""
+    return -0.5 * gate - 0.5 * np.log(np.linalg.det(R)) - np.log(2 * np.pi)
+
+
+def _check_rows(rows: Array, k: int, n: int) -> None:
+    """Refuse an answer of `associate` that is no row of the map for every measurement."""
+    if rows.shape != (k,) or not np.issubdtype(rows.dtype, np.integer):
+        raise ValueError(f"associate: expected {k} rows as whole numbers, got {rows!r}")
+    if ((rows < IGNORED) | (rows >= n)).any():
+        raise ValueError(f"associate: expected rows from -2 to {n - 1}, got {rows.tolist()}")
+    named = rows[rows >= 0]
+    if len(np.unique(named)) < len(named):
+        raise ValueError(f"associate: expected each landmark once, got {rows.tolist()}")
+
+
+def _scores(seen: Sighting, landmarks: Landmarks, gate: float) -> tuple[Array, NDArray[np.bool_]]:
     """Log densities (M, k, n), -inf outside the gate; and who is within twice the gate (M, k)."""
-    prediction = predict(sensor, poses, landmarks, root)
+    prediction = predict(seen.sensor, seen.poses, landmarks, seen.root)
     M, n = landmarks.x.shape
-    score, near = np.empty((M, len(z), n)), np.empty((M, len(z)), bool)
-    for j, one in enumerate(z):
-        pair = compare(sensor, prediction, one)
+    k = len(seen.z)
+    score, near = np.empty((M, k, n)), np.empty((M, k), bool)
+    for j in range(k):
+        pair = compare(seen.sensor, prediction, seen.z[j], seen.R[j])
         distance = np.where(landmarks.present, pair.distance, np.inf)
         score[:, j] = np.where(distance <= gate, pair.log_density, -np.inf)
         near[:, j] = (distance <= 2 * gate).any(1)
@@ -93,19 +127,18 @@ def _best_first(score: Array, columns: Indices) -> Indices:
     return chosen
 
 
-def _in_reach(
-    sensor: Any, poses: Array, root: Array | None, landmarks: Landmarks, z: Array, gate: float
-) -> NDArray[np.bool_]:
+def _in_reach(seen: Sighting, landmarks: Landmarks, gate: float) -> NDArray[np.bool_]:
     """Tell which columns (n,) hold a landmark that could pass the gate for some particle.
 
-    A bound for `RangeBearing`: the squared distance of a pair is at least that of its range
-    alone, and the variance of a range is at most R + trace S + (1 + L^2) |root|^2.
+    The squared distance of a pair is at least that of the distance alone, whose variance is at
+    most trace R + trace S + (1 + L^2) |root|^2, L from the body to the sensor or farther.
     """
-    if not isinstance(sensor, RangeBearing) or len(z) == 0:
+    reach = float(np.max(seen.sensor.reach(seen.z)))
+    if not np.isfinite(reach):
         return np.asarray(landmarks.present.any(0))
-    offset = abs(sensor.offset)
-    spread = 0.0 if root is None else float((root * root).sum((1, 2)).max())
-    variance = sensor.cov[0, 0] + landmarks.cov[0] + landmarks.cov[2] + (1 + offset**2) * spread
-    farthest = float(z[:, 0].max()) + offset + np.sqrt(gate * variance)
-    dx, dy = landmarks.x - poses[:, :1], landmarks.y - poses[:, 1:2]
+    spread = 0.0 if seen.root is None else float((seen.root * seen.root).sum((1, 2)).max())
+    noise = float(np.trace(seen.R, axis1=1, axis2=2).max())
+    variance = noise + landmarks.cov[0] + landmarks.cov[2] + (1 + reach**2) * spread
+    farthest = reach + np.sqrt(gate * variance)
+    dx, dy = landmarks.x - seen.poses[:, :1], landmarks.y - seen.poses[:, 1:2]
     return np.asarray((landmarks.present & (dx * dx + dy * dy <= farthest * farthest)).any(0))

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import expit
 
 from slamlab._checks import Array
+from slamlab.slam._landmark_maps import LandmarkMaps
 
-__all__ = ["IGNORED", "NEW", "ParticleView", "check_rows"]
+__all__ = ["IGNORED", "NEW", "ParticleView"]
 
 # Answers of an association beside a row of the map: start a landmark, or leave out.
 NEW, IGNORED = -1, -2
@@ -31,25 +33,35 @@ class ParticleView:
     ----------
     number : int
         Row of the particle.
-    pose : ndarray, shape (3,)
-    pose_cov : ndarray, shape (3, 3)
     landmarks : ndarray, shape (n, 2)
     landmark_covs : ndarray, shape (n, 2, 2)
     existence : ndarray, shape (n,)
         Probability that the landmark exists; 0.5 in a filter without `detection`.
+    pose : ndarray, shape (3,)
+    pose_cov : ndarray, shape (3, 3)
+    sensor : LandmarkSensor
     ids : tuple
         Names (known association).
+    noise : ndarray, shape (k, 2, 2), or None
+        Covariances of the measurements in question.
     """
 
     number: int
-    pose: Array
-    pose_cov: Array
     landmarks: Array
     landmark_covs: Array
     existence: Array
-    ids: tuple[Hashable, ...]
+    pose: Array
+    pose_cov: Array
     sensor: Any
-    motion: Any
+    ids: tuple[Hashable, ...] = ()
+    noise: Array | None = None
+
+    @classmethod
+    def of(cls, i: int, maps: LandmarkMaps, *rest: Any, **more: Any) -> ParticleView:
+        """Particle i of these maps; then pose, its covariance, sensor and what else there is."""
+        x, y, xx, xy, yy, log_odds = maps.map_of(i)[maps.present(i)].T
+        means, covs = np.stack([x, y], -1), np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2)
+        return cls(i, means, covs, expit(log_odds), *rest, **more)
 
     @property
     def n_landmarks(self) -> int:
@@ -82,14 +94,3 @@ class ParticleView:
             part = slice(2 * j, 2 * j + 2)
             joint[part, part] += block
         return joint
-
-
-def check_rows(rows: Array, k: int, n: int) -> None:
-    """Refuse an answer of `associate` that is no row of the map for every measurement."""
-    if rows.shape != (k,) or not np.issubdtype(rows.dtype, np.integer):
-        raise ValueError(f"associate: expected {k} rows as whole numbers, got {rows!r}")
-    if ((rows < IGNORED) | (rows >= n)).any():
-        raise ValueError(f"associate: expected rows from -2 to {n - 1}, got {rows.tolist()}")
-    named = rows[rows >= 0]
-    if len(np.unique(named)) < len(named):
-        raise ValueError(f"associate: expected each landmark once, got {rows.tolist()}")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slamlab.filters import kalman
-from slamlab.filters.particle import systematic_resample
+from slamlab.filters.particle import lineage, systematic_resample
 from slamlab.gaussian import Gaussian
 from slamlab.slam import FastSlam
 
@@ -225,7 +225,8 @@ def fast_slam(zs, version, n_particles, seed=5):
     )
     slam.update(zs[0], ids=["one", "two"])
     for z in zs[1:]:
-        slam.step(U, DT, V, z, ids=["one", "two"])
+        slam.predict(U, DT, V)
+        slam.update(z, ids=["one", "two"])
     return slam
 
 
@@ -338,8 +339,8 @@ def test_dossier_19_the_weights_of_version_2_vary_less():
         for seed in range(20):
             slam = fast_slam(zs[:2], version, 300, seed)
             slam.predict(U, DT, V)
-            slam.log_weights = np.full(300, -np.log(300))
-            slam._threshold = 0.0
+            slam._cloud.log_weights = np.full(300, -np.log(300))
+            slam._cloud._threshold = 0.0
             slam.update(zs[2], ids=["one", "two"])
             spread.append((300 * slam.weights).var())
         variances[version] = np.array(spread)
@@ -400,24 +401,28 @@ def test_12_landmarks_are_independent_given_the_path_and_only_then():
 # "Cannot forget": what the set of particles forgets.
 
 
+def family(zs, threshold):
+    """A filter after all measurements, its poses (T, M, 3) and forefathers (T, M)."""
+    rng = np.random.default_rng(1)
+    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 100, rng=rng, threshold=threshold)
+    poses, ancestors = [], []
+    for k, z in enumerate(zs):
+        if k:
+            slam.predict(U, DT, V)
+        slam.update(z, ids=[0, 1])
+        poses.append(slam.poses)
+        ancestors.append(slam.ancestors)
+    return slam, np.array(poses), lineage(ancestors)
+
+
 def test_p2_text_all_particles_soon_descend_from_one():
     zs = measurements(steps=60)
-    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 100, rng=np.random.default_rng(1), history=True)
-    slam.update(zs[0], ids=[0, 1])
-    for z in zs[1:]:
-        slam.step(U, DT, V, z, ids=[0, 1])
-    counts = slam.distinct_ancestors()
-    assert counts[0] == 1
-    assert counts[-1] > 30
+    _, poses, rows = family(zs, 0.5)
+    assert len(np.unique(rows[0])) == 1
+    assert len(np.unique(rows[-1])) > 30
     # The first pose of all stories is one pose: its disagreement is 0, the truth's is not.
-    first = np.array([slam.trajectory(i)[10] for i in range(0, 100, 7)])
-    assert np.ptp(first, axis=0).max() == 0.0
+    assert np.ptp(poses[10][rows[10]], axis=0).max() == 0.0
     # Without resampling nothing dies (and after a while one particle has all the weight).
-    kept = FastSlam(
-        MOTION, SENSOR, [0, 0, 0], 100, rng=np.random.default_rng(1), threshold=0.0, history=True
-    )
-    kept.update(zs[0], ids=[0, 1])
-    for z in zs[1:]:
-        kept.step(U, DT, V, z, ids=[0, 1])
-    assert kept.distinct_ancestors()[0] == 100
+    kept, _, rows = family(zs, 0.0)
+    assert len(np.unique(rows[0])) == 100
     assert kept.ess < 5

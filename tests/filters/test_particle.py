@@ -12,6 +12,7 @@ from slamlab.filters.particle import (
     RESAMPLERS,
     ParticleFilter,
     effective_sample_size,
+    lineage,
     multinomial_resample,
     residual_resample,
     stratified_resample,
@@ -532,3 +533,39 @@ def test_bad_models_are_named():
     with pytest.raises(ValueError, match="angles: expected columns"):
         belief.mean(angles=(2,))
     assert np.isfinite(belief.particles).all()
+
+
+# Lineage
+
+
+def test_lineage_follows_parents_to_the_first_step():
+    rng = np.random.default_rng(4)
+    ancestors = rng.integers(0, 8, (30, 8))
+    stories = np.arange(8)[:, None]  # each particle writes down the rows it came through
+    for parents in ancestors[1:]:
+        stories = np.column_stack([stories[parents], np.arange(8)])
+    np.testing.assert_array_equal(lineage(ancestors), stories.T)
+    # Wrong: parents of step k looked up among the particles of step k.
+    off_by_one = lineage(np.roll(ancestors, 1, axis=0))
+    assert not np.array_equal(off_by_one, stories.T)
+
+
+def test_an_injected_particle_has_no_past():
+    rows = lineage([[0, 1], [0, 1], [0, -1], [1, 1]])
+    assert rows.tolist() == [[-1, -1], [-1, -1], [1, 1], [0, 1]]
+
+
+@pytest.mark.parametrize("bad", [[0, 1], [[0, 2]], [[0, -2]], [[0.0, 1.0]]])
+def test_parents_that_do_not_exist_are_named(bad):
+    with pytest.raises(ValueError, match="ancestors: expected"):
+        lineage(bad)
+
+
+def test_a_refused_proposal_has_drawn_nothing():
+    rng = np.random.default_rng(4)
+    belief = ParticleFilter(np.zeros((5, 1)), rng)
+    state = rng.bit_generator.state
+    for bad in (lambda x, rng: rng.normal(size=(4, 1)), lambda x, rng: rng.normal() + x * np.nan):
+        with pytest.raises(ValueError, match="propose"):
+            belief.predict(bad)
+        assert rng.bit_generator.state == state

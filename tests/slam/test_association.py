@@ -340,13 +340,14 @@ def test_both_filters_take_every_association(associate):
     rng = np.random.default_rng(6)
     landmarks = rng.uniform(-5, 5, (6, 2))
     ekf = EKFSlam(Unicycle(), SENSOR, np.zeros(3))
-    fast = FastSlam(Unicycle(), SENSOR, np.zeros(3), 8, version=2, rng=rng)
+    fast = FastSlam(Unicycle(), SENSOR, np.zeros(3), 8, version=2, rng=rng, associate=associate)
     pose, u, V = np.zeros(3), np.array([0.5, 0.2]), np.diag([1e-4, 1e-4])
     for _ in range(6):
         pose = Unicycle().step(pose, u, 0.2)
         z, _ = SENSOR.measure(pose, landmarks, rng)
         ekf.step(u, 0.2, V, z, associate)
-        fast.step(u, 0.2, V, z, associate=associate)
+        fast.predict(u, 0.2, V)
+        fast.update(z)
     assert ekf.n_landmarks == 6
     assert fast.particle(0).n_landmarks == 6
     np.testing.assert_allclose(np.sort(ekf.landmarks, 0), np.sort(landmarks, 0), atol=0.5)

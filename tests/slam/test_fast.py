@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from slamlab.filters import extended
+from slamlab.filters.particle import lineage
 from slamlab.gaussian import Gaussian
 from slamlab.geometry import compose
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import RangeBearing, Wall
-from slamlab.slam import FastSlam, _particle_association, association
-from slamlab.slam._shared_maps import ABSENT, FIELDS, PAGE, SharedMaps
+from slamlab.slam import FastSlam, _landmark_maps, _particle_association, association
+from slamlab.slam._landmark_maps import ABSENT, FIELDS, PAGE, LandmarkMaps
+from slamlab.slam._proposal import Odometry
 
 MOTION = Unicycle()
 SENSOR = RangeBearing(0.1, 0.03, offset=0.2, max_range=8.0)
@@ -33,22 +35,28 @@ def world(seed=1, steps=60, n=25, sensor=SENSOR):
     return landmarks, np.array(poses), looks
 
 
-def run(looks, version=1, n_particles=100, seed=2, named=True, associate=None, **options):
+def step(slam, z, ids=None):
+    slam.predict(U, DT, V)
+    return slam.update(z, ids)
+
+
+def run(looks, version=1, n_particles=100, seed=2, named=True, **options):
     slam = FastSlam(MOTION, SENSOR, [0, 0, 0], n_particles, version, rng=rng_of(seed), **options)
     for k, (z, ids) in enumerate(looks):
         if k:
             slam.predict(U, DT, V)
-        slam.update(z, ids if named else None, associate)
+        slam.update(z, ids if named else None)
     return slam
 
 
 def state_of(slam):
     """Everything that a failed call must leave alone."""
-    n_blocks = slam._maps.table.shape[1]
-    maps = slam._maps.read_blocks(0, n_blocks)
+    blocks = [fields for _, fields in slam._maps.blocks()]
+    maps = np.concatenate([np.zeros((FIELDS, slam.n_particles, 0)), *blocks], 2)
     stream = repr(slam._rng.bit_generator.state)
-    plain = (slam.ids, slam.ess, slam.resampled, slam._unknown, len(slam._pending), stream)
-    arrays = [slam.poses, slam.log_weights, slam.ancestors, slam._origin]
+    steps = len(slam._odometry.steps)
+    plain = (slam.ids, slam.ess, slam.resampled, slam._unknown, steps, stream)
+    arrays = [slam.poses, slam.log_weights, slam.ancestors, slam._odometry.start]
     present = maps[5] > ABSENT
     return plain, [*(a.copy() for a in arrays), maps[:, present].copy(), np.nonzero(present)[1]]
 
@@ -235,8 +243,7 @@ def test_version_2_looks_back_over_all_predictions_since_the_last_update():
             truth = MOTION.sample(truth, U, DT, V, rng)
             slam.predict(U, DT, V)
         if forget:  # only the last step is drawn anew
-            slam._origin = slam.poses
-            slam._pending = slam._pending[-1:]
+            slam._odometry = Odometry(MOTION, slam.poses, slam._odometry.steps[-1:])
         slam.update(sharp.observe(truth, landmarks), ids=[0, 1, 2])
         return slam.ess
 
@@ -249,9 +256,10 @@ def test_predictions_beyond_the_look_back_keep_their_noise():
     slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 20, 2, rng=rng_of(3))
     for _ in range(30):
         slam.predict(U, DT, V)
-    poses, _ = slam._roll(np.concatenate([step.noise for step in slam._pending], 1))
+    steps = slam._odometry.steps
+    poses, _ = slam._odometry.roll(np.concatenate([step.noise for step in steps], 1))
     np.testing.assert_allclose(poses, slam.poses, atol=1e-12)
-    assert len(slam._pending) == 8
+    assert len(steps) == 8
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -279,10 +287,10 @@ def test_a_look_at_nothing_changes_nothing_but_the_ancestors():
 # Ancestry.
 
 
-def test_trajectories_follow_the_ancestors():
+def test_paths_follow_the_ancestors():
     _, _, looks = world(steps=40)
-    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 50, rng=rng_of(2), history=True)
-    paths, rows = np.zeros((50, 0, 3)), []
+    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 50, rng=rng_of(2))
+    paths, rows, poses, ancestors = np.zeros((50, 0, 3)), [], [], []
     for k, (z, ids) in enumerate(looks):
         if k:
             slam.predict(U, DT, V)
@@ -291,12 +299,18 @@ def test_trajectories_follow_the_ancestors():
         # Kept by hand: every particle carries its own path, copied at each resampling.
         paths = np.concatenate([paths, before[:, None]], 1)[slam.ancestors]
         rows = [one[slam.ancestors] for one in rows] + [np.arange(50)]
-    for i in (0, 17, 49):
-        np.testing.assert_array_equal(slam.trajectory(i), paths[i])
-    counts = slam.distinct_ancestors()
-    assert counts.tolist() == [len(np.unique(one)) for one in rows]
-    assert (np.diff(counts) >= 0).all()
+        poses.append(slam.poses)
+        ancestors.append(slam.ancestors)
+    due = lineage(ancestors)
+    np.testing.assert_array_equal(due, rows)
+    np.testing.assert_array_equal(
+        np.array(poses)[np.arange(40)[:, None], due], paths.swapaxes(0, 1)
+    )
+    counts = [len(np.unique(one)) for one in due]
+    assert counts == sorted(counts)
     assert counts[0] < 10 <= counts[-1]
+    # Wrong: the row of today taken for the row of then.
+    assert not np.array_equal(np.array(poses).swapaxes(0, 1), paths)
 
 
 def test_ancestors_are_the_rows_that_systematic_resampling_drew():
@@ -319,7 +333,7 @@ def test_ancestors_are_the_rows_that_systematic_resampling_drew():
 def test_shared_maps_equal_maps_that_are_copied():
     rng = rng_of(5)
     M, n = 7, 3 * PAGE
-    shared, copies = SharedMaps(M), np.zeros((M, n, FIELDS))
+    shared, copies = LandmarkMaps(M), np.zeros((M, n, FIELDS))
     copies[..., 5] = ABSENT
     for _ in range(60):
         particles, columns = np.nonzero(rng.random((M, n)) < 0.05)
@@ -328,42 +342,38 @@ def test_shared_maps_equal_maps_that_are_copied():
         copies[particles, columns] = values
         if rng.random() < 0.5:
             chosen = np.sort(rng.integers(0, M, M))
-            shared.resample(chosen)
+            shared.shared.resample(chosen)
             copies = copies[chosen]
-        shared.grow(n)
-        np.testing.assert_array_equal(np.moveaxis(shared.read_blocks(0, 3), 0, -1), copies)
+        ((first, fields),) = shared.blocks()
+        assert first == 0
+        np.testing.assert_array_equal(np.moveaxis(fields, 0, -1), copies)
         wanted = rng.integers(0, n, (M, 4))
         found = np.moveaxis(shared.read(wanted), 0, -1)
         np.testing.assert_array_equal(found, copies[np.arange(M)[:, None], wanted])
         np.testing.assert_array_equal(shared.map_of(3), copies[3])
-
-
-def test_sharing_without_copy_on_write_is_noticed(monkeypatch):
-    # A peer's mistake: copies of a particle write into one landmark array.
-    monkeypatch.setattr(SharedMaps, "_own", lambda self, particles, blocks: None)
-    with pytest.raises((AssertionError, IndexError)):
-        test_shared_maps_equal_maps_that_are_copied()
+        np.testing.assert_array_equal(shared.estimates(n - 9)[0], copies[:, : n - 9, :2])
 
 
 def test_copying_a_particle_copies_no_landmark():
     _, _, looks = world(steps=10, n=200)
     slam = run(looks, n_particles=40, threshold=0.0)
-    pages = slam._maps.pages_in_use
+    shared = slam._maps.shared
+    pages = shared.in_use
     assert slam.stored_landmarks == pages * PAGE >= 40 * slam.n_landmarks
-    slam._maps.resample(np.zeros(40, dtype=int))
-    assert slam._maps.pages_in_use == pages // 40
+    shared.resample(np.zeros(40, dtype=int))
+    assert shared.in_use == pages // 40
     # Writing one landmark copies its page for every owner but one, and no other page.
     slam._maps.write(np.arange(40), np.zeros(40, dtype=int), np.zeros((40, FIELDS)))
-    assert slam._maps.pages_in_use == pages // 40 + 39
+    assert shared.in_use == pages // 40 + 39
 
 
 def test_memory_does_not_grow_with_the_length_of_the_run():
     _, _, looks = world(steps=200)
     slam = run(looks[:50])
-    size = len(slam._maps.pages)
+    size = len(slam._maps.shared.pages)
     for z, ids in looks[50:]:
-        slam.step(U, DT, V, z, ids)
-    assert len(slam._maps.pages) <= 2 * size
+        step(slam, z, ids)
+    assert len(slam._maps.shared.pages) <= 2 * size
 
 
 # Unknown association.
@@ -409,12 +419,12 @@ def test_passing_over_what_is_out_of_reach_changes_nothing(version, monkeypatch)
     skipped = []
     reach = _particle_association._in_reach
 
-    def everything(sensor, poses, root, landmarks, z, gate):
+    def everything(seen, landmarks, gate):
         due = landmarks.present.any(0)
-        skipped.append(due.sum() - reach(sensor, poses, root, landmarks, z, gate).sum())
+        skipped.append(due.sum() - reach(seen, landmarks, gate).sum())
         return due
 
-    monkeypatch.setattr(_particle_association, "BLOCKS", 1)
+    monkeypatch.setattr(_landmark_maps, "BLOCKS", 1)
     monkeypatch.setattr(_particle_association, "_in_reach", everything)
     slow = run(looks, version, 15, named=False)
     assert sum(skipped) > 100
@@ -424,9 +434,7 @@ def test_passing_over_what_is_out_of_reach_changes_nothing(version, monkeypatch)
     monkeypatch.setattr(
         _particle_association,
         "_in_reach",
-        lambda sensor, poses, root, landmarks, z, gate: reach(
-            sensor, poses, root, landmarks, 0.6 * z, gate
-        ),
+        lambda seen, landmarks, gate: reach(seen._replace(z=0.6 * seen.z), landmarks, gate),
     )
     tight = run(looks, version, 15, named=False)
     assert tight.n_landmarks > quick.n_landmarks
@@ -476,14 +484,14 @@ def test_evidence_counts_sightings_and_their_absence():
 
 
 def test_an_association_may_ignore_and_start_what_it_likes():
-    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 5, rng=rng_of(1))
-    slam.update([[2.0, 0.5], [3.0, -0.5]], associate=lambda view, z: [-2, -1])
-    assert slam.n_landmarks == 1
-    np.testing.assert_allclose(slam.landmarks, [SENSOR.locate([0, 0, 0], [3.0, -0.5])])
-    slam.update([[3.0, -0.5]], associate=lambda view, z: [0])
-    assert slam.n_landmarks == 1
-    slam.update([[3.0, -0.5]], associate=lambda view, z: np.array([-1]))
-    assert slam.n_landmarks == 2
+    answers = {0: [-2, -1], 1: [0], 2: np.array([-1])}
+    slam = FastSlam(
+        MOTION, SENSOR, [0, 0, 0], 5, rng=rng_of(1), associate=lambda view, z: answers[count]
+    )
+    for count, z in enumerate(([[2.0, 0.5], [3.0, -0.5]], [[3.0, -0.5]], [[3.0, -0.5]])):
+        slam.update(z)
+        assert slam.n_landmarks == (1, 1, 2)[count]
+    np.testing.assert_allclose(slam.landmarks[0], SENSOR.locate([0, 0, 0], [3.0, -0.5]))
 
 
 # One particle as an association sees it.
@@ -510,19 +518,77 @@ def test_version_2_asks_with_the_uncertainty_of_the_odometry():
     seen = []
 
     def watch(view, z):
+        if view.n_landmarks == 0:
+            return [-1, -1]
         seen.append((view.pose, view.pose_cov, view.innovation_cov([0, 1])))
         return [0, 1]
 
-    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 3, 2, rng=rng_of(1))
+    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 3, 2, rng=rng_of(1), associate=watch)
     z = [[2.0, 0.5], [3.0, -0.5]]
-    slam.update(z, associate=lambda view, z: [-1, -1])
+    slam.update(z)
     slam.predict(U, DT, V)
-    slam.update(z, associate=watch)
+    slam.update(z)
     _, F_u = MOTION.jacobians(np.zeros(3), U, DT)
     pose, cov, joint = seen[0]
     np.testing.assert_allclose(pose, MOTION.step(np.zeros(3), U, DT))
     np.testing.assert_allclose(cov, F_u @ V @ F_u.T, atol=1e-15)
     assert np.abs(joint[:2, 2:]).max() > 1e-4
+
+
+# Measurements with covariances of their own.
+
+
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("named", [True, False])
+def test_covs_of_the_sensor_change_nothing_and_those_of_a_better_one_are_its_own(version, named):
+    _, _, looks = world(steps=12)
+    sharper = RangeBearing(0.05, 0.015, offset=0.2, max_range=8.0)
+
+    def final(sensor, R):
+        slam = FastSlam(MOTION, sensor, [0, 0, 0], 30, version, rng=rng_of(2))
+        for k, (z, ids) in enumerate(looks):
+            if k:
+                slam.predict(U, DT, V)
+            covs = None if R is None else np.tile(R, (len(z), 1, 1))
+            slam.update(z, ids if named else None, covs)
+        return slam
+
+    plain, told = final(SENSOR, None), final(SENSOR, SENSOR.cov)
+    assert same(state_of(plain), state_of(told))
+    sharp, told = final(sharper, None), final(SENSOR, sharper.cov)
+    assert same(state_of(sharp), state_of(told))
+    assert not same(state_of(sharp), state_of(plain))
+
+
+def test_each_measurement_has_its_own_covariance():
+    z, covs = np.array([[2.0, 0.5], [3.0, -0.5]]), [SENSOR.cov, 100 * SENSOR.cov]
+    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 3, rng=rng_of(1))
+    slam.update(z, ids=["a", "b"], covs=covs)
+    _, G = SENSOR.locate_jacobians(np.zeros(3), z)
+    np.testing.assert_allclose(slam.landmark_covs, G @ covs @ np.swapaxes(G, 1, 2), atol=1e-15)
+    # The gate knows: what is far for one measurement is near for a doubtful one.
+    for factor, n in ((1.0, 2), (100.0, 1)):
+        slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 3, rng=rng_of(1))
+        slam.update(z[:1])
+        slam.update(z[:1] + [1.0, 0.0], covs=[factor * SENSOR.cov])
+        assert slam.n_landmarks == n
+
+
+def test_what_it_gives_is_a_copy_and_what_it_takes_is_copied():
+    _, _, looks = world(steps=8)
+    slam, u = run(looks, 2), U.copy()
+    slam.predict(u, DT, V)
+    before = state_of(slam)
+    for name in ("poses", "log_weights", "weights", "pose", "pose_cov", "ancestors", "mean"):
+        getattr(slam, name)[:] = 7
+    for name in ("landmarks", "landmark_covs"):
+        getattr(slam, name)[:] = 7
+    slam.particle(0).pose[:] = slam.particle(0).landmarks[:] = 7
+    assert same(state_of(slam), before)
+    u[:] = 7
+    np.testing.assert_array_equal(slam._odometry.steps[0].u, U)
+    assert repr(slam).startswith("FastSlam(100 particles, version 2.0, 2")
+    assert "\n" not in repr(slam)
 
 
 # Moments.
@@ -564,12 +630,13 @@ BAD_UPDATES = [
     ("ids: expected 2 names", GOOD, dict(ids=[1])),
     ("ids: expected names as in earlier", GOOD, dict()),
     ("ids: expected names that can be", GOOD, dict(ids=[[1], [2]])),
-    ("z: expected ranges that are not negative", [[-0.5, 0.0]], dict(ids=[1])),
+    ("z: expected ranges that are not negative", [[-0.5, 0.0]], dict(ids=["new"])),
     ("z: expected shape", [1.0, 2.0], dict(ids=[1])),
     ("z: expected finite", [[np.nan, 0.0]], dict(ids=[1])),
     ("all weights are zero", [[1e200, 0.0]], dict(ids=["met"])),
     ("finite landmarks", [[1e200, 0.0]], dict(ids=["new"])),
-    ("associate: expected None beside ids", GOOD, dict(ids=[1, 2], associate=nearest)),
+    ("covs: expected shape", GOOD, dict(ids=[1, 2], covs=np.eye(2))),
+    ("covs: expected a positive", GOOD, dict(ids=[1, 2], covs=[-np.eye(2)] * 2)),
 ]
 
 
@@ -584,9 +651,6 @@ def test_a_bad_update_is_named_and_harmless(version, message, z, options):
         options = {"ids": slam.ids[:1]}
     with pytest.raises(ValueError, match=message):
         slam.update(z, **options)
-    assert same(state_of(slam), before)
-    with pytest.raises(ValueError, match=message):
-        slam.step(U, DT, V, z, **options)
     assert same(state_of(slam), before)
     # It goes on as if nothing had happened.
     twin = run(looks, version)
@@ -611,12 +675,14 @@ def test_a_bad_association_is_named_and_harmless(version, message, answer):
     slam.update(GOOD)
     slam.predict(U, DT, V)
     before = state_of(slam)
+    slam.associate = answer
     with pytest.raises(ValueError, match=message):
-        slam.update(GOOD, associate=answer)
+        slam.update(GOOD)
     with pytest.raises(ValueError, match="ids: expected None"):
         slam.update(GOOD, ids=[0, 1])
+    slam.associate = lambda view, z: 1 // 0
     with pytest.raises(ZeroDivisionError):
-        slam.update(GOOD, associate=lambda view, z: 1 // 0)
+        slam.update(GOOD)
     assert same(state_of(slam), before)
 
 
@@ -666,10 +732,6 @@ def test_questions_without_an_answer_are_refused():
         slam.landmark_cov("nobody")
     with pytest.raises(ValueError, match="i: expected a particle below 100"):
         slam.particle(100)
-    with pytest.raises(ValueError, match="history"):
-        slam.trajectory(0)
-    with pytest.raises(ValueError, match="history"):
-        slam.distinct_ancestors()
     unnamed = run(world(steps=4)[2], named=False)
     for name in ("mean", "cov", "landmark_estimates"):
         with pytest.raises(ValueError, match="numbering"):

@@ -1,0 +1,98 @@
+"""Landmark maps of many particles, in pages that copies share until they differ.
+
+Used by FastSLAM (chapter 12): what is kept of a landmark, where, and what all particles together
+say of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamlab._checks import Array
+from slamlab.filters.pages import SharedPages
+
+__all__ = ["ABSENT", "FIELDS", "PAGE", "LandmarkMaps"]
+
+Indices = NDArray[np.intp]
+
+PAGE = 64
+# What is kept of a landmark: mean (x, y), covariance (xx, xy, yy), log odds that it exists.
+FIELDS = 6
+ABSENT = -np.inf
+EMPTY = np.tile([0.0] * (FIELDS - 1) + [ABSENT], (PAGE, 1))
+# Pages of each particle that are looked at together.
+BLOCKS = 16
+
+
+class LandmarkMaps:
+    """Maps of M particles; landmark c of a particle lies in column c of its map."""
+
+    def __init__(self, n_particles: int) -> None:
+        self.shared = SharedPages(n_particles, EMPTY)
+
+    @property
+    def n_columns(self) -> int:
+        """Columns that there is room for."""
+        return int(self.shared.table.shape[1]) * PAGE
+
+    def read(self, columns: Indices) -> Array:
+        """Return columns (M, k), some for each particle, shape (FIELDS, M, k)."""
+        self.shared.extend(int(columns.max(initial=-1)) // PAGE + 1)
+        block, place = np.divmod(columns, PAGE)
+        pages = np.take_along_axis(self.shared.table, block, 1)
+        rows = self.shared.pages.reshape(-1, FIELDS)
+        found = rows.take(pages * np.intp(PAGE) + place, axis=0)
+        return np.ascontiguousarray(np.moveaxis(found, -1, 0))
+
+    def blocks(self) -> Iterator[tuple[int, Array]]:
+        """Go over all columns: the first of each block, and its fields (FIELDS, M, columns)."""
+        table = self.shared.table
+        for first in range(0, table.shape[1], BLOCKS):
+            pages = self.shared.pages[table[:, first : first + BLOCKS]]
+            fields = np.moveaxis(pages.reshape(len(table), -1, FIELDS), -1, 0)
+            yield first * PAGE, np.ascontiguousarray(fields)
+
+    def map_of(self, particle: int) -> Array:
+        """Return the whole map of one particle, shape (n_columns, FIELDS)."""
+        return self.shared.pages[self.shared.table[particle]].reshape(-1, FIELDS)
+
+    def present(self, particle: int) -> Indices:
+        """Columns of one particle that hold a landmark."""
+        return np.flatnonzero(self.map_of(particle)[:, -1] > ABSENT)
+
+    def free_columns(self, count: int) -> Indices:
+        """Return the first `count` columns (M, count) of each particle without a landmark."""
+        table = self.shared.table
+        absent = (self.shared.pages[:, :, -1] == ABSENT)[table].reshape(len(table), -1)
+        absent = np.pad(absent, ((0, 0), (0, count)), constant_values=True)
+        row, column = np.nonzero(absent)
+        start = np.searchsorted(row, np.arange(len(table)))
+        return column[start[:, None] + np.arange(count)]
+
+    def write(self, particles: Indices, columns: Indices, values: Array) -> None:
+        """Store values (L, FIELDS) in columns (L,) of particles (L,)."""
+        self.shared.extend(int(columns.max(initial=-1)) // PAGE + 1)
+        pages = self.shared.own(particles, columns // PAGE)
+        self.shared.pages[pages, columns % PAGE] = values
+
+    def estimates(self, n: int) -> tuple[Array, Array]:
+        """Means (M, n, 2) and covariances (M, n, 2, 2) of the first n columns."""
+        empty = np.zeros((FIELDS, len(self.shared.table), 0))
+        fields = np.concatenate([empty, *(block for _, block in self.blocks())], 2)[:, :, :n]
+        x, y, xx, xy, yy, _ = fields
+        return np.stack([x, y], -1), np.stack([xx, xy, xy, yy], -1).reshape(*x.shape, 2, 2)
+
+    def mixture(self, weights: Array, n: int) -> tuple[Array, Array]:
+        """Means (n, 2) and covariances (n, 2, 2) of the first n columns over all particles."""
+        means, entries = [np.zeros((0, 2))], [np.zeros((0, 4))]
+        for _, (x, y, xx, xy, yy, _) in self.blocks():
+            mean_x, mean_y = weights @ x, weights @ y
+            x, y = x - mean_x, y - mean_y
+            means.append(np.stack([mean_x, mean_y], -1))
+            both = weights @ (xy + x * y)
+            spread = weights @ (xx + x * x), both, both, weights @ (yy + y * y)
+            entries.append(np.stack(spread, -1))
+        return np.concatenate(means)[:n], np.concatenate(entries)[:n].reshape(n, 2, 2)
