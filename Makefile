@@ -64,9 +64,7 @@ speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
 
 notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
 	@echo "== Notebooks, cell by cell"
-	@$(NBVAL) $(NOTEBOOKS) || \
-	{ echo "== Once more what failed: two kernels may have reached for one port"; \
-	  $(NBVAL) --last-failed $(NOTEBOOKS); }
+	$(NBVAL) $(NOTEBOOKS)
 
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"

@@ -1,12 +1,16 @@
 """The notebooks: text outputs only, alt text, a place in the table of contents, the bones."""
 
 import copy
+import os
 import re
 from pathlib import Path
 
 import nbformat
 import pytest
 import yaml
+
+from tools.kernels import LocalKernelManager
+from tools.notebooks import SETTINGS, differences
 
 ROOT = Path(__file__).resolve().parents[1]
 # A page that is no chapter has no number, no bones and no exercises: each is named here.
@@ -169,3 +173,41 @@ def test_the_guards_see_what_they_are_for():
     bad.cells = [cell]
     bad.cells[0].outputs = []
     assert first_figure(bad) == 2
+
+
+def test_the_comparison_refuses_a_changed_digit_and_nothing_else():
+    v4 = nbformat.v4
+    stored = v4.new_notebook(
+        cells=[
+            v4.new_markdown_cell("prose"),
+            v4.new_code_cell("1", outputs=[v4.new_output("stream", text="RMSE 4.753 m\n")]),
+            v4.new_code_cell(
+                "2", outputs=[v4.new_output("execute_result", data={"text/plain": "17"})]
+            ),
+        ]
+    )
+    same = copy.deepcopy(stored)
+    same.cells[1].outputs = [v4.new_output("stream", text=t) for t in ("RMSE 4.", "753 m\n")]
+    same.cells[2].outputs[0].data["image/png"] = "drawn anew"
+    assert differences(stored, same) == []
+    other = copy.deepcopy(stored)
+    other.cells[1].outputs[0].text = "RMSE 4.771 m\n"
+    assert differences(stored, other) == ["cell [1]\n    -RMSE 4.753 m\n    +RMSE 4.771 m"]
+    other.cells[2].outputs = [v4.new_output("error", ename="ValueError", evalue="no")]
+    assert "+ValueError: no" in differences(stored, other)[1]
+
+
+def test_the_other_setting_takes_all_that_may_round_differently():
+    plain = SETTINGS["plain"]
+    assert {"OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME"} <= set(plain)
+    assert "NUMBA_CACHE_DIR" in plain  # else code compiled for this processor would be taken
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such sockets")
+def test_kernels_do_not_share_ports():
+    import nbval.kernel
+
+    assert nbval.kernel.KernelManager is LocalKernelManager
+    first, second = LocalKernelManager(), LocalKernelManager()
+    assert first.transport == "ipc"
+    assert first.ip != second.ip

@@ -183,9 +183,10 @@ class Mecanum(MotionModel):
         sigma = as_array("sigma_wheel", sigma, ("...", 4))
         if (sigma < 0).any():
             raise ValueError(f"sigma_wheel: expected no negative number, got {sigma.min():g}")
-        # (15): V = M diag(sigma^2) M^T.
+        # (15): V = M diag(sigma^2) M^T, entry by entry: a matrix product leaves 1e-22 off the
+        # diagonal on some processors, and two equal eigenvalues let that turn every draw.
         root = self.body_map * sigma[..., None, :]
-        return root @ np.swapaxes(root, -1, -2)
+        return (root[..., :, None, :] * root[..., None, :, :]).sum(-1)
 
     def step(self, pose: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """Return the pose after moving with u for a time dt, f of P1 (10).

@@ -77,6 +77,13 @@ def test_slip_is_the_residual_of_least_squares_and_vanishes_without_slip():
     assert np.abs(YOUBOT.slip(speeds)).max() > 1
 
 
+def test_like_wheels_give_a_diagonal_covariance_to_the_last_bit():
+    for sigma in (0.1, 0.3, 0.4, 0.7, 2.0):
+        V = YOUBOT.control_cov(sigma)
+        assert (V == np.diag(np.diag(V))).all()
+        assert V[0, 0] == V[1, 1]
+
+
 def test_control_covariance_is_that_of_drawn_wheel_noise():
     noise = rng.normal(0, 0.3, (200_000, 4))
     drawn = np.cov(YOUBOT.body_velocity(noise).T)
