@@ -9,10 +9,18 @@ from slamlab.slam.association import (
 from slamlab.slam.compressed import CompressedEKFSlam
 from slamlab.slam.ekf import EKFSlam
 from slamlab.slam.fast import FastSlam
-from slamlab.slam.graph import PoseGraph, Result, Scans, edge_error, edge_jacobians
+from slamlab.slam.graph import (
+    Certificate,
+    PoseGraph,
+    Result,
+    Scans,
+    edge_error,
+    edge_jacobians,
+)
 from slamlab.slam.wall_slam import WallSlam
 
 __all__ = [
+    "Certificate",
     "CompressedEKFSlam",
     "Confirmation",
     "EKFSlam",

@@ -65,6 +65,11 @@ class Content:
     information: list[list[list[float]]] = field(default_factory=list)
     fixed: list[int] = field(default_factory=list)
     scans: Scans | None = None
+    point_ids: list[int] = field(default_factory=list)
+    points: list[list[float]] = field(default_factory=list)
+    sightings: list[tuple[int, int]] = field(default_factory=list)
+    seen: list[list[float]] = field(default_factory=list)
+    seen_information: list[list[list[float]]] = field(default_factory=list)
 
 
 class _Parser:
@@ -78,6 +83,8 @@ class _Parser:
         self.vertex_lines: list[int] = []
         self.edge_lines: list[int] = []
         self.fix_lines: list[int] = []
+        self.spots: dict[int, int] = {}  # line in which a landmark is defined
+        self.sighting_lines: list[int] = []
         self.scan_rows: list[int] = []
         self.scan_numbers: list[list[float]] = []
         self.scan_lines: list[str] = []
@@ -86,6 +93,8 @@ class _Parser:
             "VERTEX2": self.vertex,
             "EDGE_SE2": lambda words: self.edge(words, _G2O_ORDER),
             "EDGE2": lambda words: self.edge(words, _TORO_ORDER),
+            "VERTEX_XY": self.point,
+            "EDGE_SE2_XY": self.sighting,
             "FIX": self.fix,
             "ROBOTLASER1": self.scan,
         }
@@ -130,14 +139,36 @@ class _Parser:
 
     def vertex(self, words: list[str]) -> None:
         self.words_expected(words, 5)
-        identity = self.whole(words[1])
-        if identity in self.rows:
-            first = self.vertex_lines[self.rows[identity]]
-            raise self.error(f"vertex {identity} was already defined in line {first}")
+        identity = self.new_vertex(words[1])
         self.rows[identity] = len(self.content.ids)
         self.content.ids.append(identity)
         self.content.poses.append(self.floats(words[2:]))
         self.vertex_lines.append(self.number)
+
+    def new_vertex(self, word: str) -> int:
+        identity = self.whole(word)
+        first = self.spots.get(identity)
+        if identity in self.rows:
+            first = self.vertex_lines[self.rows[identity]]
+        if first is not None:
+            raise self.error(f"vertex {identity} was already defined in line {first}")
+        return identity
+
+    def point(self, words: list[str]) -> None:
+        self.words_expected(words, 4)
+        identity = self.new_vertex(words[1])
+        self.spots[identity] = self.number
+        self.content.point_ids.append(identity)
+        self.content.points.append(self.floats(words[2:]))
+
+    def sighting(self, words: list[str]) -> None:
+        self.words_expected(words, 8)
+        i, j = self.whole(words[1]), self.whole(words[2])
+        x, y, xx, xy, yy = self.floats(words[3:])
+        self.content.sightings.append((i, j))
+        self.content.seen.append([x, y])
+        self.content.seen_information.append([[xx, xy], [xy, yy]])
+        self.sighting_lines.append(self.number)
 
     def edge(self, words: list[str], order: tuple[tuple[int, int], ...]) -> None:
         self.words_expected(words, 12)
@@ -188,25 +219,41 @@ class _Parser:
         content = self.content
         if not content.ids:
             raise self.error("the file ends without a vertex")
-        if not content.edges:
+        if not content.edges and not content.sightings:
             raise self.error("the file ends without an edge")
         for pair, number in zip(content.edges, self.edge_lines, strict=True):
             for identity in pair:
-                if identity not in self.rows:
-                    raise self.error(f"edge to vertex {identity}, which is not defined", number)
+                self.defined(identity, self.rows, number)
+        for (i, j), number in zip(content.sightings, self.sighting_lines, strict=True):
+            self.defined(i, self.rows, number)
+            self.defined(j, self.spots, number, "landmark")
         for identity, number in zip(content.fixed, self.fix_lines, strict=True):
             if identity not in self.rows:
                 raise self.error(f"FIX {identity}: the vertex is not defined", number)
-        reached = {identity for pair in content.edges for identity in pair}
-        for identity, number in zip(content.ids, self.vertex_lines, strict=True):
+        reached = {identity for pair in content.edges + content.sightings for identity in pair}
+        lines = [*zip(content.ids, self.vertex_lines, strict=True), *self.spots.items()]
+        for identity, number in lines:
             if identity not in reached:
                 raise self.error(f"no edge reaches vertex {identity} (truncated file?)", number)
-        self.check_information()
+        self.check_information(content.information, self.edge_lines)
+        self.check_information(content.seen_information, self.sighting_lines)
         content.scans = self.scans()
         return content
 
-    def check_information(self) -> None:
-        information = np.array(self.content.information)
+    def defined(
+        self, identity: int, where: dict[int, int], number: int, kind: str = "pose"
+    ) -> None:
+        if identity in where:
+            return
+        if identity in self.rows or identity in self.spots:
+            raise self.error(f"vertex {identity} is no {kind}, as this edge needs", number)
+        kind = "vertex" if kind == "pose" else kind
+        raise self.error(f"edge to {kind} {identity}, which is not defined", number)
+
+    def check_information(self, matrices: list[list[list[float]]], lines: list[int]) -> None:
+        if not matrices:
+            return
+        information = np.array(matrices)
         scale = np.abs(information).max(axis=(1, 2))
         smallest = np.linalg.eigvalsh(information)[:, 0]
         bad = np.flatnonzero(~(smallest >= -1e-9 * scale))
@@ -214,7 +261,7 @@ class _Parser:
             raise self.error(
                 "expected a positive semi-definite information matrix, "
                 f"smallest eigenvalue is {smallest[bad[0]]:.3g}",
-                self.edge_lines[bad[0]],
+                lines[bad[0]],
             )
 
     def scans(self) -> Scans | None:
@@ -295,11 +342,17 @@ def write(path: str | Path, content: Content) -> None:
             file.write(f"VERTEX_SE2 {identity} {_numbers(pose)}\n")
             if row in scans:
                 file.write(scans[row] + "\n")
+        for identity, point in zip(content.point_ids, content.points, strict=True):
+            file.write(f"VERTEX_XY {identity} {_numbers(point)}\n")
         for identity in content.fixed:
             file.write(f"FIX {identity}\n")
         for k, (i, j) in enumerate(content.edges):
             upper = [content.information[k][row][column] for row, column in _G2O_ORDER]
             file.write(f"EDGE_SE2 {i} {j} {_numbers(content.measurements[k])} {_numbers(upper)}\n")
+        for k, (i, j) in enumerate(content.sightings):
+            (xx, xy), (_, yy) = content.seen_information[k]
+            numbers = _numbers([*content.seen[k], xx, xy, yy])
+            file.write(f"EDGE_SE2_XY {i} {j} {numbers}\n")
 
 
 def _lines_by_row(scans: Scans) -> dict[int, str]:

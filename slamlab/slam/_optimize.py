@@ -7,7 +7,6 @@ Grisetti et al. 2010, algorithm 1; Huber 1964; dynamic covariance scaling, Agarw
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,39 +21,6 @@ KERNEL_WIDTH = 2.7955
 _NEAR = 0.15
 # Levenberg-Marquardt gives up beyond this multiple of the diagonal.
 _LARGEST_DAMPING = 1e12
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """What an optimisation ended with.
-
-    Attributes
-    ----------
-    poses : ndarray, shape (n, 3)
-        Optimised poses: x, y (m), theta (rad) in the world.
-    chi2 : float
-        Sum of e^T Omega e at `poses`, without any kernel.
-    history : ndarray, shape (iterations + 1,)
-        What was minimised, before the first step and after every step: chi2 itself, or with a
-        robust kernel the kernel's cost.
-    iterations : int
-        Number of steps taken.
-    converged : bool
-        True only if the last step, and what its linear model promised, changed the cost by less
-        than the tolerance.
-    weights : ndarray, shape (m,)
-        Weight in [0, 1] that the kernel gives each edge at `poses`; all 1 without a kernel.
-    message : str
-        Why it stopped, in words.
-    """
-
-    poses: Array
-    chi2: float
-    history: Array
-    iterations: int
-    converged: bool
-    weights: Array
-    message: str
 
 
 # Robust kernels: cost and weight of an edge as functions of its x = e^T Omega e.
@@ -75,9 +41,18 @@ def _dcs(x: Array, width: float) -> tuple[Array, Array]:
     return np.where(x > phi, phi * (3 * x - phi) / (phi + x), x), weight
 
 
+def _max_mixture(x: Array, width: float) -> tuple[Array, Array]:
+    # Olson and Agarwal 2013: the likelier of "true" and "false", whose information is 1e-6 of it
+    scale = 1e-6
+    false = x > width**2
+    rho = np.where(false, scale * x + (1 - scale) * width**2, x)
+    return rho, np.where(false, scale, 1.0)
+
+
 KERNELS: dict[str, Callable[[Array, float], tuple[Array, Array]]] = {
     "huber": _huber,
     "dcs": _dcs,
+    "max-mixture": _max_mixture,
 }
 
 
@@ -122,6 +97,10 @@ class NormalEquations:
                 f"free to move: {self.names(error.rows)}"
             ) from error
 
+    def diagonal(self) -> Array:
+        """Diagonal of the matrix factorised last, shape (n_free, 3)."""
+        return self.system.diagonal()
+
     def inverse_blocks(self, places: np.ndarray) -> Array:
         """Diagonal blocks (k, 3, 3) of the inverse of H, for places (k,) among the free poses."""
         solve = self.factorise()
@@ -145,14 +124,19 @@ class Optimization:
         equations: NormalEquations,
         kernel: str | None,
         kernel_width: float,
+        groups: list[np.ndarray],
         max_iterations: int,
         tolerance: float,
     ) -> None:
         self.equations = equations
         self.kernel = None if kernel is None else KERNELS[kernel]
         self.kernel_width = kernel_width
+        self.groups = groups
+        self.converged = False
         self.max_iterations = max_iterations
         self.tolerance = tolerance
+        if groups:
+            self.log_information = equations.edges.log_information()
         self.history = [self.move_to(poses)]
         # What is left of the cost when all measurements agree and only rounding is seen.
         ulp = 4 * np.finfo(float).eps * max(1.0, np.abs(poses).max())
@@ -165,12 +149,25 @@ class Optimization:
         squared = self.equations.linearise(poses)
         self.poses = poses
         self.chi2 = float(squared.sum())
-        self.weights = np.ones(len(squared))
-        if self.kernel is None:
-            return self.chi2
-        rho, self.weights = self.kernel(squared, self.kernel_width)
-        self.equations.weights = self.weights
+        rho, self.weights = squared, np.ones(len(squared))
+        if self.kernel is not None:
+            rho, self.weights = self.kernel(squared, self.kernel_width)
+        for group in self.groups:
+            others = np.delete(group, np.argmin(squared[group] - self.log_information[group]))
+            self.weights[others] = rho[others] = 0.0
+        if self.kernel is not None or self.groups:
+            self.equations.weights = self.weights
         return float(rho.sum())
+
+    def minimise(self, method: str) -> str:
+        """Run to the end; return why it ended. `converged` and `poses` hold the rest."""
+        if len(self.equations.free) == 0:
+            self.converged, message = True, "every pose is fixed"
+        elif method == "gauss-newton":
+            self.converged, message = self.gauss_newton()
+        else:
+            self.converged, message = self.levenberg_marquardt()
+        return message
 
     def stepped(self, step: Array) -> Array:
         poses = self.poses.copy()
@@ -181,18 +178,18 @@ class Optimization:
     def settled(self, before: float, after: float) -> bool:
         return abs(before - after) <= self.tolerance * before + self.rounding
 
-    def gauss_newton(self) -> Result:
+    def gauss_newton(self) -> tuple[bool, str]:
         """Solve H step = -gradient and move, until neither the cost nor its model changes."""
         for _ in range(self.max_iterations):
             before, here = self.history[-1], self.poses
             cost = self.move_to(self.stepped(self.gauss_newton_step()))
             if not np.isfinite(cost):
                 self.move_to(here)
-                return self.result(False, "diverged: the next step has no finite cost")
+                return False, "diverged: the next step has no finite cost"
             self.history.append(cost)
             if self.settled(before, cost) and self.settled(before, before - self.gain):
-                return self.result(True, "converged")
-        return self.result(False, f"stopped after {self.max_iterations} iterations")
+                return True, "converged"
+        return False, f"stopped after {self.max_iterations} iterations"
 
     def gauss_newton_step(self) -> Array:
         """H^-1 (-gradient), with old factors of H where they still serve.
@@ -218,41 +215,41 @@ class Optimization:
         before, here = self.history[-2:]
         return abs(before - here) < _NEAR * before
 
-    def levenberg_marquardt(self) -> Result:
-        """Gauss-Newton with a damped diagonal; only steps that do not raise the cost are taken."""
-        damping = 1e-4
+    def levenberg_marquardt(self) -> tuple[bool, str]:
+        """Gauss-Newton with a damped diagonal; only steps that do not raise the cost are taken.
+
+        The damping follows how well the model foretold the step (Marquardt 1963, More 1978).
+        """
+        damping = 1e-6
         self.equations.factorise()  # damping would hide a singular graph
         for _ in range(self.max_iterations):
             before = self.history[-1]
-            cost, damping = self.damped_step(damping)
+            cost, damping, kept = self.damped_step(damping)
             if damping > _LARGEST_DAMPING:
-                return self.result(False, "no step lowers the cost")
+                return False, "no step lowers the cost"
             self.history.append(cost)
-            if self.settled(before, cost) and damping < 1.0:
-                return self.result(True, "converged")
-            damping = max(damping / 10, 1e-12)
-        return self.result(False, f"stopped after {self.max_iterations} iterations")
+            if self.settled(before, cost) and damping < 1e-2:
+                return True, "converged"
+            damping *= 0.1 if kept > 0.25 else 1.0
+            damping = max(damping, 1e-12)
+        return False, f"stopped after {self.max_iterations} iterations"
 
-    def damped_step(self, damping: float) -> tuple[float, float]:
-        """Raise the damping until a step does not raise the cost; take that step."""
+    def damped_step(self, damping: float) -> tuple[float, float, float]:
+        """Raise the damping until a step does not raise the cost; take that step.
+
+        Returns the cost after it, the damping, and the part of the promised gain that it kept.
+        """
         before, here = self.history[-1], self.poses
         gradient = self.equations.gradient()
         while damping <= _LARGEST_DAMPING:
             solve = self.equations.factorise(damping, check=False)
-            cost = self.move_to(self.stepped(solve(-gradient)))
+            diagonal = self.equations.diagonal() * damping / (1 + damping)
+            step = solve(-gradient)
+            # model: -2 g.s - s.H s with (H + damping D) s = -g
+            promised = float(np.vdot(step, diagonal * step) - np.vdot(gradient, step))
+            cost = self.move_to(self.stepped(step))
             if cost <= before * (1 + 1e-12) + self.rounding:
-                return cost, damping
+                return cost, damping, (before - cost) / max(promised, self.rounding)
             self.move_to(here)
             damping *= 10
-        return before, damping
-
-    def result(self, converged: bool, message: str) -> Result:
-        return Result(
-            poses=self.poses.copy(),
-            chi2=self.chi2,
-            history=np.array(self.history),
-            iterations=len(self.history) - 1,
-            converged=converged,
-            weights=self.weights,
-            message=message,
-        )
+        return before, damping, 0.0

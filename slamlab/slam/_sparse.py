@@ -37,10 +37,20 @@ class BlockSystem:
         Rows of the poses that each edge joins.
     free : ndarray of int
         Rows of the poses that may move.
+    points : ndarray of int, optional
+        Rows of the poses that are landmarks: no edge says anything of their heading, which
+        therefore gets a one on the diagonal and stays.
     """
 
-    def __init__(self, n_poses: int, edges: np.ndarray, free: np.ndarray) -> None:
+    def __init__(
+        self,
+        n_poses: int,
+        edges: np.ndarray,
+        free: np.ndarray,
+        points: np.ndarray | None = None,
+    ) -> None:
         self.free = free
+        points = np.zeros(0, dtype=int) if points is None else points
         self.n = n = len(free)
         if n == 0:
             return
@@ -51,6 +61,7 @@ class BlockSystem:
         rank = np.full(n + 1, -1)  # a fixed pose (-1) keeps -1
         rank[self.order] = np.arange(n)
         self._build_pattern(rank[i], rank[j])
+        self._headings = self._diagonal[rank[place[points]], 2]
 
     def _build_pattern(self, i: np.ndarray, j: np.ndarray) -> None:
         """Lay out the blocks column by column, and find where each edge's numbers go."""
@@ -92,9 +103,16 @@ class BlockSystem:
         """
         H = self._H
         H.data = np.bincount(self._slots, blocks.ravel(), minlength=H.nnz)[: H.nnz]
+        H.data[self._headings] = 1.0
         if damping:
             H.data[self._diagonal] *= 1 + damping
         return H
+
+    def diagonal(self) -> Array:
+        """Diagonal of the matrix made last, shape (n_free, 3)."""
+        values = np.empty((self.n, 3))
+        values[self.order] = self._H.data[self._diagonal]
+        return values
 
     def factorise(self, H: csc_matrix, check: bool = True) -> Solve:
         """Return the function that solves H x = b for b (n, 3) or (n, 3, k).
@@ -146,6 +164,11 @@ def _splu(H: csc_matrix, permc_spec: str = "NATURAL") -> Any:
         relax=1,
         options={"SymmetricMode": True},
     )
+
+
+def splu_in_order(H: csc_matrix) -> Any:
+    """Factors of a Hermitian matrix in a minimum-degree order, without pivoting."""
+    return _splu(H, "MMD_AT_PLUS_A")
 
 
 def _fill_reducing_order(n: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:

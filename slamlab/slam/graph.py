@@ -1,12 +1,15 @@
-"""Pose graphs: a trajectory from relative measurements, by nonlinear least squares.
+"""Pose graphs: a trajectory and landmarks from relative measurements, by least squares.
 
-Grisetti et al. 2010, "A tutorial on graph-based SLAM"; error as in g2o. P5 cites the method.
+Grisetti et al. 2010, "A tutorial on graph-based SLAM"; errors as in g2o. P5 cites the method.
 Chapter 00 uses it on real data, chapter 13 derives it.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_covariance, as_scalar
+from slamlab.geometry import inverse_transform
 from slamlab.slam import _g2o
 from slamlab.slam._edges import Edges, edge_error, edge_jacobians
 from slamlab.slam._g2o import Scans
@@ -24,15 +28,75 @@ from slamlab.slam._optimize import (
     KERNELS,
     NormalEquations,
     Optimization,
-    Result,
 )
+from slamlab.slam._relaxation import Certificate, Relaxation, certify, isotropic
 from slamlab.slam._sparse import BlockSystem
 
-__all__ = ["PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
+__all__ = ["Certificate", "PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
+
+# A robust kernel that leaves an edge less than this weight has rejected it.
+REJECTED = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What an optimisation ended with.
+
+    Attributes
+    ----------
+    poses : ndarray, shape (n, 3)
+        Optimised poses: x, y (m), theta (rad) in the world.
+    landmarks : ndarray, shape (k, 2)
+        Optimised landmarks: x, y (m) in the world.
+    chi2 : float
+        Sum of e^T Omega e at the end, without any kernel.
+    history : ndarray, shape (iterations + 1,)
+        What was minimised, before the first step and after every step: chi2 itself, or with a
+        robust kernel the kernel's cost (of the last width, where there are several).
+    iterations : int
+        Number of steps taken (with the last width).
+    converged : bool
+        True only if the last step, and what its linear model promised, changed the cost by less
+        than the tolerance. It says nothing of other minima: that is what `certified` is for.
+    weights : ndarray, shape (m,)
+        Weight in [0, 1] that the kernel gives each edge at the end; all 1 without a kernel.
+    landmark_weights : ndarray, shape (s,)
+        The same for the edges to landmarks.
+    message : str
+        Why it stopped, in words.
+    rejected : int
+        How many closures (see `PoseGraph.closures`) have a weight below 0.1.
+    """
+
+    poses: Array
+    landmarks: Array
+    chi2: float
+    history: Array
+    iterations: int
+    converged: bool
+    weights: Array
+    landmark_weights: Array
+    message: str
+    rejected: int
+    _graph: PoseGraph = field(repr=False)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Bound from below on the chi2 of any poses; see `PoseGraph.certificate`."""
+        weights = np.append(self.weights, self.landmark_weights)
+        return self._graph._certificate(self._graph._stack(self.poses, self.landmarks), weights)
+
+    @property
+    def certified(self) -> bool:
+        """True if this is proved to be the least cost of all, to 1 %; False proves nothing.
+
+        Rejected and doubted edges count with their weights.
+        """
+        return self.certificate.certified
 
 
 class PoseGraph:
-    """Poses joined by measured relative poses.
+    """Poses joined by measured relative poses, and landmarks seen from them.
 
     Parameters
     ----------
@@ -50,6 +114,16 @@ class PoseGraph:
         Rows of the poses that stay where they are.
     scans : Scans, optional
         Lidar scans taken from the poses.
+    landmarks : array_like, shape (k, 2), optional
+        Initial places x, y (m) of landmarks in the world; none by default.
+    landmark_edges : array_like of int, shape (s, 2)
+        Row of the pose from which, and row of the landmark which was seen.
+    landmark_measurements : array_like, shape (s, 2)
+        Landmark as seen: x ahead, y to the left of the pose (m).
+    landmark_information : array_like, shape (s, 2, 2) or (2, 2)
+        Inverse covariances of these measurements (1/m^2).
+    landmark_ids : sequence of int, optional
+        Names of the landmarks; by default the numbers after those of the poses.
 
     Raises
     ------
@@ -81,32 +155,59 @@ class PoseGraph:
         ids: Sequence[int] | None = None,
         fixed: Sequence[int] = (0,),
         scans: Scans | None = None,
+        *,
+        landmarks: ArrayLike | None = None,
+        landmark_edges: ArrayLike | None = None,
+        landmark_measurements: ArrayLike | None = None,
+        landmark_information: ArrayLike = ((1.0, 0.0), (0.0, 1.0)),
+        landmark_ids: Sequence[int] | None = None,
     ) -> None:
         self.poses = as_array("poses", poses, ("n", 3)).astype(np.float64)
         n = len(self.poses)
         if n == 0:
             raise ValueError("poses: expected at least one pose, got none")
-        self.ids = _checked_ids(ids, n)
+        self.ids = _checked_ids("ids", ids, n, 0)
         self.edges = _checked_edges(edges, n)
         m = len(self.edges)
         self.measurements = as_array("measurements", measurements, (m, 3)).astype(np.float64)
-        self.information = _checked_information(information, m)
+        self.information = _checked_information("information", information, m, 3)
         self.fixed = tuple(sorted({_checked_row("fixed", row, n) for row in fixed}))
         if not self.fixed:
             raise ValueError("fixed: expected at least one pose, got none")
         if scans is not None and not isinstance(scans, Scans):
             raise ValueError(f"scans: expected Scans as read_g2o gives them, got {scans!r}")
         self.scans = scans
+        nothing = np.zeros((0, 2))
+        points = nothing if landmarks is None else landmarks
+        self.landmarks = as_array("landmarks", points, ("k", 2)).astype(np.float64)
+        k = len(self.landmarks)
+        links: ArrayLike = [] if landmark_edges is None else landmark_edges
+        self.landmark_edges = _checked_links(links, n, k)
+        seen = nothing if landmark_measurements is None else landmark_measurements
+        s = len(self.landmark_edges)
+        self.landmark_measurements = as_array("landmark_measurements", seen, (s, 2)).astype(float)
+        self.landmark_information = _checked_information(
+            "landmark_information", landmark_information, s, 2
+        )
+        after = int(self.ids.max()) + 1
+        self.landmark_ids = _checked_ids("landmark_ids", landmark_ids, k, after)
+        common = np.intersect1d(self.ids, self.landmark_ids)
+        if common.size:
+            raise ValueError(f"landmark_ids: expected ids that no pose has, got {common[0]}")
 
     def __repr__(self) -> str:
-        return f"PoseGraph({len(self.poses)} poses, {len(self.edges)} edges)"
+        text = f"{len(self.poses)} poses, {len(self.edges)} edges"
+        if len(self.landmarks):
+            text += f", {len(self.landmarks)} landmarks seen {len(self.landmark_edges)} times"
+        return f"PoseGraph({text})"
 
     @classmethod
     def read_g2o(cls, path: str | Path) -> PoseGraph:
         """Read a g2o or TORO file, plain, ``.gz`` or alone in a ``.zip``.
 
-        VERTEX_SE2, EDGE_SE2, FIX, TORO's VERTEX2 and EDGE2 (whose information entries stand in
-        another order) and ROBOTLASER1 (scan of the vertex before it) are read, in any order of
+        VERTEX_SE2, EDGE_SE2, FIX, VERTEX_XY and EDGE_SE2_XY (landmarks), TORO's VERTEX2 and EDGE2
+        (whose information entries stand in another order) and ROBOTLASER1 (scan of the vertex
+        before it) are read, in any order of
         lines; ``#`` begins a comment. Poses keep the order of the file. Without a FIX line the
         first pose is fixed.
 
@@ -130,14 +231,20 @@ class PoseGraph:
         """
         content = _g2o.read(path)
         row = {identity: k for k, identity in enumerate(content.ids)}
+        spot = {identity: k for k, identity in enumerate(content.point_ids)}
         return cls(
             content.poses,
             [(row[i], row[j]) for i, j in content.edges],
-            content.measurements,
-            content.information,
+            np.reshape(content.measurements, (-1, 3)),
+            np.reshape(content.information, (-1, 3, 3)),
             ids=content.ids,
             fixed=[row[identity] for identity in content.fixed] or (0,),
             scans=content.scans,
+            landmarks=np.reshape(content.points, (-1, 2)),
+            landmark_edges=[(row[i], spot[j]) for i, j in content.sightings],
+            landmark_measurements=np.reshape(content.seen, (-1, 2)),
+            landmark_information=np.reshape(content.seen_information, (-1, 2, 2)),
+            landmark_ids=content.point_ids,
         )
 
     def write_g2o(self, path: str | Path) -> None:
@@ -147,7 +254,7 @@ class PoseGraph:
         ----------
         path : str or Path
         """
-        ids = self.ids.tolist()
+        ids, names = self.ids.tolist(), self.landmark_ids.tolist()
         content = _g2o.Content(
             ids=ids,
             poses=self.poses.tolist(),
@@ -156,15 +263,22 @@ class PoseGraph:
             information=self.information.tolist(),
             fixed=[] if self.fixed == (0,) else [ids[row] for row in self.fixed],
             scans=self.scans,
+            point_ids=names,
+            points=self.landmarks.tolist(),
+            sightings=[(ids[i], names[j]) for i, j in self.landmark_edges.tolist()],
+            seen=self.landmark_measurements.tolist(),
+            seen_information=self.landmark_information.tolist(),
         )
         _g2o.write(path, content)
 
-    def with_poses(self, poses: ArrayLike) -> PoseGraph:
+    def with_poses(self, poses: ArrayLike, landmarks: ArrayLike | None = None) -> PoseGraph:
         """Return the same graph at other poses, for example those of a `Result`.
 
         Parameters
         ----------
         poses : array_like, shape (n, 3)
+        landmarks : array_like, shape (k, 2), optional
+            The graph's own landmarks by default.
 
         Returns
         -------
@@ -173,15 +287,48 @@ class PoseGraph:
         Raises
         ------
         ValueError
-            If the shape is wrong or a number is not finite.
+            If a shape is wrong or a number is not finite.
         """
         other = object.__new__(PoseGraph)
         other.__dict__.update(self.__dict__)
-        other.poses = self._poses_or_own(poses).copy()
+        stacked = self._stack(poses, landmarks)
+        n = len(self.poses)
+        other.poses, other.landmarks = stacked[:n].copy(), stacked[n:, :2].copy()
         return other
 
+    def initial_guess(self) -> PoseGraph:
+        """Return the same graph at poses and landmarks found without any start, linearly.
+
+        If headings are complex numbers and the information is isotropic, the cost is quadratic
+        but for |u| = 1. Forget this and solve, once for headings and positions together and once
+        for the headings alone (Carlone et al. 2015), make |u| = 1 again, and solve for the
+        positions. The better of both is returned; the first fixed pose stays where it is.
+
+        Returns
+        -------
+        PoseGraph
+
+        Raises
+        ------
+        ValueError
+            If the measurements do not join every pose to a fixed pose.
+        """
+        self._check_connected()
+        edges, measurements, information = self._all_edges()
+        tau, kappa = isotropic(information, below=False)
+        first, n, guesses = self.fixed[0], len(self.poses), []
+        for weight in (1.0, 1e-9):
+            relaxation = Relaxation(
+                edges, measurements, weight * tau, kappa, n, len(self.landmarks)
+            )
+            with np.errstate(all="ignore"):
+                x = relaxation.guess(self._stack(None, None), first)
+            if np.isfinite(x).all():
+                guesses.append(self.with_poses(x[:n], x[n:, :2]))
+        return min([*guesses, self], key=lambda graph: graph.chi2())
+
     def residuals(self, poses: ArrayLike | None = None) -> Array:
-        """Return the errors e of all edges; see `edge_error`.
+        """Return the errors e of all edges between poses; see `edge_error`.
 
         Parameters
         ----------
@@ -192,53 +339,91 @@ class PoseGraph:
         -------
         ndarray, shape (m, 3)
         """
-        x = self._poses_or_own(poses)
+        x = self._stack(poses, None)
         return edge_error(x[self.edges[:, 0]], x[self.edges[:, 1]], self.measurements)
 
-    def chi2(self, poses: ArrayLike | None = None) -> float:
+    def landmark_residuals(
+        self, poses: ArrayLike | None = None, landmarks: ArrayLike | None = None
+    ) -> Array:
+        """Return the errors R_i^T (l - t_i) - z of all edges to landmarks.
+
+        Parameters
+        ----------
+        poses : array_like, shape (n, 3), optional
+        landmarks : array_like, shape (k, 2), optional
+            The graph's own by default.
+
+        Returns
+        -------
+        ndarray, shape (s, 2)
+            Metres, in the frame of the pose.
+        """
+        x = self._stack(poses, landmarks)
+        i, j = self.landmark_edges.T
+        seen = inverse_transform(x[i], x[len(self.poses) + j, None, :2])[:, 0]
+        return seen - self.landmark_measurements
+
+    @property
+    def closures(self) -> np.ndarray:
+        """Which edges (m,) join two poses that do not follow each other in the rows."""
+        return np.abs(self.edges[:, 1] - self.edges[:, 0]) != 1
+
+    def chi2(self, poses: ArrayLike | None = None, landmarks: ArrayLike | None = None) -> float:
         """Sum of e^T Omega e over all edges (no factor 1/2).
 
         Parameters
         ----------
         poses : array_like, shape (n, 3), optional
-            The graph's own poses by default.
+        landmarks : array_like, shape (k, 2), optional
+            The graph's own by default.
 
         Returns
         -------
         float
         """
-        edges = Edges(self.edges, self.measurements, self.information)
-        return float(edges.linearise(self._poses_or_own(poses)).sum())
+        return float(Edges(*self._all_edges()).linearise(self._stack(poses, landmarks)).sum())
 
     def optimize(
         self,
         method: str = "gauss-newton",
         *,
         kernel: str | None = None,
-        kernel_width: float = KERNEL_WIDTH,
+        kernel_width: float | Sequence[float] = KERNEL_WIDTH,
+        alternatives: Sequence[Sequence[int]] = (),
         max_iterations: int = 50,
         tolerance: float = 1e-7,
     ) -> Result:
-        """Move the free poses to the least cost; the graph itself stays as it is.
+        """Move the free poses and landmarks to the least cost; the graph itself stays as it is.
 
         Parameters
         ----------
         method : {"gauss-newton", "levenberg-marquardt"}
             Gauss-Newton takes every step, also one that raises the cost for a moment.
             Levenberg-Marquardt takes only steps that lower it.
-        kernel : {None, "huber", "dcs"}
-            Robust cost against false loop closures.
-        kernel_width : float
+        kernel : {None, "huber", "dcs", "max-mixture"}
+            Robust cost against false loop closures: Huber's; dynamic covariance scaling; or the
+            best of the edge and of "false" (Olson and Agarwal 2013), which doubts an edge wholly
+            or not at all.
+        kernel_width : float or sequence of float
             Mahalanobis distance of an edge from which the kernel begins to doubt it; for DCS its
-            square is the Phi of Agarwal et al. 2013.
+            square is the Phi of Agarwal et al. 2013. Of several, each begins where the one before
+            ended: from a drifted start, wide ones first.
+        alternatives : sequence of sequences of int
+            Groups of edges (rows) of which one each is true: only the likeliest counts.
         max_iterations : int
-            Steps at most.
+            Steps at most, for each width.
         tolerance : float
             Converged when a step changes the cost by less than this part of it.
 
         Returns
         -------
         Result
+
+        Warns
+        -----
+        UserWarning
+            If a kernel has rejected more than half of the closures: then the start may have been
+            too far off to tell true ones from false ones.
 
         Raises
         ------
@@ -249,21 +434,55 @@ class PoseGraph:
         as_choice("method", method, ["gauss-newton", "levenberg-marquardt"])
         if kernel is not None:
             as_choice("kernel", kernel, list(KERNELS))
-        kernel_width = as_scalar("kernel_width", kernel_width, np.finfo(float).tiny, 1e150)
+        tiny = np.finfo(float).tiny
+        widths = [as_scalar("kernel_width", w, tiny, 1e150) for w in np.atleast_1d(kernel_width)]
+        if not widths:
+            raise ValueError("kernel_width: expected at least one width, got none")
         max_iterations = as_count("max_iterations", max_iterations)
         tolerance = as_scalar("tolerance", tolerance, 0.0, 1.0)
+        groups = self._groups(alternatives)
+        equations, poses = self._equations(), self._stack(None, None)
         # Poses of astronomic size overflow; they end in a message, not in a warning.
         with np.errstate(over="ignore", invalid="ignore"):
-            run = Optimization(
-                self.poses, self._equations(), kernel, kernel_width, max_iterations, tolerance
-            )
-            if len(run.equations.free) == 0:
-                return run.result(True, "every pose is fixed")
-            if method == "gauss-newton":
-                return run.gauss_newton()
-            return run.levenberg_marquardt()
+            for width in widths if kernel else widths[:1]:
+                run = Optimization(
+                    poses, equations, kernel, width, groups, max_iterations, tolerance
+                )
+                message = run.minimise(method)
+                poses = run.poses
+        return self._result(run, message)
 
-    def marginal_cov(self, i: Any, poses: ArrayLike | None = None) -> Array:
+    def certificate(
+        self, poses: ArrayLike | None = None, landmarks: ArrayLike | None = None
+    ) -> Certificate:
+        """Bound the chi2 of any poses from below, and compare these poses with it.
+
+        The bound is that of SE-Sync's dual problem (Rosen et al. 2019) for a stand-in that costs
+        no more than the graph: its information isotropic, its headings measured by the chord.
+        Where information is isotropic and headings fit to a few degrees the stand-in is all but
+        the graph itself. Elsewhere the bound still holds, but may lie far below every chi2.
+
+        Parameters
+        ----------
+        poses : array_like, shape (n, 3), optional
+        landmarks : array_like, shape (k, 2), optional
+            Usually those of a `Result`; the graph's own by default.
+
+        Returns
+        -------
+        Certificate
+
+        Raises
+        ------
+        ValueError
+            If the graph is disconnected or singular.
+        """
+        weights = np.ones(len(self.edges) + len(self.landmark_edges))
+        return self._certificate(self._stack(poses, landmarks), weights)
+
+    def marginal_cov(
+        self, i: Any, poses: ArrayLike | None = None, landmarks: ArrayLike | None = None
+    ) -> Array:
         """Covariance of single poses, given all measurements: blocks of the inverse of H.
 
         Parameters
@@ -271,11 +490,12 @@ class PoseGraph:
         i : int or sequence of int
             Row or rows of poses.
         poses : array_like, shape (n, 3), optional
-            Where to linearise, usually ``result.poses``; the graph's own poses by default.
+        landmarks : array_like, shape (k, 2), optional
+            Where to linearise, usually at a `Result`; at the graph's own by default.
 
         Returns
         -------
-        ndarray, shape (3, 3) or (k, 3, 3)
+        ndarray, shape (3, 3) or (len(i), 3, 3)
             Covariance of x, y (m^2), theta (rad^2) in the world; zero for a fixed pose.
 
         Raises
@@ -285,33 +505,146 @@ class PoseGraph:
         """
         n = len(self.poses)
         rows = np.array([_checked_row("i", row, n) for row in np.atleast_1d(i).tolist()])
-        poses = self._poses_or_own(poses)
-        equations = self._equations()
-        place = np.full(n, -1)
-        place[equations.free] = np.arange(len(equations.free))
-        wanted = np.flatnonzero(place[rows] >= 0)
-        covs = np.zeros((len(rows), 3, 3))
-        if wanted.size:
-            equations.linearise(poses)
-            covs[wanted] = equations.inverse_blocks(place[rows[wanted]])
+        covs = self._marginals(rows, self._stack(poses, landmarks))
+        return covs[0] if np.ndim(i) == 0 else covs
+
+    def landmark_cov(
+        self, i: Any, poses: ArrayLike | None = None, landmarks: ArrayLike | None = None
+    ) -> Array:
+        """Covariance of single landmarks, as `marginal_cov` of poses.
+
+        Parameters
+        ----------
+        i : int or sequence of int
+            Row or rows of landmarks.
+        poses : array_like, shape (n, 3), optional
+        landmarks : array_like, shape (k, 2), optional
+            Where to linearise.
+
+        Returns
+        -------
+        ndarray, shape (2, 2) or (len(i), 2, 2)
+            Covariance of x, y (m^2) in the world.
+
+        Raises
+        ------
+        ValueError
+            If a row is unknown or the graph is disconnected or singular.
+        """
+        k, n = len(self.landmarks), len(self.poses)
+        rows = np.array([_checked_row("i", row, k) for row in np.atleast_1d(i).tolist()])
+        covs = self._marginals(n + rows, self._stack(poses, landmarks))[:, :2, :2]
         return covs[0] if np.ndim(i) == 0 else covs
 
     # Helpers
 
-    def _poses_or_own(self, poses: ArrayLike | None) -> Array:
-        if poses is None:
-            return self.poses
-        return as_array("poses", poses, self.poses.shape)
+    def _stack(self, poses: ArrayLike | None, landmarks: ArrayLike | None) -> Array:
+        """Poses, then landmarks as poses whose heading nothing measures, shape (n + k, 3)."""
+        if poses is not None:
+            poses = as_array("poses", poses, self.poses.shape)
+        if landmarks is not None:
+            landmarks = as_array("landmarks", landmarks, self.landmarks.shape)
+        points = self.landmarks if landmarks is None else landmarks
+        return np.vstack(
+            [self.poses if poses is None else poses, np.pad(points, ((0, 0), (0, 1)))]
+        )
+
+    def _all_edges(self) -> tuple[np.ndarray, Array, Array]:
+        """Edges, measurements and information between the rows of `_stack`."""
+        if len(self.landmark_edges) == 0:
+            return self.edges, self.measurements, self.information
+        pad = ((0, 0), (0, 1))
+        return (
+            np.vstack([self.edges, self.landmark_edges + [0, len(self.poses)]]),
+            np.vstack([self.measurements, np.pad(self.landmark_measurements, pad)]),
+            np.vstack([self.information, np.pad(self.landmark_information, (*pad, (0, 1)))]),
+        )
 
     def _equations(self) -> NormalEquations:
         self._check_connected()
-        edges = Edges(self.edges, self.measurements, self.information)
-        free = np.setdiff1d(np.arange(len(self.poses)), self.fixed)
-        return NormalEquations(edges, BlockSystem(len(self.poses), self.edges, free), self._names)
+        n, k = len(self.poses), len(self.landmarks)
+        free = np.setdiff1d(np.arange(n + k), self.fixed)
+        all_edges = self._all_edges()
+        system = BlockSystem(n + k, all_edges[0], free, np.arange(n, n + k))
+        return NormalEquations(Edges(*all_edges), system, self._names)
+
+    def _result(self, run: Optimization, message: str) -> Result:
+        n, m = len(self.poses), len(self.edges)
+        doubted = run.kernel is not None
+        closures = self.closures if doubted else np.zeros(m, dtype=bool)
+        rejected = int((run.weights[:m][closures] < REJECTED).sum())
+        if rejected > 0.5 * closures.sum():
+            warnings.warn(
+                f"the kernel rejected {rejected} of {closures.sum()} closures: from a drifted "
+                "start true ones look false; try initial_guess(), or kernel_width=(30, 10, 3)",
+                stacklevel=3,
+            )
+        if rejected:
+            message += f"; {rejected} of {closures.sum()} closures rejected"
+        return Result(
+            poses=run.poses[:n].copy(),
+            landmarks=run.poses[n:, :2].copy(),
+            chi2=run.chi2,
+            history=np.array(run.history),
+            iterations=len(run.history) - 1,
+            converged=run.converged,
+            weights=run.weights[:m],
+            landmark_weights=run.weights[m:],
+            message=message,
+            rejected=rejected,
+            _graph=self,
+        )
+
+    def _certificate(self, x: Array, weights: Array, tolerance: float = 0.01) -> Certificate:
+        """Certificate for the edges as weighted, at the stationary point of the stand-in."""
+        self._check_connected()
+        n, k = len(self.poses), len(self.landmarks)
+        edges, measurements, information = self._all_edges()
+        information = weights[:, None, None] * information
+        chi2 = float(Edges(edges, measurements, information).linearise(x).sum())
+        tau, kappa = isotropic(information, below=True)
+        stand_in = np.zeros_like(information)
+        stand_in[:, 0, 0] = stand_in[:, 1, 1] = tau
+        stand_in[:, 2, 2] = kappa
+        free = np.setdiff1d(np.arange(n + k), self.fixed[0])
+        if len(free):
+            system = BlockSystem(n + k, edges, free, np.arange(n, n + k))
+            chords = Edges(edges, measurements, stand_in, chordal=True)
+            run = Optimization(
+                x, NormalEquations(chords, system, self._names), None, 1.0, [], 10, 0.0
+            )
+            run.minimise("gauss-newton")
+            x = run.poses
+        relaxation = Relaxation(edges, measurements, tau, kappa, n, k)
+        return certify(relaxation, x, chi2, tolerance)
+
+    def _marginals(self, rows: np.ndarray, x: Array) -> Array:
+        equations = self._equations()
+        place = np.full(len(x), -1)
+        place[equations.free] = np.arange(len(equations.free))
+        wanted = np.flatnonzero(place[rows] >= 0)
+        covs = np.zeros((len(rows), 3, 3))
+        if wanted.size:
+            equations.linearise(x)
+            covs[wanted] = equations.inverse_blocks(place[rows[wanted]])
+        return covs
+
+    def _groups(self, alternatives: Sequence[Sequence[int]]) -> list[np.ndarray]:
+        m = len(self.edges)
+        groups = [
+            np.array([_checked_row("alternatives", row, m, "edges") for row in group], dtype=int)
+            for group in alternatives
+        ]
+        rows = np.concatenate([*groups, np.zeros(0, dtype=int)])
+        if any(len(group) == 0 for group in groups) or len(np.unique(rows)) < len(rows):
+            raise ValueError(
+                "alternatives: expected groups of edges, none empty and no edge twice"
+            )
+        return groups
 
     def _check_connected(self) -> None:
-        n, (i, j) = len(self.poses), self.edges.T
-        links = csr_matrix((np.ones(len(i)), (i, j)), shape=(n, n))
+        edges, size = self._all_edges()[0], len(self.poses) + len(self.landmarks)
+        links = csr_matrix((np.ones(len(edges)), edges.T), shape=(size, size))
         _, part = connected_components(links, directed=False)
         adrift = ~np.isin(part, part[list(self.fixed)])
         if adrift.any():
@@ -321,65 +654,92 @@ class PoseGraph:
             )
 
     def _names(self, rows: np.ndarray) -> str:
-        names = ", ".join(str(self.ids[row]) for row in rows[:8])
+        n = len(self.poses)
+        all_names = [str(name) for name in self.ids]
+        all_names += [f"{name} (landmark)" for name in self.landmark_ids]
+        names = ", ".join(all_names[row] for row in rows[:8])
         more = f" and {len(rows) - 8} more" if len(rows) > 8 else ""
+        if rows.min() >= n:
+            names = names.replace(" (landmark)", "")
+            return f"{'landmarks' if len(rows) > 1 else 'landmark'} {names}{more}"
         return f"{'poses' if len(rows) > 1 else 'pose'} {names}{more}"
 
 
 # Checks at the door
 
 
-def _checked_row(name: str, row: Any, n: int) -> int:
+def _checked_row(name: str, row: Any, n: int, of: str = "poses") -> int:
     row = as_count(name, row)
     if row >= n:
-        raise ValueError(f"{name}: expected the row of one of {n} poses, got {row}")
+        raise ValueError(f"{name}: expected the row of one of {n} {of}, got {row}")
     return row
 
 
-def _checked_ids(ids: Sequence[int] | None, n: int) -> np.ndarray:
+def _checked_ids(name: str, ids: Sequence[int] | None, n: int, first: int) -> np.ndarray:
     if ids is None:
-        return np.arange(n)
-    array = np.asarray(ids)
+        return np.arange(first, first + n)
+    array = np.asarray(ids, dtype=int) if len(ids) == 0 else np.asarray(ids)
     if array.shape != (n,) or not np.issubdtype(array.dtype, np.integer):
         raise ValueError(
-            f"ids: expected {n} whole numbers, got {array.dtype} of shape {array.shape}"
+            f"{name}: expected {n} whole numbers, got {array.dtype} of shape {array.shape}"
         )
     if (array < 0).any():
-        raise ValueError(f"ids: expected numbers from 0 on, got {array.min()}")
+        raise ValueError(f"{name}: expected numbers from 0 on, got {array.min()}")
     unique, counts = np.unique(array, return_counts=True)
     if len(unique) < n:
-        raise ValueError(f"ids: expected each id once, got {unique[counts > 1][0]} twice")
+        raise ValueError(f"{name}: expected each id once, got {unique[counts > 1][0]} twice")
     return array
 
 
 def _checked_edges(edges: ArrayLike, n: int) -> np.ndarray:
-    try:
-        array = np.asarray(edges)
-    except ValueError as error:
-        raise ValueError("edges: expected pairs of rows, got rows of unequal length") from error
-    if array.size == 0:
-        array = np.zeros((0, 2), dtype=np.intp)
-    if array.ndim != 2 or array.shape[1] != 2 or not np.issubdtype(array.dtype, np.integer):
-        raise ValueError(
-            "edges: expected whole numbers of shape (m, 2), "
-            f"got {array.dtype} of shape {array.shape}"
-        )
-    unknown = np.argwhere((array < 0) | (array >= n))
-    if len(unknown):
-        k, side = unknown[0]
-        raise ValueError(f"edges: expected rows of {n} poses, got {array[k, side]} in edge {k}")
+    array = _checked_pairs("edges", edges)
+    _check_rows("edges", array, (n, n), ("poses", "poses"))
     same = np.flatnonzero(array[:, 0] == array[:, 1])
     if same.size:
         raise ValueError(
             f"edges: expected two different poses, edge {same[0]} joins pose "
             f"{array[same[0], 0]} with itself"
         )
+    return array
+
+
+def _checked_links(edges: ArrayLike, n: int, k: int) -> np.ndarray:
+    array = _checked_pairs("landmark_edges", edges)
+    _check_rows("landmark_edges", array, (n, k), ("poses", "landmarks"))
+    return array
+
+
+def _checked_pairs(name: str, edges: ArrayLike) -> np.ndarray:
+    try:
+        array = np.asarray(edges)
+    except ValueError as error:
+        raise ValueError(f"{name}: expected pairs of rows, got rows of unequal length") from error
+    if array.size == 0:
+        array = np.zeros((0, 2), dtype=np.intp)
+    if array.ndim != 2 or array.shape[1] != 2 or not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(
+            f"{name}: expected whole numbers of shape (m, 2), "
+            f"got {array.dtype} of shape {array.shape}"
+        )
     return array.astype(np.intp)
 
 
-def _checked_information(information: ArrayLike, m: int) -> Array:
-    array = as_array("information", information, ("...", 3, 3))
-    if array.shape not in ((3, 3), (m, 3, 3)):
-        raise ValueError(f"information: expected shape (3, 3) or ({m}, 3, 3), got {array.shape}")
-    array = as_covariance("information", array, 3)
-    return np.broadcast_to(array, (m, 3, 3)).astype(np.float64)
+def _check_rows(
+    name: str, array: np.ndarray, counts: tuple[int, int], of: tuple[str, str]
+) -> None:
+    unknown = np.argwhere((array < 0) | (array >= counts))
+    if len(unknown):
+        k, side = unknown[0]
+        raise ValueError(
+            f"{name}: expected rows of {counts[side]} {of[side]}, got {array[k, side]} in edge {k}"
+        )
+
+
+def _checked_information(name: str, information: ArrayLike, m: int, size: int) -> Array:
+    array = as_array(name, information, ("...", size, size))
+    if array.shape not in ((size, size), (m, size, size)):
+        raise ValueError(
+            f"{name}: expected shape ({size}, {size}) or ({m}, {size}, {size}), got {array.shape}"
+        )
+    array = as_covariance(name, array, size)
+    return np.broadcast_to(array, (m, size, size)).astype(np.float64)

@@ -64,6 +64,46 @@ def test_every_field_lands_where_it_belongs(tmp_path):
     assert scans.timestamps.tolist() == [100.25, 101.5]
 
 
+SEEN = [*LINES, "VERTEX_XY 9 2 1", "EDGE_SE2_XY 3 9 2 1 5 1 6", "EDGE_SE2_XY 5 9 0 1 5 0 6"]
+
+
+def test_landmarks_are_read_and_written(tmp_path):
+    graph = read_lines(tmp_path, SEEN)
+    assert graph.landmark_ids.tolist() == [9]
+    assert graph.landmarks.tolist() == [[2, 1]]
+    assert graph.landmark_edges.tolist() == [[0, 0], [2, 0]]
+    assert graph.landmark_measurements.tolist() == [[2, 1], [0, 1]]
+    assert graph.landmark_information[0].tolist() == [[5, 1], [1, 6]]
+    graph.write_g2o(tmp_path / "copy.g2o")
+    copy = PoseGraph.read_g2o(tmp_path / "copy.g2o")
+    assert same(graph, copy)
+    for name in ("landmarks", "landmark_edges", "landmark_measurements", "landmark_information"):
+        assert np.array_equal(getattr(graph, name), getattr(copy, name))
+    assert copy.chi2() == graph.chi2() != read_lines(tmp_path, LINES).chi2()
+
+
+@pytest.mark.parametrize(
+    ("number", "line", "message"),
+    [
+        (11, "VERTEX_XY 7 2 1", "line 12: vertex 7 was already defined in line 4"),
+        (11, "VERTEX_XY 9 2", "line 12: VERTEX_XY: expected 3 fields, got 2"),
+        (12, "EDGE_SE2_XY 3 8 2 1 5 1 6", "line 13: edge to landmark 8, which is not defined"),
+        (12, "EDGE_SE2_XY 3 7 2 1 5 1 6", "line 13: vertex 7 is no landmark, as this edge needs"),
+        (12, "EDGE_SE2_XY 9 9 2 1 5 1 6", "line 13: vertex 9 is no pose"),
+        (12, "EDGE_SE2_XY 3 9 2 1 1 5 1", "line 13: expected a positive semi-definite"),
+        (13, "EDGE_SE2 3 9 1 0 0 1 0 0 1 0 1", "line 14: vertex 9 is no pose"),
+    ],
+)
+def test_a_bad_landmark_line_is_named(tmp_path, number, line, message):
+    with pytest.raises(ValueError, match=message):
+        read_lines(tmp_path, [*SEEN[:number], line, *SEEN[number + 1 :]])
+
+
+def test_a_landmark_that_nothing_sees_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="line 12: no edge reaches vertex 9"):
+        read_lines(tmp_path, SEEN[:12])
+
+
 def test_toro_has_its_own_order_of_information(tmp_path):
     # EDGE2 i j x y theta I_xx I_xy I_yy I_tt I_xt I_yt
     lines = ["VERTEX2 0 0 0 0", "VERTEX2 1 1 0 0", "EDGE2 0 1 1 0 0 10 1 2 30 0.5 1.5"]
@@ -149,7 +189,7 @@ def test_archives_are_opened(tmp_path):
 
 CASES = {
     "line 2: VERTEX_SE2: expected 4 fields, got 3": (1, "VERTEX_SE2 3 0 0"),
-    "line 2: expected one of VERTEX_SE2, .*, got 'VERTEX_XY'": (1, "VERTEX_XY 3 0 0"),
+    "line 2: expected one of VERTEX_SE2, .*, got 'VERTEX_SE3'": (1, "VERTEX_SE3 3 0 0"),
     "line 2: expected a vertex id .* got '-3'": (1, "VERTEX_SE2 -3 0 0 0"),
     "line 2: expected a vertex id .* got '1.5'": (1, "VERTEX_SE2 1.5 0 0 0"),
     "line 2: expected a vertex id below": (1, "VERTEX_SE2 1111111111111111111 0 0 0"),

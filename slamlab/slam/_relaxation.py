@@ -1,0 +1,195 @@
+"""A pose graph as a quadratic form in complex numbers: a first guess, and a bound from below.
+
+A heading is the complex number u = exp(i theta), a position p = x + i y. With weights tau, kappa
+an edge costs tau |p_j - p_i - u_i t|^2 + kappa |u_j - u_i w|^2, where t and w = exp(i theta_z) are
+its measurement: quadratic, if only |u| = 1 is forgotten. Rosen et al. 2019 (SE-Sync), in the plane
+Carlone and Calafiore 2018; initial guess Carlone et al. 2015. Chapter 13 derives both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_matrix, diags
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from slamlab._checks import Array
+from slamlab.slam._sparse import splu_in_order
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How far at most the cost of some poses lies above the least cost of all poses.
+
+    Attributes
+    ----------
+    certified : bool
+        True if no poses whatever have a cost lower than `chi2` by more than `tolerance` of it.
+    chi2 : float
+        Cost of the poses in question.
+    bound : float
+        No poses have a lower cost than this (to rounding).
+    eigenvalue : float
+        Least eigenvalue of the certificate matrix, zero or a little less at the optimum.
+    tolerance : float
+        Part of `chi2` by which `bound` may stay below it.
+    """
+
+    certified: bool
+    chi2: float
+    bound: float
+    eigenvalue: float
+    tolerance: float
+
+
+class Relaxation:
+    """The quadratic form x^H M x of a graph, x = (p of all vertices, u of all poses).
+
+    Parameters
+    ----------
+    edges : ndarray of int, shape (m, 2)
+        Rows of the vertices; landmarks stand behind the poses.
+    measurements : ndarray, shape (m, 3)
+    tau, kappa : ndarray, shape (m,)
+        Weight of the position (1/m^2) and of the heading of each edge; kappa is 0 where the edge
+        leads to a landmark.
+    n_poses, n_points : int
+        Number of poses and of landmarks.
+    """
+
+    def __init__(
+        self,
+        edges: np.ndarray,
+        measurements: Array,
+        tau: Array,
+        kappa: Array,
+        n_poses: int,
+        n_points: int,
+    ) -> None:
+        self.n, self.n_vertices = n_poses, n_poses + n_points
+        (i, j), row = edges.T, np.arange(len(edges))
+        t, w = as_complex(measurements[:, :2]), np.exp(1j * measurements[:, 2])
+        turn = np.flatnonzero(kappa > 0)
+        a, b = np.sqrt(tau), np.sqrt(kappa[turn])
+        # One row sqrt(tau) (p_j - p_i - u_i t) an edge, then sqrt(kappa) (u_j - u_i w).
+        below, u = len(edges) + np.arange(len(turn)), self.n_vertices
+        rows = [row, row, row, below, below]
+        columns = [j, i, u + i, u + j[turn], u + i[turn]]
+        values = [a + 0j, -a + 0j, -a * t, b + 0j, -b * w[turn]]
+        shape = (len(edges) + len(turn), u + n_poses)
+        A = coo_matrix(
+            (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape
+        ).tocsc()
+        self.M = (A.conj().T @ A).tocsc()
+
+    def guess(self, start: Array, first: int) -> Array:
+        """Least squares without |u| = 1, then u / |u|, then the positions for these headings.
+
+        Parameters
+        ----------
+        start : ndarray, shape (n_poses + n_points, 3)
+            Only its row `first` counts: this pose stays.
+        first : int
+
+        Returns
+        -------
+        ndarray, shape (n_poses + n_points, 3)
+            Of landmarks with heading 0.
+        """
+        N = self.n_vertices
+        known = np.zeros(N + self.n, dtype=bool)
+        known[[first, N + first]] = True
+        x = np.zeros(N + self.n, dtype=complex)
+        x[first], x[N + first] = as_complex(start[first, :2]), np.exp(1j * start[first, 2])
+        x = self.solved(x, known)
+        x[N:] = np.exp(1j * np.angle(x[N:]))
+        known[N:] = True
+        x = self.solved(x, known)
+        headings = np.pad(np.angle(x[N:]), (0, N - self.n))
+        return np.column_stack([x[:N].real, x[:N].imag, headings])
+
+    def solved(self, x: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """Least x^H M x over the entries that are not known."""
+        free = ~known
+        if not free.any():
+            return x
+        x = x.copy()
+        M = self.M[free]
+        x[free] = splu_in_order(M[:, free]).solve(-(M[:, known] @ x[known]))
+        return x
+
+
+def as_complex(v: Array) -> np.ndarray:
+    """Vectors (..., 2) as complex numbers."""
+    return v[..., 0] + 1j * v[..., 1]
+
+
+def isotropic(information: Array, below: bool) -> tuple[Array, Array]:
+    """Weights tau, kappa (m,) in place of full information matrices (m, 3, 3).
+
+    The means of the diagonal; with `below` made so small that diag(tau, tau, kappa) is nowhere
+    larger than the information itself. Of a landmark (no information on the heading) kappa is 0.
+    """
+    tau = 0.5 * (information[:, 0, 0] + information[:, 1, 1])
+    kappa = information[:, 2, 2]
+    if not below:
+        return tau, kappa
+    root = np.sqrt(np.stack([tau, tau, np.where(kappa > 0, kappa, np.inf)], 1))
+    root[root == 0] = np.inf
+    scaled = information / root[:, :, None] / root[:, None, :]
+    scaled[kappa <= 0, 2, 2] = 1.0
+    # Least eigenvalue: how far the matrix of means must shrink to lie below the information.
+    shrunk = np.clip(np.linalg.eigvalsh(scaled)[:, 0], 0.0, 1.0)
+    return shrunk * tau, shrunk * kappa
+
+
+def certify(relaxation: Relaxation, poses: Array, chi2: float, tolerance: float) -> Certificate:
+    """Bound the cost of all poses from below; at `poses` (n or more, 3) the form is stationary.
+
+    For any real L_i: x^H M x = x^H (M - diag(0, L)) x + sum L_i |u_i|^2, so where all |u_i| = 1
+    the cost is at least sum L_i + n min(0, least eigenvalue of S), S the first matrix with the
+    positions eliminated. With L_i = Re(conj(u_i) (M x)_i) of the optimum both agree there.
+    """
+    n, N = relaxation.n, relaxation.n_vertices
+    known = np.zeros(N + n, dtype=bool)
+    known[N:] = known[0] = True
+    x = np.zeros(N + n, dtype=complex)
+    x[N:] = np.exp(1j * poses[:n, 2])
+    x = relaxation.solved(x, known)
+    L = np.real(np.conj(x[N:]) * (relaxation.M @ x)[N:])
+    on_u = np.r_[np.zeros(N - 1), np.ones(n)]
+    C = relaxation.M[1:, 1:] - diags(np.r_[np.zeros(N - 1), L])
+    largest = float(np.abs(C.diagonal()).max(initial=0.0))
+    shift = max(0.1 * tolerance * chi2 / n, 1e-11 * largest, 1e-12)
+    factor = splu_in_order((C + shift * diags(on_u)).tocsc())
+    while negative_pivots(factor):
+        shift *= 8.0
+        factor = splu_in_order((C + shift * diags(on_u)).tocsc())
+    eigenvalue = least_eigenvalue(factor, N - 1, n, shift)
+    bound = float(L.sum()) + n * min(0.0, eigenvalue)
+    rounding = 1e-9 * float(np.abs(L).sum()) + 1e-9
+    return Certificate(
+        bool(chi2 - bound <= tolerance * chi2 + rounding), chi2, bound, eigenvalue, tolerance
+    )
+
+
+def negative_pivots(factor: Any) -> int:
+    """Count the negative eigenvalues of a Hermitian matrix by the signs of its pivots."""
+    return int((factor.U.diagonal().real <= 0).sum())
+
+
+def least_eigenvalue(factor: Any, n_before: int, n: int, shift: float) -> float:
+    """Least eigenvalue of S, from factors of the matrix whose Schur complement is S + shift."""
+
+    def inverse(v: np.ndarray) -> np.ndarray:
+        return factor.solve(np.r_[np.zeros(n_before), v.ravel()].astype(complex))[n_before:]
+
+    operator = LinearOperator((n, n), matvec=inverse, dtype=complex)
+    if n < 4:
+        dense = np.linalg.inv(np.column_stack([inverse(e) for e in np.eye(n)]))
+        return float(np.linalg.eigvalsh(dense)[0] - shift)
+    start = np.cos(np.arange(n)) + 0j
+    largest = eigsh(operator, k=1, which="LM", v0=start, return_eigenvectors=False, tol=1e-6)[0]
+    return float(1.0 / largest - shift)
