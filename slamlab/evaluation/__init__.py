@@ -1,4 +1,4 @@
-"""How well a filter did: consistency, trajectories, repeated runs.."""
+"""How well a filter did: consistency, trajectories, repeated runs."""
 
 from slamlab.evaluation.association_runs import Loop, LoopRun, run_loop, simulate_loop
 from slamlab.evaluation.consistency import chi2_band, monte_carlo, nees, nis

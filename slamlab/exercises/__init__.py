@@ -1,4 +1,4 @@
-"""Exercise checks, one module a chapter.."""
+"""Exercise checks, one module a chapter."""
 
 from slamlab.exercises._report import Mistake, Property, Report, run_cases, run_checks
 

@@ -1,4 +1,4 @@
-"""What the robot believes: filters.."""
+"""What the robot believes: filters."""
 
 from slamlab.filters import extended, histogram, kalman, particle, unscented
 

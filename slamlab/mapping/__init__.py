@@ -1,4 +1,4 @@
-"""Maps from scans: occupancy grids, walls.."""
+"""Maps from scans: occupancy grids, walls."""
 
 from slamlab.mapping.occupancy import BeamSensor, OccupancyGrid
 from slamlab.mapping.walls import Walls, extract_walls, fit_line, line_cov, point_covs

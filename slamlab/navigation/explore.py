@@ -6,6 +6,7 @@ collision test before each; the true world tells which of them collide. P5, 3.2.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,13 +17,14 @@ from slamlab._checks import Array, as_array, as_choice, as_count, as_rng, as_sca
 from slamlab.geometry import between, transform, wrap_angle
 from slamlab.navigation.seen_floor import UNKNOWN, SeenFloor
 from slamlab.navigation.strategies import Strategy, View
-from slamlab.robots.square import BLOCKED_BOTH, BLOCKED_FORWARD, SquareRobot, can_move_as_printed
+from slamlab.robots import SquareRobot
 from slamlab.sensors.lidar import Lidar
 from slamlab.worlds import World
 
 __all__ = ["Exploration", "explore"]
 
-GUARDS = ("swept", "as-printed", "none")
+GUARDS = ("swept", "none")
+Guard = Callable[[Array, float], bool]
 _DIGITS = 9  # poses and ranges in whole nanometres: no run hangs on the last bit of a machine
 _NEAR = 0.1  # a drive that ends this close to its point (m) has reached it
 
@@ -78,7 +80,7 @@ def explore(
     start: ArrayLike,
     rng: np.random.Generator,
     *,
-    guard: str = "swept",
+    guard: str | Guard = "swept",
     margin: float = 0.02,
     stride: float = 0.5,
     max_moves: int = 200,
@@ -101,10 +103,10 @@ def explore(
         Pose (m, m, rad).
     rng : numpy.random.Generator
         For the strategy and for the noise of the lidar.
-    guard : {"swept", "as-printed", "none"}, default "swept"
+    guard : {"swept", "none"} or callable, default "swept"
         Who may refuse a motion: the exact swept area of the body against the points of the scan,
-        P5's `CanMove` as printed (asked before every stride with its length, never before a
-        turn), or nobody.
+        nobody, or ``guard(ranges, stride) -> bool``, asked before every stride with a new scan
+        and the stride's length (m), never before a turn: may the robot go?
     margin : float, default 0.02
         Room that the swept guard keeps around the body (m).
     stride : float, default 0.5
@@ -129,7 +131,8 @@ def explore(
     ValueError
         If an argument is out of range, the robot starts in an obstacle, or no floor is free.
     """
-    as_choice("guard", guard, GUARDS)
+    if not callable(guard):
+        as_choice("guard", guard, GUARDS)
     rng, start = as_rng("rng", rng), as_array("start", start, (3,))
     if not callable(getattr(strategy, "choose", None)):
         raise ValueError(f"strategy: expected an object with choose(view, rng), got {strategy!r}")
@@ -163,7 +166,7 @@ class _Driver:
         lidar: Lidar,
         start: Array,
         rng: np.random.Generator,
-        guard: str,
+        guard: str | Guard,
         margin: float,
         stride: float,
         resolution: float,
@@ -257,11 +260,9 @@ class _Driver:
         wanted = min(left, self.stride)
         if self.guard == "none":
             return wanted
-        if self.guard == "as-printed":
+        if callable(self.guard):
             self._look_anew()
-            ranges = np.nan_to_num(self.scans[-1], nan=np.inf)
-            refused = can_move_as_printed(ranges, wanted) in (BLOCKED_FORWARD, BLOCKED_BOTH)
-            return 0.0 if refused else wanted
+            return wanted if self.guard(self.scans[-1], wanted) else 0.0
         points = self._points()
         free = min(left, float(self.robot.free_distance(points, self.margin)))
         return min(wanted, self._turnable(points, free))

@@ -1,4 +1,4 @@
-"""Figures in the course's one encoding (STYLE: colours, tables, helpers).."""
+"""Figures in the course's one encoding (STYLE: colours, tables, helpers)."""
 
 from slamlab.plots._draw import (
     ellipse,

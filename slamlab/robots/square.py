@@ -1,7 +1,7 @@
 """The square robot of the lidar thesis (P5): it turns on the spot, drives forward and back.
 
-`SquareRobot` knows its body and tests a motion against the points of a scan, exactly;
-`can_move_as_printed` is P5's own test, kept for the lesson. Chapter 18 counts what it costs.
+`SquareRobot` knows its body and tests a motion against the points of a scan, exactly. P5's own
+test is `slamlab.printed.p5.can_move_as_printed`; chapter 18 counts what it costs.
 """
 
 from __future__ import annotations
@@ -12,10 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import Array, as_array, as_scalar, as_shaped
 from slamlab.geometry import wrap_angle
 
-__all__ = ["SquareRobot", "can_move_as_printed"]
-
-BLOCKED_BACKWARD, BLOCKED_FORWARD, BLOCKED_BOTH = 1, 2, 3
-"""P5's answers of `CanMove`; 0 means that both ways are open."""
+__all__ = ["SquareRobot"]
 
 
 class SquareRobot:
@@ -214,42 +211,6 @@ class SquareRobot:
         in_the_way = (np.abs(y) < half) & (along > -half)
         gap = np.where(in_the_way, np.maximum(along - half, 0.0), np.inf)
         return gap.min(axis=-1, initial=np.inf)
-
-
-def can_move_as_printed(ranges: ArrayLike, step: float) -> int:
-    """P5's `CanMove`: may the robot go `step` ahead, or back? Kept as printed, faults and all.
-
-    It compares the distance of every beam in the front quarter, [0, 45) and [315, 360) degrees,
-    with the step, and forgets that the body reaches half a side beyond its centre. At 44 degrees
-    it counts a wall at the side as a wall ahead. Its integer eighths skew the sectors when the
-    number of beams is no multiple of eight. `SquareRobot.drive_hits` is the right test.
-
-    Parameters
-    ----------
-    ranges : array_like, shape (n_beams,)
-        A full circle, beam 0 straight ahead. A beam that met nothing is longer than any step.
-    step : float
-        Metres.
-
-    Returns
-    -------
-    int
-        0 both ways open, 1 blocked backward, 2 blocked forward, 3 blocked both ways.
-
-    Raises
-    ------
-    ValueError
-        If there is no beam or `step` is negative.
-    """
-    ranges = as_shaped("ranges", ranges, ("n_beams",))
-    if len(ranges) == 0:
-        raise ValueError("ranges: expected at least one beam, got none")
-    step = as_scalar("step", step, 0.0)
-    eighth = len(ranges) // 8
-    short = ranges < step
-    forward = bool(short[:eighth].any() or short[eighth * 7 :].any())
-    backward = bool(short[eighth * 3 : eighth * 5].any())
-    return BLOCKED_FORWARD * forward + BLOCKED_BACKWARD * backward
 
 
 def _columns(points: ArrayLike) -> tuple[Array, Array]:

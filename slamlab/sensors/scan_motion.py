@@ -1,84 +1,20 @@
 """How far did I turn, how far did I go? Motion recovered from two scans.
 
-`turn_as_printed` and `displacement_as_printed` are P5's `Whatangle` and `whatmove`, kept for the
-lesson; `turn_between` (circular cross-correlation) and `motion_between` (scan-to-scan alignment)
-are the mended forms. Chapter 18.
+`turn_between` (circular cross-correlation) and `motion_between` (scan-to-scan alignment) mend
+P5's `Whatangle` and `whatmove`, which stand in `slamlab.printed.p5`. Chapter 18.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
 from slamlab._checks import Array, as_array, as_count, as_shaped
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
 
-__all__ = [
-    "displacement_as_printed",
-    "motion_between",
-    "turn_as_printed",
-    "turn_between",
-]
-
-
-def turn_as_printed(before: ArrayLike, after: ArrayLike) -> NDArray[np.intp]:
-    """P5's `Whatangle`: how many places the longest beam has moved. An index, no angle.
-
-    Three faults, kept: the result must still be multiplied by the angular resolution; it knows
-    whole beams only; and the longest beam after the turn need not be the longest before.
-
-    Parameters
-    ----------
-    before, after : array_like, shape (..., n_beams)
-        Ranges of full-circle scans (m); leading axes broadcast.
-
-    Returns
-    -------
-    ndarray of int, shape (...)
-        Places, in [-n_beams / 2, n_beams / 2]. Half a turn comes back with either sign.
-
-    Raises
-    ------
-    ValueError
-        If the scans have no beams or not equally many.
-    """
-    before, after = _pair(before, after)
-    n_beams = before.shape[-1]
-    i, j = np.argmax(before, axis=-1), np.argmax(after, axis=-1)
-    moved, half = i - j, n_beams // 2
-    moved = np.where(
-        moved >= half, moved - n_beams, np.where(moved <= -half, moved + n_beams, moved)
-    )
-    return moved.astype(np.intp)
-
-
-def displacement_as_printed(before: ArrayLike, after: ArrayLike) -> Array:
-    """P5's `whatmove`: by how much the beams to the back and to the front became shorter.
-
-    Exact after a straight drive: the beams ahead and astern stay on one line and meet the same
-    two points. A slip to the side or in heading breaks that, at an edge by any amount; and with
-    an odd number of beams no beam points straight back.
-
-    Parameters
-    ----------
-    before, after : array_like, shape (..., n_beams)
-        Ranges of full-circle scans (m), beam 0 straight ahead; leading axes broadcast.
-
-    Returns
-    -------
-    ndarray, shape (..., 2)
-        Back and front (m): (-s, +s) after a step s forward.
-
-    Raises
-    ------
-    ValueError
-        If the scans have no beams or not equally many.
-    """
-    before, after = _pair(before, after)
-    half = before.shape[-1] // 2
-    return np.stack([before[..., half] - after[..., half], before[..., 0] - after[..., 0]], -1)
+__all__ = ["motion_between", "turn_between"]
 
 
 def turn_between(before: ArrayLike, after: ArrayLike) -> Array:

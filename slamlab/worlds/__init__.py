@@ -1,4 +1,4 @@
-"""Where the robot lives: rooms of pixels, of walls, of landmarks.."""
+"""Where the robot lives: rooms of pixels, of walls, of landmarks."""
 
 from slamlab.models import World
 from slamlab.worlds import rooms

@@ -15,7 +15,8 @@ from slamlab.localization.signature import (
     spectrum,
     three_numbers,
 )
-from slamlab.sensors import Lidar, turn_as_printed, turn_between
+from slamlab.printed.p5 import turn_as_printed
+from slamlab.sensors import Lidar, turn_between
 from slamlab.worlds import rooms
 
 PIXELS = st.lists(st.integers(0, 566), min_size=2, max_size=60)  # 566: diagonal of 400 x 400

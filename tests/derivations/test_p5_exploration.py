@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from slamlab.navigation import Quadrants, explore
-from slamlab.robots import SquareRobot, can_move_as_printed
+from slamlab.printed.p5 import (
+    can_move_as_printed,
+    displacement_as_printed,
+    forward_is_open_as_printed,
+    turn_as_printed,
+)
+from slamlab.robots import SquareRobot
 from slamlab.sensors import (
     Lidar,
-    displacement_as_printed,
-    turn_as_printed,
     turn_between,
 )
 from slamlab.worlds import free_poses, rooms
@@ -170,7 +174,7 @@ def test_the_two_trials_end_without_collision_only_with_the_mended_guard():
                 ).collisions[-1]
                 for k, start in enumerate(starts)
             ]
-            for guard in ("swept", "as-printed")
+            for guard in ("swept", forward_is_open_as_printed)
         }  # fmt: skip
         assert sum(counts["swept"]) == 0
-        assert np.mean(np.array(counts["as-printed"]) > 0) >= 0.75
+        assert np.mean(np.array(counts[forward_is_open_as_printed]) > 0) >= 0.75

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from slamlab.printed.p5 import dots_as_printed, scan_as_printed
 from slamlab.sensors import Lidar, Sonar
-from slamlab.sensors.thesis_scan import dots_as_printed, scan_as_printed
 from slamlab.worlds import BitmapWorld, free_poses, rooms
 
 ROOM = rooms.thesis_room()

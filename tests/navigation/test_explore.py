@@ -15,6 +15,7 @@ from slamlab.navigation import (
     explore,
 )
 from slamlab.navigation.explore import _revisits
+from slamlab.printed.p5 import forward_is_open_as_printed
 from slamlab.robots import SquareRobot
 from slamlab.sensors import Lidar
 from slamlab.worlds import BitmapWorld, free_poses, rooms
@@ -85,7 +86,7 @@ def test_no_collision_in_random_rooms():
 
 @pytest.mark.parametrize("stride", [0.1, 0.3, np.inf])
 def test_can_move_as_printed_collides_in_most_runs(stride):
-    printed = runs(ROOM, Quadrants(), guard="as-printed", stride=stride, n=4)
+    printed = runs(ROOM, Quadrants(), guard=forward_is_open_as_printed, stride=stride, n=4)
     assert np.mean([run.collisions[-1] > 0 for run in printed]) >= 0.75
     nobody = runs(ROOM, Quadrants(), guard="none", stride=stride, n=4)
     assert all(run.collisions[-1] > 0 for run in nobody)
@@ -284,7 +285,7 @@ SOLID = BitmapWorld(np.ones((40, 40)), 0.1)
         ({"world": SOLID}, "world: expected free floor"),
         ({"rng": 3}, "rng"),
         ({"strategy": "frontier"}, "strategy"),
-        ({"guard": "printed"}, "guard"),
+        ({"guard": "printed"}, "guard: expected one of 'swept', 'none', got"),
         ({"margin": -0.1}, "margin"),
         ({"stride": 0.0}, "stride"),
         ({"until": 1.5}, "until"),

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from slamlab.geometry import transform
-from slamlab.robots import SquareRobot, can_move_as_printed
+from slamlab.printed.p5 import can_move_as_printed
+from slamlab.robots import SquareRobot
 
 ROBOT = SquareRobot(0.30)
 
