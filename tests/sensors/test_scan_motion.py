@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 
 from slamlab.geometry import compose, wrap_angle
-<<<<<<< HEAD
 from slamlab.logs import ScanGeometry
-=======
 from slamlab.printed.p5 import displacement_as_printed, turn_as_printed
->>>>>>> e2d3fb3 (Printed: P5's refuted formulas in a room of their own; a guard of the explorer is a function)
 from slamlab.sensors import (
     motion_between,
     turn_between,
