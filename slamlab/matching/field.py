@@ -61,6 +61,14 @@ class Field:
         self.origin = as_array("origin", origin, (2,)).astype(np.float64)
         self.log_odds = bool(log_odds)
 
+    @classmethod
+    def of_log_odds(cls, log_odds: Array, resolution: float, origin: Array) -> Field:
+        """Read an occupancy map's log odds in place: what the map learns, the field shows."""
+        field = object.__new__(cls)
+        field.values, field.resolution, field.origin = log_odds, resolution, origin
+        field.log_odds = True
+        return field
+
     def __repr__(self) -> str:
         rows, columns = self.values.shape
         return f"{type(self).__name__}({rows} x {columns} cells of {self.resolution:g} m)"

@@ -1,6 +1,5 @@
 """Figures in the course's one encoding (STYLE: colours, tables, helpers)."""
 
-from slamlab.plots._claims import claims
 from slamlab.plots._draw import (
     ellipse,
     error_band,
@@ -13,7 +12,7 @@ from slamlab.plots._draw import (
     walls,
 )
 from slamlab.plots._style import COLOURS, line_style, use_style
-from slamlab.plots._table import Table
+from slamlab.plots._table import Table, claims
 
 __all__ = [
     "COLOURS",

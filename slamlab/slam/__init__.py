@@ -17,6 +17,7 @@ from slamlab.slam.graph import (
     edge_error,
     edge_jacobians,
 )
+from slamlab.slam.hector import HectorSlam
 from slamlab.slam.wall_slam import WallSlam
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "Confirmation",
     "EKFSlam",
     "FastSlam",
+    "HectorSlam",
     "PoseGraph",
     "Result",
     "Scans",

@@ -1,0 +1,5 @@
+"""Logs made by machine."""
+
+from slamlab.simulation.drift import drifted
+
+__all__ = ["drifted"]

@@ -1,0 +1,179 @@
+"""Hector SLAM: a map and a pose from a fast lidar, with or without wheels, and no loop closing.
+
+Kohlbrecher, von Stryk, Meyer and Klingauf, SSRR 2011; P5 section 2.4. Chapter 14.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_scalar, as_shaped
+from slamlab.geometry import between, transform
+from slamlab.mapping import OccupancyGrid
+from slamlab.matching import Field, Match, match_field
+from slamlab.models import MotionModel, as_motion, as_scan_sensor
+from slamlab.robots import RelativePose
+
+__all__ = ["HectorSlam"]
+
+# The map is drawn anew after so much motion (m, rad); the paper's system does the same.
+_NEW_MAP = (0.4, 0.13)
+_LEAST_POINTS = 10
+
+
+class HectorSlam:
+    """A scan slides up the slopes of the map that the scans before it drew.
+
+    One map a level, each twice as coarse as the one below it and each filled on its own; a scan
+    is matched to the coarsest first. The map is drawn only after 0.4 m or 0.13 rad of motion.
+
+    Parameters
+    ----------
+    lidar : ScanSensor
+        How the beams lie.
+    pose : array_like, shape (3,), default (0, 0, 0)
+        Where the robot stands first (m, m, rad).
+    resolution : float, default 0.05
+        Cell of the finest map (m).
+    levels : int, default 3
+        Number of maps.
+    motion : MotionModel or None, default RelativePose()
+        What the wheels tell, as the start of each match. None: lidar alone, every match
+        starts from the pose before it.
+
+    Attributes
+    ----------
+    maps : list of OccupancyGrid
+        The finest first.
+    lost : bool
+        Whether the last scan contradicts the map: more of its points lie on floor that was seen
+        free than on walls.
+    lost_at : int or None
+        Number of the first scan that did. What was drawn after it cannot be trusted.
+
+    Examples
+    --------
+    >>> from slamlab.sensors import Lidar
+    >>> from slamlab.worlds import rooms
+    >>> lidar = Lidar(180, max_range=20.0)
+    >>> slam = HectorSlam(lidar, [2.0, 4.0, 0.0], motion=None)
+    >>> for x in (2.0, 2.1, 2.2):
+    ...     match = slam.update(lidar.scan(rooms.office(), [x, 4.0, 0.0]))
+    >>> bool(np.abs(slam.pose - [2.2, 4.0, 0.0]).max() < 0.02), slam.lost
+    (True, False)
+    """
+
+    measures = "ranges"
+
+    def __init__(
+        self,
+        lidar: object,
+        pose: ArrayLike = (0.0, 0.0, 0.0),
+        resolution: float = 0.05,
+        levels: int = 3,
+        motion: MotionModel | None = RelativePose(),  # noqa: B008
+    ) -> None:
+        self._lidar = as_scan_sensor("lidar", lidar)
+        self._pose = as_array("pose", pose, (3,)).astype(np.float64).copy()
+        self._motion = None if motion is None else as_motion("motion", motion)
+        resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
+        self.maps = [
+            OccupancyGrid(
+                (64, 64), resolution * 2**k, self._pose[:2] - 32 * resolution * 2**k, p_hit=0.9
+            )
+            for k in range(as_count("levels", levels, 1))
+        ]
+        self._cov = np.zeros((3, 3))
+        self._drawn: Array | None = None  # the pose from which the map was drawn last
+        self.lost = False
+        self.lost_at: int | None = None
+        self._n_scans = 0
+
+    def __repr__(self) -> str:
+        x, y, heading = self._pose
+        state = ", lost" if self.lost else ""
+        return f"HectorSlam(at ({x:.2f}, {y:.2f}, {np.rad2deg(heading):.1f} deg){state})"
+
+    @property
+    def pose(self) -> Array:
+        """Estimated pose (m, m, rad), shape (3,)."""
+        return self._pose.copy()
+
+    @property
+    def pose_cov(self) -> Array:
+        """Covariance of the last match, and of the motion since, shape (3, 3)."""
+        return self._cov.copy()
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Move by what the wheels tell: control u (p,) during dt (s), covariance (p, p)."""
+        if self._motion is None:
+            return
+        u = as_array("u", u, ("p",))
+        Q = as_covariance("control_cov", control_cov, len(u))
+        F, G = self._motion.jacobians(self._pose, u, dt)
+        self._pose = self._motion.step(self._pose, u, dt)
+        self._cov = F @ self._cov @ F.T + G @ Q @ G.T
+
+    def update(self, ranges: ArrayLike, ids: None = None) -> Match:
+        """Match a scan to the map, and draw it in if the robot has moved.
+
+        Parameters
+        ----------
+        ranges : array_like, shape (n_beams,)
+            (m); NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
+        ids : None
+            Scans have no names.
+
+        Returns
+        -------
+        Match
+            `score` is the mean probability of a wall under the points; 0.5 is "never seen". A
+            scan of fewer than ten points matches nothing (score 0) and changes nothing.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a range negative.
+        """
+        ranges = as_shaped("ranges", ranges, (self._lidar.n_beams,))
+        points = self._lidar.points(ranges)
+        points = points[np.isfinite(points[:, 0])]
+        if len(points) < _LEAST_POINTS:
+            self._n_scans += 1
+            return Match(self.pose, self.pose_cov, 0.0, 0)
+        if self._drawn is None:
+            match = Match(self.pose, self.pose_cov, 1.0, len(points))
+        else:
+            match = match_field(self._fields(), points, self._pose)
+            self.lost = self._contradicts(points, match.pose)
+            if self.lost and self.lost_at is None:
+                self.lost_at = self._n_scans
+            self._pose, self._cov = match.pose.copy(), match.cov.copy()
+        self._draw(ranges)
+        self._n_scans += 1
+        return match
+
+    def _fields(self) -> list[Field]:
+        """The maps as fields of probabilities, coarse first."""
+        return [
+            Field.of_log_odds(grid.log_odds, grid.resolution, grid.origin)
+            for grid in reversed(self.maps)
+        ]
+
+    def _contradicts(self, points: Array, pose: Array) -> bool:
+        """Whether more points lie on floor that was seen free than on walls."""
+        field = self._fields()[-1]
+        p = field.value(transform(pose, points))
+        free, wall = (p < 0.4).sum(), (p > 0.6).sum()
+        return bool(free > wall)
+
+    def _draw(self, ranges: Array) -> None:
+        """Add the scan to every map, unless the robot has hardly moved since the last time."""
+        if self._drawn is not None:
+            dx, dy, turn = between(self._drawn, self._pose)
+            if np.hypot(dx, dy) < _NEW_MAP[0] and abs(turn) < _NEW_MAP[1]:
+                return
+        self._drawn = self._pose.copy()
+        for grid in self.maps:
+            grid.insert(self._pose, ranges, self._lidar, free_missing=False)
