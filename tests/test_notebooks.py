@@ -21,7 +21,7 @@ CHAPTERS = [
 NOTEBOOKS = sorted((ROOT / "notebooks").rglob("*.ipynb"))
 NOTEBOOKS = [path for path in NOTEBOOKS if ".ipynb_checkpoints" not in path.parts]
 BONES = (
-    r":::\{admonition\} Before you start",
+    r"^> \*\*Before you start\*\*",
     r"^## Predict, then run: ",
     r"^## The paper on trial: ",
     r"^## Where it breaks",
@@ -29,6 +29,21 @@ BONES = (
     r"^## What to remember",
 )
 HEADER = ("**You will be able to**", "**You need first**", "**Minutes**", "**Symbols**")
+
+
+# What JupyterLab, VS Code and Colab show raw. Write instead: <details><summary>Hint 1</summary>
+# with blank lines inside, > **Before you start**, [text](../02_kalman_filter.ipynb),
+# [Kalman (1960)](../book/bibliography.md#kalman1960new), \tag{A}.
+RAW = {
+    "directive": r"^\s*(:{3,}|[`~]{3,}\s*\{).*$",
+    "option": r"^:[\w-]+:.*$",
+    "role": r"(?<!`)\{[a-z][\w:.-]*\}`[^`\n]*`",
+    "target": r"^\([\w:.-]+\)=\s*$",
+    "label": r"\$\$[ \t]*\([^)$]*\)\s*$",
+    "comment": r"^%+ .*$",
+    "link without text": r"(?<!!)\[\]\([^)]*\)",
+}
+KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 
 
 def name(path):
@@ -59,6 +74,35 @@ def figures_without_alt(notebook):
         alt = cell.metadata.get("mystnb", {}).get("image", {}).get("alt", "")
         if "<Figure size" in text and len(alt) < 30:
             found.append(number)
+    return found
+
+
+def raw_markup(notebook):
+    """Markup of the book's builder that a reader of the notebook would see as it stands."""
+    prose = "\n\n".join(c.source for c in notebook.cells if c.cell_type == "markdown")
+    found = [m.group() for rule in RAW.values() for m in re.finditer(rule, prose, re.MULTILINE)]
+    folds = [prose.count(tag) for tag in ("<details>", "<summary>", "</details>")]
+    if len(set(folds)) > 1:
+        found.append(f"{folds[0]} details, {folds[1]} summaries, {folds[2]} ends")
+    # Without blank lines around it, what is folded is not read as Markdown.
+    return found + re.findall(r"</summary>\n(?!\n).*|.*[^\n]\n</details>", prose)
+
+
+def dead_links(path):
+    """Links to files that are not there, and to works that the bibliography lacks."""
+    notebook = nbformat.read(path, as_version=4)
+    keys = set(re.findall(r"(?m)^@\w+\{([\w-]+),", (ROOT / "book/references.bib").read_text()))
+    found = []
+    for cell in notebook.cells:
+        if cell.cell_type != "markdown":
+            continue
+        for target in re.findall(r"\]\(([^)#\s]*(?:#[^)\s]*)?)\)", cell.source):
+            file, _, anchor = target.partition("#")
+            if re.match(r"https?:", file):
+                continue
+            lacking = file.endswith("bibliography.md") and anchor and anchor not in keys
+            if lacking or (file and not (path.parent / file).exists()):
+                found.append(target)
     return found
 
 
@@ -138,6 +182,23 @@ def test_no_cell_escapes_the_comparison(path):
     assert "NBVAL_IGNORE_OUTPUT" not in text
 
 
+def test_nothing_shows_raw_in_jupyterlab(path):
+    assert raw_markup(nbformat.read(path, as_version=4)) == []
+
+
+def test_its_links_lead_somewhere(path):
+    assert dead_links(path) == []
+
+
+def test_opening_it_changes_nothing(path):
+    metadata = nbformat.read(path, as_version=4).metadata
+    assert metadata.kernelspec == KERNEL
+    language = metadata.language_info
+    assert (language.name, language.file_extension) == ("python", ".py")
+    assert language.nbconvert_exporter == "python"
+    assert "version" not in language  # it would be another one on another machine
+
+
 def test_a_chapter_has_the_bones(chapter):
     assert missing_bones(chapter) == []
 
@@ -211,3 +272,40 @@ def test_kernels_do_not_share_ports():
     first, second = LocalKernelManager(), LocalKernelManager()
     assert first.transport == "ipc"
     assert first.ip != second.ip
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        ":::{dropdown} Hint 1\nthink\n:::",
+        "```{note}\nthink\n```",
+        "see {doc}`../03_extended_kalman_filter`",
+        "found by {cite:t}`kalman1960new`",
+        "by {eq}`eq-x`",
+        "$$\nx\n$$ (eq-x)",
+        "(here)=\n## A heading",
+        "see [](../03_extended_kalman_filter.ipynb)",
+        "<details><summary>Hint 1</summary>\nthink\n</details>",
+        "<details><summary>Hint 1</summary>\n\nthink",
+    ],
+)
+def test_raw_markup_is_seen(source):
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(source)])
+    assert raw_markup(notebook)
+
+
+def test_plain_markup_passes():
+    source = (
+        "> **Before you start**\n>\n> - bring a pencil\n\n"
+        "<details><summary>Hint 1</summary>\n\nUse `{x}` and $\\{a\\}$ in\n\n"
+        "```python\nx = {1: 2}\n```\n\n</details>\n\n$$\nx = 1\n\\tag{A}\n$$\n\nand (A)"
+    )
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell(source)])
+    assert raw_markup(notebook) == []
+
+
+def test_a_dead_link_is_seen(tmp_path):
+    source = "[a](nowhere.ipynb), [b](../book/bibliography.md#nobody1900nothing)"
+    cells = [nbformat.v4.new_markdown_cell(source)]
+    nbformat.write(nbformat.v4.new_notebook(cells=cells), tmp_path / "x.ipynb")
+    assert len(dead_links(tmp_path / "x.ipynb")) == 2

@@ -29,6 +29,18 @@ from tools.kernels import LocalAsyncKernelManager
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ("text/plain", "text/markdown", "text/latex")
+# All that a notebook says of itself, so that opening it changes nothing; no version of Python.
+METADATA = {
+    "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+    "language_info": {
+        "codemirror_mode": {"name": "ipython", "version": 3},
+        "file_extension": ".py",
+        "mimetype": "text/x-python",
+        "name": "python",
+        "nbconvert_exporter": "python",
+        "pygments_lexer": "ipython3",
+    },
+}
 # What decides the last bits of a sum: OpenBLAS' kernels, numpy's vector units, numba's target.
 SETTINGS = {
     "own": {},
@@ -43,12 +55,7 @@ SETTINGS = {
 
 def slim(notebook: nbformat.NotebookNode) -> None:
     """Drop in place what is drawn anew when the book is built."""
-    notebook.metadata = nbformat.from_dict(
-        {
-            "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
-            "language_info": {"name": "python"},
-        }
-    )
+    notebook.metadata = nbformat.from_dict(METADATA)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(code, start=1):
         cell.metadata.pop("execution", None)

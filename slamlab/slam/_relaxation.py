@@ -1,9 +1,10 @@
 """A pose graph as a quadratic form in complex numbers: a first guess, and a bound from below.
 
 A heading is the complex number u = exp(i theta), a position p = x + i y. With weights tau, kappa
-an edge costs tau |p_j - p_i - u_i t|^2 + kappa |u_j - u_i w|^2, where t and w = exp(i theta_z) are
-its measurement: quadratic, if only |u| = 1 is forgotten. Rosen et al. 2019 (SE-Sync), in the plane
-Carlone and Calafiore 2018; initial guess Carlone et al. 2015. Chapter 13 derives both.
+an edge costs tau ``|p_j - p_i - u_i t|^2`` + kappa ``|u_j - u_i w|^2``, where t and w =
+exp(i theta_z) are its measurement: quadratic, if only ``|u| = 1`` is forgotten. Rosen et al. 2019
+(SE-Sync), in the plane Carlone and Calafiore 2018; initial guess Carlone et al. 2015. Chapter 13
+derives both.
 """
 
 from __future__ import annotations

@@ -300,9 +300,9 @@ class PoseGraph:
         """Return the same graph at poses and landmarks found without any start, linearly.
 
         If headings are complex numbers and the information is isotropic, the cost is quadratic
-        but for |u| = 1. Forget this and solve, once for headings and positions together and once
-        for the headings alone (Carlone et al. 2015), make |u| = 1 again, and solve for the
-        positions. The better of both is returned; the first fixed pose stays where it is.
+        but for ``|u| = 1``. Forget this and solve, once for headings and positions together and once
+        for the headings alone (Carlone et al. 2015), make ``|u| = 1`` again, and solve for
+        the positions. The better of both is returned; the first fixed pose stays where it is.
 
         Returns
         -------
