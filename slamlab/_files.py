@@ -1,19 +1,24 @@
-"""Archives at the door: read a npz of numbers, whatever the file may hold.
+"""Files of other people at the door: nothing is unpacked without a limit, whatever they hold.
 
-Floor 0 of the house; `Log.load`, `SignatureMap.load` and `PathMemory.load` use it.
+Everything that reads a log, a graph, a map or an archive of ours comes through here.
 """
 
 from __future__ import annotations
 
+import gzip
+import io
 import zipfile
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["read_npz"]
+__all__ = ["read_bytes", "read_npz"]
+
+MOST_BYTES = 2**28
 
 _BROKEN = (
     zipfile.BadZipFile,
@@ -57,3 +62,50 @@ def read_npz(path: str | Path, max_bytes: int = 2**30) -> dict[str, NDArray[Any]
     except _BROKEN as error:
         reason = str(error)[:200] or type(error).__name__
         raise ValueError(f"{path}: expected a npz archive of arrays ({reason})") from error
+
+
+def read_bytes(
+    path: str | Path,
+    wanted: Callable[[str], bool] = lambda name: True,
+    max_bytes: int = MOST_BYTES,
+) -> bytes:
+    """Content of a file; a gzip, or the one wanted member of a zip, is opened on the way.
+
+    Parameters
+    ----------
+    path : str or Path
+    wanted : callable, optional
+        ``wanted(name) -> bool`` says which member of a zip is meant.
+    max_bytes : int, default 2**28
+        More than this is not unpacked.
+
+    Raises
+    ------
+    ValueError
+        If the archive is damaged, has no or several wanted members, or unpacks to too much.
+    FileNotFoundError
+        If there is no such file.
+    """
+    path = Path(path)
+    data = path.read_bytes()
+    try:
+        if data[:2] == b"\x1f\x8b":
+            with gzip.open(io.BytesIO(data)) as file:
+                return _at_most(file, max_bytes)
+        if data[:2] == b"PK":
+            with zipfile.ZipFile(io.BytesIO(data)) as archive:
+                members = [name for name in archive.namelist() if wanted(name)]
+                if len(members) != 1:
+                    raise ValueError(f"expected one file to read in it, got {members!r:.200}")
+                with archive.open(members[0]) as member:
+                    return _at_most(member, max_bytes)
+    except (*_BROKEN, OSError) as error:
+        raise ValueError(f"{path}: cannot unpack the archive: {str(error)[:200]}") from error
+    return data
+
+
+def _at_most(file: Any, max_bytes: int) -> bytes:
+    data: bytes = file.read(max_bytes + 1)
+    if len(data) > max_bytes:
+        raise ValueError(f"it unpacks to more than {max_bytes} bytes")
+    return data

@@ -5,14 +5,13 @@ Lines read: FLASER, RLASER, ROBOTLASER1, ODOM, PARAM; ``#`` begins a comment. Ch
 
 from __future__ import annotations
 
-import gzip
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from slamlab._checks import Array, as_scalar
+from slamlab._files import read_bytes
 from slamlab.geometry import between
 from slamlab.logs import Log, ScanGeometry
 
@@ -114,12 +113,7 @@ def read_carmen(
 
 
 def _lines(path: Path) -> list[str]:
-    data = path.read_bytes()
-    if data[:2] == b"\x1f\x8b":
-        try:
-            data = gzip.decompress(data)
-        except (OSError, EOFError, zlib.error) as error:
-            raise ValueError(f"{path}: the gzip file is damaged ({error})") from error
+    data = read_bytes(path)
     try:
         return data.decode("ascii").split("\n")
     except UnicodeDecodeError as error:

@@ -6,9 +6,6 @@ Format: Grisetti et al. 2011 (g2o), Grisetti et al. 2007 (TORO), CARMEN for ROBO
 
 from __future__ import annotations
 
-import gzip
-import io
-import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from slamlab._checks import Array
+from slamlab._files import read_bytes
 
 # Where the six numbers of a line stand in the upper triangle of the information matrix.
 _G2O_ORDER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -306,32 +304,14 @@ def read(path: str | Path) -> Content:
         If there is no such file.
     """
     path = Path(path)
-    data = _unpacked(path)
+    data = read_bytes(path, _is_graph)
     # A byte that is no text survives as a surrogate, and the line that holds it is refused.
     return parse(data.decode("utf-8-sig", errors="surrogateescape"), path.name)
 
 
-def _unpacked(path: Path) -> bytes:
-    data = path.read_bytes()
-    unpack = {b"\x1f\x8b": gzip.decompress, b"PK": _only_graph}.get(data[:2])
-    if unpack is None:
-        return data
-    try:
-        return unpack(data)
-    except Exception as error:  # every decompressor has its own errors
-        raise ValueError(f"{path.name}: cannot unpack the archive: {error}") from error
-
-
-def _only_graph(data: bytes) -> bytes:
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        members = [
-            member
-            for member in archive.namelist()
-            if member.endswith((".g2o", ".toro", ".graph")) and not member.startswith("__MACOSX")
-        ]
-        if len(members) != 1:
-            raise ValueError(f"expected one graph (.g2o, .toro or .graph) in it, got {members}")
-        return archive.read(members[0])
+def _is_graph(member: str) -> bool:
+    is_graph = member.endswith((".g2o", ".toro", ".graph"))
+    return is_graph and not member.startswith("__MACOSX")
 
 
 def write(path: str | Path, content: Content) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from slamlab._checks import as_array, as_scalar
 
 MOST_PIXELS = 64_000_000
-MOST_YAML_BYTES = 100_000
+MOST_YAML_BYTES = 10_000
 
 
 class MapImage(NamedTuple):
@@ -75,9 +75,13 @@ def _read_ros(path: Path) -> MapImage:
     if path.stat().st_size > MOST_YAML_BYTES:
         raise ValueError(f"{path}: expected a short YAML file, got {path.stat().st_size} bytes")
     try:
-        entries = yaml.safe_load(path.read_text())
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: expected YAML, got: {error}") from error
+        text = path.read_text()
+        # An alias can make 440 bytes unfold into gigabytes; a map needs none.
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
+            raise ValueError("aliases, which a map does not need")
+        entries = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: expected YAML, got: {str(error)[:200]}") from error
     needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
     missing = [k for k in needed if not isinstance(entries, dict) or k not in entries]
     if missing:
@@ -96,7 +100,7 @@ def _resolution(path: Path, entries: dict[str, Any]) -> float:
 def _solid(path: Path, entries: dict[str, Any], grey: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Cells that are occupied or unknown."""
     if entries.get("mode", "trinary") not in ("trinary", "scale"):
-        raise ValueError(f"{path}: expected mode trinary or scale, got {entries['mode']!r}")
+        raise ValueError(f"{path}: expected mode trinary or scale, got {entries['mode']!r:.80}")
     negate = as_scalar(f"{path}: negate", entries["negate"], 0.0, 1.0)
     free = as_scalar(f"{path}: free_thresh", entries["free_thresh"], 0.0, 1.0)
     as_scalar(f"{path}: occupied_thresh", entries["occupied_thresh"], free, 1.0)

@@ -114,7 +114,7 @@ def test_a_log_without_scans_and_a_damaged_gzip_are_named(tmp_path):
         read(tmp_path, GOOD[:3])
     path = tmp_path / "b.log.gz"
     path.write_bytes(gzip.compress("\n".join(GOOD * 50).encode())[:-20])
-    with pytest.raises(ValueError, match="gzip file is damaged"):
+    with pytest.raises(ValueError, match="cannot unpack the archive"):
         read_carmen(path)
 
 

@@ -181,7 +181,7 @@ def test_archives_are_opened(tmp_path):
     assert same(plain, read(tmp_path, b"\xef\xbb\xbf" + text.replace(b"\n", b"\r\n")))
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("second.g2o", text)
-    with pytest.raises(ValueError, match="expected one graph"):
+    with pytest.raises(ValueError, match="expected one file to read"):
         PoseGraph.read_g2o(path)
     with pytest.raises(FileNotFoundError):
         PoseGraph.read_g2o(tmp_path / "nowhere.g2o")
@@ -390,4 +390,4 @@ def test_a_damaged_archive_is_refused(tmp_path, data):
     if graph:
         assert says_the_same(graph, text.decode())
     else:
-        assert message.startswith("bad.bin: ")
+        assert "bad.bin: " in message

@@ -120,3 +120,12 @@ def test_a_missing_file_and_a_missing_resolution(tmp_path):
 def test_cells_that_are_none(cells):
     with pytest.raises(ValueError, match="occupied: expected"):
         BitmapWorld(cells, 1.0)
+
+
+def test_a_yaml_file_that_unfolds_into_gigabytes_is_refused_at_once(tmp_path):
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 8)}]" for k in range(1, 10)]
+    path = tmp_path / "bomb.yaml"
+    path.write_text("\n".join([*lines, "mode: *a9"]))
+    with pytest.raises(ValueError, match="aliases, which a map does not need"):
+        BitmapWorld.from_file(path)

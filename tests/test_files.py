@@ -1,0 +1,64 @@
+"""Archives: read with a limit, refused by name, whatever is in them."""
+
+import contextlib
+import gzip
+import zipfile
+
+import numpy as np
+import pytest
+
+from slamlab._files import read_bytes, read_npz
+
+
+def test_plain_and_packed_files_read_the_same(tmp_path):
+    text = b"a line\nand another"
+    path = tmp_path / "a"
+    path.write_bytes(text)
+    assert read_bytes(path) == text
+    path.write_bytes(gzip.compress(text))
+    assert read_bytes(path) == text
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("a.g2o", text)
+        archive.writestr("b.txt", b"")
+    assert read_bytes(path, lambda name: name.endswith(".g2o")) == text
+    with pytest.raises(ValueError, match="expected one file to read in it, got .*a.g2o"):
+        read_bytes(path)
+    with pytest.raises(FileNotFoundError):
+        read_bytes(tmp_path / "none")
+
+
+def test_what_unpacks_to_too_much_is_not_unpacked(tmp_path):
+    path = tmp_path / "a"
+    path.write_bytes(gzip.compress(bytes(10_000)))
+    assert len(read_bytes(path, max_bytes=10_000)) == 10_000
+    with pytest.raises(ValueError, match="it unpacks to more than 9999 bytes"):
+        read_bytes(path, max_bytes=9999)
+    np.savez_compressed(path.with_suffix(".npz"), a=np.zeros(10_000))
+    with pytest.raises(ValueError, match="unpacks to .* bytes, more than 9999"):
+        read_npz(path.with_suffix(".npz"), 9999)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_damaged_archives_are_refused_and_nothing_else_comes_out(tmp_path, seed):
+    rng, path = np.random.default_rng(seed), tmp_path / "a.npz"
+    np.savez_compressed(path, a=np.arange(30.0), b=np.array("text"))
+    good = path.read_bytes()
+    refused = 0
+    for _ in range(400):
+        data = bytearray(good[: rng.integers(1, len(good) + 1)])
+        for at in rng.integers(0, len(data), rng.integers(1, 6)):
+            data[at] = rng.integers(256)
+        path.write_bytes(bytes(data))
+        refused += 1
+        with contextlib.suppress(ValueError):
+            read_npz(path)
+            refused -= 1
+        with contextlib.suppress(ValueError):
+            read_bytes(path, lambda name: name == "a.npy")
+    assert refused > 300
+
+
+def test_no_object_is_unpickled(tmp_path):
+    np.savez(tmp_path / "a.npz", a=np.array([{}], dtype=object))
+    with pytest.raises(ValueError, match="expected a npz archive of arrays"):
+        read_npz(tmp_path / "a.npz")
