@@ -106,6 +106,15 @@ class LandmarkSensor(Protocol):
         """Difference z - predicted (..., 2); a sensor that measures angles wraps them."""
         return np.subtract(z, predicted)
 
+    def visible(self, pose: ArrayLike, landmark: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which landmarks (..., 2) the sensor sees from poses (..., 3): all by default."""
+        lead = np.broadcast_shapes(np.shape(pose)[:-1], np.shape(landmark)[:-1])
+        return np.ones(lead, bool)
+
+    def reach(self, z: ArrayLike) -> Array:
+        """How far from the body (m) landmarks measured as z (..., 2) may lie; inf: who knows."""
+        return np.full(np.shape(z)[:-1], np.inf)
+
 
 @runtime_checkable
 class ScanSensor(Protocol):

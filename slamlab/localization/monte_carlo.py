@@ -5,44 +5,24 @@ P2 (13)-(15) on poses; random injection after Gutmann and Fox (2002). Chapter 04
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
-from slamlab.filters.particle import KLD, ParticleFilter
+from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar, as_shaped
+from slamlab.filters.particle import KLD, ParticleFilter, PoseParticles
+from slamlab.localization.likelihood_field import LikelihoodField
+from slamlab.models import MotionModel, as_motion, as_scan_sensor, as_sensor
 
-__all__ = ["Motion", "MonteCarloLocalization", "Sensor"]
-
-
-class Motion(Protocol):
-    """What localization needs of a robot; `slamlab.robots.Unicycle` is one."""
-
-    def sample(
-        self,
-        pose: ArrayLike,
-        u: ArrayLike,
-        dt: float,
-        control_cov: ArrayLike,
-        rng: np.random.Generator,
-    ) -> Array:
-        """Draw next poses (M, 3) from poses (M, 3)."""
+__all__ = ["MonteCarloLocalization"]
 
 
-class Sensor(Protocol):
-    """What localization needs of a sensor of landmarks; `slamlab.sensors.RangeBearing` is one."""
+class MonteCarloLocalization(PoseParticles):
+    """A robot with a map that does not know where it is.
 
-    def log_likelihood(self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike) -> Array:
-        """Log density (M,) of measurements (k, 2) of landmarks (k, 2) from poses (M, 3)."""
-
-    def best_log_likelihood(self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike) -> Array:
-        """Give the same for unknown landmarks: each of (k, 2) takes the best of (n, 2)."""
-
-
-class MonteCarloLocalization:
-    """A robot with a map of landmarks that does not know where it is.
+    The map is a set of landmarks, and `update` takes measurements of them; or it is a
+    `LikelihoodField` of walls, and `update` takes the ranges of a lidar.
 
     The particles start uniformly over `bounds` and all headings. When measurements become less
     likely than they used to be (a short-term average of the likelihood falls below the long-term
@@ -55,13 +35,12 @@ class MonteCarloLocalization:
 
     Parameters
     ----------
-    landmarks : array_like, shape (n, 2)
-        The map (m). Not used with `log_likelihood`.
-    motion : Motion
-        Has ``sample(poses, u, dt, control_cov, rng)``.
-    sensor : Sensor or None
-        Has ``log_likelihood(poses, z, landmarks)`` and ``best_log_likelihood``; None with
-        `log_likelihood`.
+    world : array_like, shape (n, 2), or LikelihoodField
+        The map: landmarks (m), or how well a point fits the walls.
+    motion : MotionModel
+    sensor : LandmarkSensor or ScanSensor
+        What measures it: a sensor of landmarks with ``log_likelihood`` and
+        ``best_log_likelihood``, such as `sensors.RangeBearing`, or a lidar.
     n_particles : int
         Number of particles; with `adaptive` the initial one.
     bounds : array_like, shape (2, 2)
@@ -74,27 +53,39 @@ class MonteCarloLocalization:
     resample : str, default "systematic"
     adaptive : KLD, optional
         These three as in `slamlab.filters.particle.ParticleFilter`.
-    log_likelihood : callable, optional
-        ``log_likelihood(poses, z) -> (M,)``: takes the place of sensor and landmarks, for example
-        for a lidar and a likelihood field. `z` is passed through untouched.
 
     Attributes
     ----------
+    measures : str
+        "looks" with landmarks, "ranges" with a likelihood field.
     injected : float
         Share of particles replaced by uniform ones in the last `update`.
+    ancestors : ndarray of int, shape (M,)
+        -1 for an injected particle.
 
     Raises
     ------
     ValueError
-        If a shape is wrong, bounds are empty, rates are not ordered, or neither sensor nor
-        likelihood is given.
+        If a shape is wrong, bounds are empty, rates are not ordered, there is no landmark, or the
+        sensor does not fit the map.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.sensors import RangeBearing
+    >>> sensor, trees = RangeBearing(0.2, 0.1), np.array([[1.0, 1.0], [4.0, 2.0], [2.0, 4.0]])
+    >>> mcl = MonteCarloLocalization(trees, Unicycle(), sensor, 5000, [[0, 5], [0, 5]],
+    ...                              np.random.default_rng(1))
+    >>> evidence = mcl.update(sensor.observe([2.0, 2.0, 0.0], trees), ids=[0, 1, 2])
+    >>> mcl.pose[:2].round().tolist()
+    [2.0, 2.0]
     """
 
     def __init__(
         self,
-        landmarks: ArrayLike,
-        motion: Motion,
-        sensor: Sensor | None,
+        world: ArrayLike | LikelihoodField,
+        motion: MotionModel,
+        sensor: Any,
         n_particles: int,
         bounds: ArrayLike,
         rng: np.random.Generator,
@@ -102,15 +93,19 @@ class MonteCarloLocalization:
         threshold: float = 0.5,
         resample: str = "systematic",
         adaptive: KLD | None = None,
-        log_likelihood: Callable[[Array, ArrayLike], ArrayLike] | None = None,
     ) -> None:
-        self._landmarks = as_array("landmarks", landmarks, ("n", 2))
-        self._motion, self._sensor, self._given = motion, sensor, log_likelihood
-        if log_likelihood is None and (sensor is None or len(self._landmarks) == 0):
-            raise ValueError(
-                "sensor: expected a sensor and at least one landmark, or log_likelihood"
-            )
-        self._bounds = as_array("bounds", bounds, (2, 2))
+        self.motion = as_motion("motion", motion)
+        self._field: LikelihoodField | None = None
+        self._landmarks = np.empty((0, 2))
+        if isinstance(world, LikelihoodField):
+            self._field, self.measures = world, "ranges"
+            self.sensor: Any = as_scan_sensor("sensor", sensor)
+        else:
+            self._landmarks = as_array("world", world, ("n", 2)).copy()
+            if len(self._landmarks) == 0:
+                raise ValueError("world: expected at least one landmark, got none")
+            self.sensor = as_sensor("sensor", sensor)
+        self._bounds = as_array("bounds", bounds, (2, 2)).copy()
         if not (self._bounds[:, 0] < self._bounds[:, 1]).all():
             raise ValueError(
                 f"bounds: expected ((x_min, x_max), (y_min, y_max)), got {self._bounds.tolist()}"
@@ -120,19 +115,8 @@ class MonteCarloLocalization:
         self._slow = self._fast = -1.0
         self.injected = 0.0
         start = self._anywhere(as_count("n_particles", n_particles, 1))
-        self._filter = ParticleFilter(
-            start, rng, threshold=threshold, resample=resample, adaptive=adaptive
-        )
-
-    @property
-    def particles(self) -> Array:
-        """Poses of the particles, shape (M, 3)."""
-        return self._filter.particles
-
-    @property
-    def weights(self) -> Array:
-        """Weights of the particles, shape (M,); they sum to 1."""
-        return self._filter.weights
+        self._cloud = ParticleFilter(start, rng, None, threshold, resample, adaptive)
+        self._unweighed = np.zeros(n_particles, bool)
 
     @property
     def pose(self) -> Array:
@@ -148,46 +132,44 @@ class MonteCarloLocalization:
         return self._weighed().cov(angles=(2,))
 
     @property
-    def ess(self) -> float:
-        """Effective sample size after the last weighting, before resampling."""
-        return self._filter.ess
-
-    @property
-    def ancestors(self) -> NDArray[np.intp]:
-        """Row of each particle's parent before the last `update`; -1 for an injected one."""
-        return self._filter.ancestors
-
-    @property
     def degenerate(self) -> bool:
         """Whether the last measurement was impossible for every particle, and was ignored."""
-        return self._filter.degenerate
+        return self._cloud.degenerate
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move the particles, each with its own noise, P2 (13) and (16).
 
         Parameters
         ----------
-        u : array_like
+        u : array_like, shape (p,)
             Control, as the motion model reads it.
         dt : float
             Duration (s).
-        control_cov : array_like
+        control_cov : array_like, shape (p, p)
             Covariance of the control.
-        """
-        self._filter.predict(
-            lambda poses, rng: self._motion.sample(poses, u, dt, control_cov, rng)
-        )
 
-    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> float:
+        Raises
+        ------
+        ValueError
+            As the motion model. The filter is unharmed.
+        """
+        self._cloud.predict(lambda poses, rng: self.motion.sample(poses, u, dt, control_cov, rng))
+
+    def update(
+        self, measurement: ArrayLike, ids: ArrayLike | None = None, covs: ArrayLike | None = None
+    ) -> float:
         """Weigh the particles, resample, and inject uniform ones if measurements got unlikely.
 
         Parameters
         ----------
-        z : array_like, shape (k, 2)
-            Measurements; none (k = 0) changes nothing. With the callable likelihood, anything.
+        measurement : array_like, shape (k, 2) or (n_beams,)
+            Measurements of landmarks; or ranges of the lidar (m), NaN for a lost beam. Nothing
+            measured changes nothing.
         ids : array_like of int, shape (k,), optional
             Row of the landmark of each measurement. Without it each particle takes for each
             measurement the landmark that explains it best (maximum likelihood).
+        covs : array_like, shape (k, 2, 2), optional
+            Covariance of each measurement; the sensor's by default.
 
         Returns
         -------
@@ -197,41 +179,34 @@ class MonteCarloLocalization:
         Raises
         ------
         ValueError
-            If a shape is wrong, a number is not finite, or an id does not exist.
+            If a shape is wrong, a number is not finite, an id does not exist, or `ids` or `covs`
+            come with ranges. The filter is then as it was before.
         """
-        count = 1
-        if self._given is not None:
-            values = np.asarray(self._given(self.particles, z), dtype=float)
+        if self._field is None:
+            values, count = self._weigh_landmarks(measurement, ids, covs)
+        elif ids is None and covs is None:
+            points = self.sensor.points(as_shaped("ranges", measurement, (self.sensor.n_beams,)))
+            values = self._field.log_likelihood(self._cloud.particles, points)
+            count = int(np.isfinite(points[:, 0]).sum())
         else:
-            z = as_array("z", z, ("k", 2))
+            raise ValueError("ids, covs: expected None beside ranges")
+        if count == 0:
             self.injected = 0.0
-            if len(z) == 0:
-                return 0.0
-            count = len(z)
-            values = self._log_likelihood(z, ids)
-        evidence = self._filter.update(values)
+            return 0.0
+        evidence = self._cloud.update(values)
+        self._unweighed = np.zeros(self.n_particles, bool)
         self._inject(evidence / count)
         return evidence
 
-    def step(
-        self,
-        u: ArrayLike,
-        dt: float,
-        control_cov: ArrayLike,
-        z: ArrayLike,
-        ids: ArrayLike | None = None,
-    ) -> None:
-        """Predict, then update."""
-        self.predict(u, dt, control_cov)
-        self.update(z, ids)
-
-    def _log_likelihood(self, z: Array, ids: ArrayLike | None) -> Array:
-        """Log likelihood (M,), landmarks given or chosen by each particle for each measurement."""
-        assert self._sensor is not None
-        if ids is not None:
-            rows = _checked_ids(ids, len(z), len(self._landmarks))
-            return self._sensor.log_likelihood(self.particles, z, self._landmarks[rows])
-        return self._sensor.best_log_likelihood(self.particles, z, self._landmarks)
+    def _weigh_landmarks(
+        self, z: ArrayLike, ids: ArrayLike | None, covs: ArrayLike | None
+    ) -> tuple[Array, int]:
+        """Log likelihood (M,), landmarks given or chosen by each particle; and how many."""
+        z, poses = as_array("z", z, ("k", 2)), self._cloud.particles
+        if ids is None:
+            return self.sensor.best_log_likelihood(poses, z, self._landmarks, covs), len(z)
+        known = self._landmarks[_checked_ids(ids, len(z), len(self._landmarks))]
+        return self.sensor.log_likelihood(poses, z, known, covs), len(z)
 
     def _inject(self, log_mean_likelihood: float) -> None:
         """Follow the likelihood of one measurement; replace 1 - fast/slow of the particles."""
@@ -244,27 +219,28 @@ class MonteCarloLocalization:
         self._slow += self._rates[0] * (likelihood - self._slow)
         self._fast += self._rates[1] * (likelihood - self._fast)
         share = 1 - self._fast / self._slow if self._slow > 0 else 0.0
-        M = len(self.particles)
-        n = int(self._rng.binomial(M, share)) if share > 0 else 0
+        n = int(self._rng.binomial(self.n_particles, share)) if share > 0 else 0
         if n:
             self._replace(n)
-        self.injected = n / len(self.particles)
+        self.injected = n / self.n_particles
 
     def _replace(self, n: int) -> None:
         """Replace n particles of a set of equal weights by uniform ones."""
-        if not self._filter.resampled:
-            self._filter.resample()
-        n = min(n, len(self.particles))
-        rows = self._rng.choice(len(self.particles), n, replace=False)
-        self._filter.particles[rows] = self._anywhere(n)
-        self._filter.ancestors[rows] = -1
+        if not self._cloud.resampled:
+            self._cloud.resample()
+            self._unweighed = np.zeros(self.n_particles, bool)
+        n = min(n, self.n_particles)
+        rows = self._rng.choice(self.n_particles, n, replace=False)
+        self._cloud.particles[rows] = self._anywhere(n)
+        self._cloud.ancestors[rows] = -1
+        self._unweighed[rows] = True
 
     def _weighed(self) -> ParticleFilter:
         """Return the belief without the particles that no measurement has weighed yet."""
-        old = self.ancestors >= 0
+        cloud, old = self._cloud, ~self._unweighed
         if old.all() or not old.any():
-            return self._filter
-        return ParticleFilter(self.particles[old], self._rng, self.weights[old])
+            return cloud
+        return ParticleFilter(cloud.particles[old], self._rng, cloud.weights[old])
 
     def _anywhere(self, n: int) -> Array:
         """Uniform poses (n, 3) over the bounds and all headings."""
@@ -285,10 +261,11 @@ def _checked_rates(injection: tuple[float, float] | None) -> tuple[float, float]
 
 def _checked_ids(ids: ArrayLike, count: int, n_landmarks: int) -> NDArray[np.intp]:
     rows = np.asarray(ids)
+    rows = rows if rows.size else rows.astype(np.intp)
     if rows.shape != (count,) or not np.issubdtype(rows.dtype, np.integer):
         raise ValueError(
             f"ids: expected {count} whole numbers, got {rows.dtype} of shape {rows.shape}"
         )
-    if rows.min() < 0 or rows.max() >= n_landmarks:
+    if count and (rows.min() < 0 or rows.max() >= n_landmarks):
         raise ValueError(f"ids: expected rows of {n_landmarks} landmarks, got {rows.tolist()}")
     return rows.astype(np.intp)

@@ -254,7 +254,9 @@ class RangeBearing:
         """
         return look(self, pose, landmarks, rng, p_detect, clutter_rate)
 
-    def log_likelihood(self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike) -> Array:
+    def log_likelihood(
+        self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike, covs: ArrayLike | None = None
+    ) -> Array:
         """Log density of the measurements of known landmarks, for many poses at once.
 
         Parameters
@@ -265,11 +267,13 @@ class RangeBearing:
             Measurements; they are independent given the pose (P2 (2)).
         landmarks : array_like, shape (k, 2)
             The landmark that each measurement belongs to.
+        covs : array_like, shape (k, 2, 2), optional
+            Covariance R of each measurement, positive definite; `cov` by default.
 
         Returns
         -------
         ndarray, shape (M,)
-            Sum of log N(z_j; h(pose, landmark_j), R) over j; zeros if k is 0.
+            Sum of log N(z_j; h(pose, landmark_j), R_j) over j; zeros if k is 0.
 
         Raises
         ------
@@ -278,14 +282,17 @@ class RangeBearing:
         """
         z = as_array("z", z, ("k", 2))
         landmarks = as_array("landmarks", landmarks, (len(z), 2))
+        whiten, log_peak = self._whitening(covs, len(z))
         x, y, theta = self._positions(poses)
         squared = np.zeros(len(theta))
         # One landmark at a time keeps the arrays in the cache: faster than one (M, k) block.
-        for one, landmark in zip(z, landmarks, strict=True):
-            squared += self._squared_error(*_polar(x, y, theta, landmark), one)
-        return len(z) * self._log_peak - 0.5 * squared
+        for one, landmark, W in zip(z, landmarks, whiten, strict=True):
+            squared += _squared_error(*_polar(x, y, theta, landmark), one, W)
+        return log_peak - 0.5 * squared
 
-    def best_log_likelihood(self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike) -> Array:
+    def best_log_likelihood(
+        self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike, covs: ArrayLike | None = None
+    ) -> Array:
         """Log density when nobody tells which landmark was measured: the best one counts.
 
         Parameters
@@ -294,11 +301,13 @@ class RangeBearing:
         z : array_like, shape (k, 2)
         landmarks : array_like, shape (n, 2)
             All candidates, at least one. Two measurements may choose the same.
+        covs : array_like, shape (k, 2, 2), optional
+            As in `log_likelihood`.
 
         Returns
         -------
         ndarray, shape (M,)
-            Sum over j of the largest log N(z_j; h(pose, landmark_i), R) over i.
+            Sum over j of the largest log N(z_j; h(pose, landmark_i), R_j) over i.
 
         Raises
         ------
@@ -308,18 +317,23 @@ class RangeBearing:
         z, landmarks = as_array("z", z, ("k", 2)), as_array("landmarks", landmarks, ("n", 2))
         if len(landmarks) == 0:
             raise ValueError("landmarks: expected at least one, got none")
+        whiten, log_peak = self._whitening(covs, len(z))
         x, y, theta = self._positions(poses)
         least = np.full((len(z), len(theta)), np.inf)
         for landmark in landmarks:
             distance, angle = _polar(x, y, theta, landmark)
-            for row, one in zip(least, z, strict=True):
-                np.minimum(row, self._squared_error(distance, angle, one), out=row)
-        return len(z) * self._log_peak - 0.5 * least.sum(0)
+            for row, one, W in zip(least, z, whiten, strict=True):
+                np.minimum(row, _squared_error(distance, angle, one, W), out=row)
+        return log_peak - 0.5 * least.sum(0)
 
-    @property
-    def _log_peak(self) -> float:
-        """Largest log density of one measurement."""
-        return float(-np.log(2 * np.pi) - np.log(self.sigma_range) - np.log(self.sigma_bearing))
+    def _whitening(self, covs: ArrayLike | None, k: int) -> tuple[Array, float]:
+        """Inverse Cholesky factors (k, 2, 2) of R, and the largest log density of all together."""
+        R = np.tile(self.cov, (k, 1, 1)) if covs is None else as_array("covs", covs, (k, 2, 2))
+        try:
+            W = np.linalg.inv(np.linalg.cholesky(R))
+        except np.linalg.LinAlgError as error:
+            raise ValueError("covs: expected positive definite matrices, one is not") from error
+        return W, float(np.log(W[:, [0, 1], [0, 1]]).sum() - k * np.log(2 * np.pi))
 
     def _positions(self, poses: ArrayLike) -> tuple[Array, Array, Array]:
         """Coordinates of the sensor and headings, (M,) each."""
@@ -328,19 +342,6 @@ class RangeBearing:
         if self.offset:
             x, y = x + self.offset * np.cos(theta), y + self.offset * np.sin(theta)
         return x, y, theta
-
-    def _squared_error(self, distance: Array, angle: Array, z: Array) -> Array:
-        """Squared Mahalanobis distance of one measurement from predicted ones, (M,)."""
-        # A measurement more than 1e154 sigmas off has probability 0: infinity stands for it.
-        with np.errstate(over="ignore"):
-            range_error = (distance - z[0]) * (1 / self.sigma_range)
-            error = angle - z[1]
-            # Wrap to [-pi, pi]; the sign of a half turn does not matter once squared.
-            error -= 2 * np.pi * np.rint(error * (0.5 / np.pi))
-            error *= 1 / self.sigma_bearing
-            error *= error
-            error += range_error * range_error
-            return error
 
     def _to_landmark(
         self, pose: ArrayLike, landmark: ArrayLike
@@ -360,3 +361,21 @@ def _polar(x: Array, y: Array, theta: Array, landmark: Array) -> tuple[Array, Ar
     angle = np.arctan2(dy, dx)
     angle -= theta
     return np.sqrt(dx * dx + dy * dy), angle
+
+
+def _squared_error(distance: Array, angle: Array, z: Array, whiten: Array) -> Array:
+    """Squared Mahalanobis distance of one measurement from predicted ones, (M,)."""
+    # A measurement more than 1e154 sigmas off has probability 0: infinity stands for it.
+    with np.errstate(over="ignore", invalid="ignore"):
+        range_error = distance - z[0]
+        error = angle - z[1]
+        # Wrap to [-pi, pi]; the sign of a half turn does not matter once squared.
+        error -= 2 * np.pi * np.rint(error * (0.5 / np.pi))
+        error *= whiten[1, 1]
+        if whiten[1, 0]:
+            error += whiten[1, 0] * range_error
+        range_error *= whiten[0, 0]
+        error *= error
+        range_error *= range_error
+        error += range_error
+        return error

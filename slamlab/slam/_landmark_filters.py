@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_covariance
+from slamlab.models import LandmarkSensor
 from slamlab.slam._landmark_maps import ABSENT
 
 __all__ = [
@@ -108,7 +109,7 @@ class Comparison:
 
 
 def predict(
-    sensor: Any, poses: Array, landmarks: Landmarks, pose_root: Array | None = None
+    sensor: LandmarkSensor, poses: Array, landmarks: Landmarks, pose_root: Array | None = None
 ) -> Prediction:
     """Predict the measurements of landmarks (M, k) from poses (M, 3).
 
@@ -135,7 +136,7 @@ def predict(
     return Prediction(expected, H_pose, H, (c00, c01, c10, c11), (z00, z01, z11))
 
 
-def compare(sensor: Any, prediction: Prediction, z: Array, R: Array) -> Comparison:
+def compare(sensor: LandmarkSensor, prediction: Prediction, z: Array, R: Array) -> Comparison:
     """Compare measurements with predictions (M, k): (15) for each landmark.
 
     Each has its own measurement, z (k, 2) with covariances R (k, 2, 2), or all have one, z (2,)
@@ -195,7 +196,7 @@ def information(
     return stacked @ prediction.H_pose.reshape(M, 2 * k, 3), (stacked @ y)[..., 0]
 
 
-def started(sensor: Any, poses: Array, z: Array, R: Array) -> Landmarks:
+def started(sensor: LandmarkSensor, poses: Array, z: Array, R: Array) -> Landmarks:
     """Landmarks (M, k) that each particle would start from each measurement: g and G_z R G_z^T."""
     mean = sensor.locate(poses[:, None], z)
     _, G = sensor.locate_jacobians(poses[:, None], z)
@@ -204,7 +205,7 @@ def started(sensor: Any, poses: Array, z: Array, R: Array) -> Landmarks:
     return Landmarks.from_moments(mean, cov, np.zeros(mean.shape[:-1]))
 
 
-def as_noise(sensor: Any, covs: ArrayLike | None, k: int) -> Array:
+def as_noise(sensor: LandmarkSensor, covs: ArrayLike | None, k: int) -> Array:
     """Covariances (k, 2, 2) of k measurements: the sensor's own unless others are given."""
     if covs is None:
         return np.broadcast_to(sensor.cov, (k, 2, 2))

@@ -7,12 +7,13 @@ out of reach of every particle are passed over. Used by FastSLAM (chapters 11 an
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array
+from slamlab.models import LandmarkSensor
 from slamlab.slam._landmark_filters import Landmarks, compare, predict
 from slamlab.slam._landmark_maps import LandmarkMaps
 from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
@@ -20,21 +21,22 @@ from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
 __all__ = ["Associate", "Sighting", "ask", "log_density_at", "most_likely"]
 
 Indices = NDArray[np.intp]
-Associate = Callable[[ParticleView, Array], ArrayLike]
+Associate = Callable[..., ArrayLike]
 
 
 class Sighting(NamedTuple):
     """Measurements z (k, 2) of covariances R (k, 2, 2), from poses (M, 3), before these maps.
 
-    With `root` A (M, 3, q) the poses have the covariance A A^T.
+    With `root` A (M, 3, q) the poses have the covariance A A^T. `told`: R is not the sensor's.
     """
 
     maps: LandmarkMaps
-    sensor: Any
+    sensor: LandmarkSensor
     poses: Array
     root: Array | None
     z: Array
     R: Array
+    told: bool = False
 
 
 def most_likely(seen: Sighting, gate: float) -> Indices:
@@ -71,10 +73,11 @@ def most_likely(seen: Sighting, gate: float) -> Indices:
 def ask(seen: Sighting, associate: Associate) -> Indices:
     """Ask `associate` for every particle; the result is that of `most_likely`."""
     columns = np.empty((len(seen.poses), len(seen.z)), np.intp)
+    more = {"covs": seen.R} if seen.told else {}
     for i in range(len(columns)):
         cov = np.zeros((3, 3)) if seen.root is None else seen.root[i] @ seen.root[i].T
-        view = ParticleView.of(i, seen.maps, seen.poses[i].copy(), cov, seen.sensor, noise=seen.R)
-        rows = np.asarray(associate(view, seen.z))
+        view = ParticleView.of(i, seen.maps, seen.poses[i].copy(), cov, seen.sensor)
+        rows = np.asarray(associate(view, seen.z, **more))
         _check_rows(rows, len(seen.z), view.n_landmarks)
         columns[i] = np.append(seen.maps.present(i), [IGNORED, NEW])[rows]
     return columns

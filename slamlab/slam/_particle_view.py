@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.special import expit
 
 from slamlab._checks import Array
+from slamlab.models import LandmarkSensor
 from slamlab.slam._landmark_maps import LandmarkMaps
 
 __all__ = ["IGNORED", "NEW", "ParticleView"]
@@ -42,8 +43,6 @@ class ParticleView:
     sensor : LandmarkSensor
     ids : tuple
         Names (known association).
-    noise : ndarray, shape (k, 2, 2), or None
-        Covariances of the measurements in question.
     """
 
     number: int
@@ -52,16 +51,15 @@ class ParticleView:
     existence: Array
     pose: Array
     pose_cov: Array
-    sensor: Any
+    sensor: LandmarkSensor
     ids: tuple[Hashable, ...] = ()
-    noise: Array | None = None
 
     @classmethod
-    def of(cls, i: int, maps: LandmarkMaps, *rest: Any, **more: Any) -> ParticleView:
-        """Particle i of these maps; then pose, its covariance, sensor and what else there is."""
+    def of(cls, i: int, maps: LandmarkMaps, *rest: Any) -> ParticleView:
+        """Particle i of these maps; then pose, its covariance, sensor and perhaps names."""
         x, y, xx, xy, yy, log_odds = maps.map_of(i)[maps.present(i)].T
         means, covs = np.stack([x, y], -1), np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2)
-        return cls(i, means, covs, expit(log_odds), *rest, **more)
+        return cls(i, means, covs, expit(log_odds), *rest)
 
     @property
     def n_landmarks(self) -> int:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from slamlab._checks import Array
+from slamlab.models import MotionModel
 
 __all__ = ["Odometry", "Step", "draw"]
 
@@ -42,7 +43,7 @@ class Step(NamedTuple):
 class Odometry:
     """Predictions since the last update, and the poses (M, 3) before the first of them."""
 
-    motion: Any
+    motion: MotionModel
     start: Array
     steps: tuple[Step, ...] = ()
 

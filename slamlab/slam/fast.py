@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Hashable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
 from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
 from slamlab.geometry import wrap_angle
+from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
 from slamlab.slam._landmark_filters import (
     Landmarks,
     as_noise,
@@ -74,8 +74,8 @@ class FastSlam(PoseParticles):
         Resample when the effective sample size falls below this share of the particles.
     associate : callable, optional
         ``associate(particle, z) -> rows (k,)``, called with a `ParticleView` of each particle
-        when no `ids` come: row of its map, -1 to start a landmark, -2 to leave out. The built-in
-        maximum likelihood decides for all particles at once.
+        when no `ids` come, and with ``covs=`` if an update has them: row of its map, -1 to start
+        a landmark, -2 to leave out. The built-in maximum likelihood decides for all at once.
     gate : float, default 0.99
         Probability that a true pair passes the gate of the built-in association. A measurement
         starts a landmark if it lies twice as far (in squared distance) from all others, where a
@@ -112,8 +112,8 @@ class FastSlam(PoseParticles):
 
     def __init__(
         self,
-        motion: Any,
-        sensor: Any,
+        motion: MotionModel,
+        sensor: LandmarkSensor,
         pose: ArrayLike,
         n_particles: int,
         version: int = 1,
@@ -124,7 +124,8 @@ class FastSlam(PoseParticles):
         gate: float = 0.99,
         detection: tuple[float, float] | None = None,
     ) -> None:
-        self.motion, self.sensor, self.associate = motion, sensor, associate
+        self.motion, self.sensor = as_motion("motion", motion), as_sensor("sensor", sensor)
+        self.associate = associate
         M = as_count("n_particles", n_particles, 1)
         pose = as_array("pose", pose)
         if pose.shape not in ((3,), (M, 3)):
@@ -204,7 +205,11 @@ class FastSlam(PoseParticles):
         R, names = as_noise(self.sensor, covs, len(z)), self._checked_ids(ids, len(z))
         with restored_on_failure(self._rng):
             book = self._columns_with(names)
-            columns = self._associated(z, R) if names is None else self._rows(book, names)
+            columns = (
+                self._associated(z, R, covs is not None)
+                if names is None
+                else self._rows(book, names)
+            )
             seen, old = columns >= 0, self._landmarks(columns)
             # What is new to a particle, or left out, has nothing to compare with.
             met = seen & old.present
@@ -303,13 +308,13 @@ class FastSlam(PoseParticles):
         columns = np.array([book[name] for name in names], dtype=np.intp)
         return np.tile(columns, (self.n_particles, 1))
 
-    def _associated(self, z: Array, R: Array) -> Indices:
+    def _associated(self, z: Array, R: Array, told: bool) -> Indices:
         """Column (M, k) of every measurement in every particle's own map; -2: left out."""
         # Version 2 has not drawn yet: it asks at the predicted pose, and knows how uncertain.
         poses, root = self._cloud.particles, None
         if self.version == 2 and self._odometry.steps:
             poses, root = self._odometry.roll()
-        seen = Sighting(self._maps, self.sensor, poses, root, z, R)
+        seen = Sighting(self._maps, self.sensor, poses, root, z, R, told)
         asked = self.associate
         columns = most_likely(seen, self._gate) if asked is None else ask(seen, asked)
         # New landmarks go to the first columns that are free, one after the other.

@@ -109,6 +109,10 @@ class Displacement:
         """Return z - predicted (..., 2): nothing to wrap."""
         return as_array("z", z, ("...", 2)) - as_array("predicted", predicted, ("...", 2))
 
+    def reach(self, z: ArrayLike) -> Array:
+        """Length (...) of displacements (..., 2)."""
+        return np.asarray(np.linalg.norm(as_array("z", z, ("...", 2)), axis=-1))
+
     def visible(self, pose: ArrayLike, landmark: ArrayLike) -> NDArray[np.bool_]:
         """Tell which landmarks are seen, shape (...): all of them."""
         return np.ones(self.observe(pose, landmark).shape[:-1], dtype=bool)

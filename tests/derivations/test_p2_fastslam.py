@@ -10,10 +10,11 @@ import pytest
 from slamlab.filters import kalman
 from slamlab.filters.particle import lineage, systematic_resample
 from slamlab.gaussian import Gaussian
+from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.slam import FastSlam
 
 
-class Shift:
+class Shift(MotionModel):
     """x_k = x_{k-1} + B u dt for position and heading alike: a linear robot."""
 
     B = np.array([[1.0, 0.2], [-0.1, 0.8], [0.0, 0.0]])
@@ -29,7 +30,7 @@ class Shift:
         )
 
 
-class Offset:
+class Offset(LandmarkSensor):
     """z = C (m - position) + noise: a linear sensor."""
 
     C = np.array([[1.1, 0.3], [-0.2, 0.9]])
@@ -51,9 +52,6 @@ class Offset:
         G = np.broadcast_to(np.linalg.inv(self.C), (*lead, 2, 2))
         eye = np.broadcast_to(np.eye(3)[:2], (*lead, 2, 3))
         return eye, G
-
-    def residual(self, z, predicted):
-        return np.asarray(z) - predicted
 
 
 class Scripted(np.random.Generator):

@@ -85,30 +85,70 @@ def test_moving_map_and_pose_together_changes_nothing():
     )
 
 
+class Beams:
+    """A lidar whose ranges are those of the rough scan above."""
+
+    n_beams = 60
+    beam_angles = -np.pi + (np.arange(60) + 0.5) * 2 * np.pi / 60
+    max_range, offset = np.inf, 0.0
+
+    def points(self, ranges, poses=None):
+        return ranges[:, None] * np.stack([np.cos(self.beam_angles), np.sin(self.beam_angles)], -1)
+
+
+def ranges_at(pose, rng):
+    """Ranges (60,) of the rough lidar; the direction within its sector is lost."""
+    points = look(pose, rng)
+    ranges = np.full(60, np.nan)
+    sector = np.floor((np.arctan2(points[:, 1], points[:, 0]) + np.pi) / (2 * np.pi / 60))
+    ranges[np.clip(sector, 0, 59).astype(int)] = np.hypot(*points.T)
+    return ranges
+
+
 def test_a_robot_with_a_lidar_finds_itself_in_the_room():
     # The floor is 6 m x 4 m; beams are nearly independent only if few: 20 of them.
-    field = LikelihoodField(ROOM, RESOLUTION, ORIGIN, sigma=0.15)
+    field = LikelihoodField(ROOM, RESOLUTION, ORIGIN, sigma=0.15, n_points=20)
     robot, C = Unicycle(), np.diag([0.05**2, 0.1**2])
     found = 0
     for seed in range(4):
         rng = np.random.default_rng(seed)
         mcl = MonteCarloLocalization(
-            np.empty((0, 2)),
-            robot,
-            None,
-            8000,
-            ((-1, 5), (-2, 2)),
-            rng,
-            injection=None,
-            log_likelihood=field.log_likelihood,
+            field, robot, Beams(), 8000, ((-1, 5), (-2, 2)), rng, injection=None
         )
+        assert mcl.measures == "ranges"
         truth = np.array([2.0, 0.2, 0.3])
         for _ in range(15):
             truth = robot.sample(truth, [0.3, 0.4], 0.5, C, rng)
-            mcl.step([0.3, 0.4], 0.5, C, look(truth, rng, 20))
+            mcl.predict([0.3, 0.4], 0.5, C)
+            mcl.update(ranges_at(truth, rng))
         error = mcl.pose - truth
         found += np.hypot(*error[:2]) < 0.1 and abs(wrap_angle(error[2])) < 0.1
     assert found >= 3
+
+
+def test_a_scan_without_an_echo_says_nothing_and_names_beside_ranges_are_refused():
+    field = LikelihoodField(ROOM, RESOLUTION, ORIGIN)
+    rng = np.random.default_rng(1)
+    mcl = MonteCarloLocalization(field, Unicycle(), Beams(), 20, ((-1, 5), (-2, 2)), rng)
+    before = mcl.poses
+    assert mcl.update(np.full(60, np.nan)) == 0.0
+    with pytest.raises(ValueError, match="ids, covs: expected None beside ranges"):
+        mcl.update(np.ones(60), ids=[1])
+    with pytest.raises(ValueError, match="ranges: expected shape"):
+        mcl.update(np.ones(59))
+    np.testing.assert_array_equal(mcl.poses, before)
+
+
+def test_fewer_points_are_spread_over_the_scan():
+    points = look([1, 0, 0.3])
+    poses = np.random.default_rng(1).uniform(-1, 1, (5, 3))
+    few = LikelihoodField(ROOM, RESOLUTION, ORIGIN, n_points=20)
+    every = LikelihoodField(ROOM, RESOLUTION, ORIGIN)
+    due = every.log_likelihood(poses, points[:60:3])
+    np.testing.assert_array_equal(few.log_likelihood(poses, points[:60]), due)
+    np.testing.assert_array_equal(
+        few.log_likelihood(poses, points[:9]), every.log_likelihood(poses, points[:9])
+    )
 
 
 @pytest.mark.parametrize(
@@ -121,6 +161,7 @@ def test_a_robot_with_a_lidar_finds_itself_in_the_room():
         ({"origin": [0.0]}, "origin"),
         ({"sigma": -1.0}, "sigma"),
         ({"hit": 1.0}, "hit"),
+        ({"n_points": 0}, "n_points"),
     ],
 )
 def test_bad_input_is_named(options, message):

@@ -708,6 +708,11 @@ def test_bad_construction_is_named(message, arguments, options):
         FastSlam(MOTION, SENSOR, *arguments, **{"rng": rng_of(1), **options})
 
 
+def test_a_robot_and_a_sensor_that_change_places_are_named():
+    with pytest.raises(ValueError, match="motion: expected a motion model"):
+        FastSlam(SENSOR, MOTION, [0, 0, 0], 5, rng=rng_of(1))
+
+
 @pytest.mark.parametrize(
     ("message", "arguments"),
     [
