@@ -24,7 +24,7 @@ COURSE = {"plots", "widgets", "exercises"}  # rooms that need an extra
 # What a core room may ask for inside a function, where it says which extra is missing.
 LATE = {
     "commands": {"importlib", "pkgutil", "matplotlib"},
-    "datasets": {"rtbdata", "rosbags"},
+    "datasets": {"rtbdata", "rosbags", "gtsam"},
     "evaluation": {"joblib", "tqdm", "dask", "importlib"},
     "localization": {"tqdm"},
     "mapping": {"PIL", "yaml"},

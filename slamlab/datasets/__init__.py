@@ -2,12 +2,21 @@
 
 from slamlab.datasets.carmen import read_carmen
 from slamlab.datasets.killian import Killian, killian
+from slamlab.datasets.relations import Relations, read_relations
 from slamlab.datasets.synthetic import ManhattanGraph, manhattan_graph
+from slamlab.datasets.tum import read_tum, write_tum
+from slamlab.datasets.victoria_park import read_landmark_log, victoria_park
 
 __all__ = [
     "Killian",
     "ManhattanGraph",
+    "Relations",
     "killian",
     "manhattan_graph",
     "read_carmen",
+    "read_landmark_log",
+    "read_relations",
+    "read_tum",
+    "victoria_park",
+    "write_tum",
 ]

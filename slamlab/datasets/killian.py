@@ -58,6 +58,11 @@ class Killian:
         edges = np.flatnonzero(~self.loop_mask)
         return edges[np.argsort(self.graph.edges[edges, 0])]
 
+    @property
+    def timestamps(self) -> Array:
+        """When the scans were taken (s), shape (n,); none in the small variant."""
+        return np.empty(0) if self.graph.scans is None else self.graph.scans.timestamps.copy()
+
     def dead_reckoned(self) -> Array:
         """Poses (n, 3) by odometry alone, from the first pose of the graph."""
         return dead_reckoning(RelativePose(), self.graph.poses[0], self.odometry, 1.0)

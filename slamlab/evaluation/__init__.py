@@ -2,6 +2,7 @@
 
 from slamlab.evaluation.association_runs import Loop, LoopRun, run_loop, simulate_loop
 from slamlab.evaluation.consistency import chi2_band, monte_carlo, nees, nis
+from slamlab.evaluation.relations import relation_error
 from slamlab.evaluation.run import Run, run
 from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
 from slamlab.evaluation.wall_maps import WallScores, seen_lengths, wall_scores
@@ -18,6 +19,7 @@ __all__ = [
     "monte_carlo",
     "nees",
     "nis",
+    "relation_error",
     "rpe",
     "run",
     "run_loop",

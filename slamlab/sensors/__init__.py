@@ -2,6 +2,7 @@
 
 from slamlab.logs import ScanGeometry
 from slamlab.sensors.lidar import Lidar
+from slamlab.sensors.point import PointSensor
 from slamlab.sensors.range_bearing import RangeBearing
 from slamlab.sensors.scan_motion import motion_between, turn_between
 from slamlab.sensors.sonar import Sonar
@@ -10,6 +11,7 @@ from slamlab.sensors.wall import Wall
 
 __all__ = [
     "Lidar",
+    "PointSensor",
     "RangeBearing",
     "ScanGeometry",
     "Sonar",

@@ -20,9 +20,12 @@ from scipy.sparse.csgraph import connected_components
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_covariance, as_scalar
 from slamlab.geometry import inverse_transform
+from slamlab.logs import Log
+from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.slam import _g2o
 from slamlab.slam._edges import Edges, edge_error, edge_jacobians
 from slamlab.slam._g2o import Scans
+from slamlab.slam._graph_of import graph_of
 from slamlab.slam._optimize import (
     KERNEL_WIDTH,
     KERNELS,
@@ -202,6 +205,40 @@ class PoseGraph:
         return f"PoseGraph({text})"
 
     @classmethod
+    def from_log(
+        cls,
+        log: Log,
+        motion: MotionModel,
+        sensor: LandmarkSensor | None = None,
+        start: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> PoseGraph:
+        """Make the graph of a log: a pose a motion, an edge a control, an edge a measurement.
+
+        Parameters
+        ----------
+        log : Log
+            A step with dt = 0 adds no pose. Measurements need ids; those below 0 are left out.
+        motion : MotionModel
+            Its noise must reach all three coordinates.
+        sensor : LandmarkSensor, optional
+            What the log's measurements mean; without it only the motions count.
+        start : array_like, shape (3,)
+            First pose, which is fixed.
+
+        Returns
+        -------
+        PoseGraph
+            At dead reckoning, each landmark where it was first seen from there.
+
+        Raises
+        ------
+        ValueError
+            If the log is a batch, has no ids, or a motion or a measurement without noise in some
+            direction.
+        """
+        return cls(**graph_of(log, motion, sensor, as_array("start", start, (3,))))
+
+    @classmethod
     def read_g2o(cls, path: str | Path) -> PoseGraph:
         """Read a g2o or TORO file, plain, ``.gz`` or alone in a ``.zip``.
 
@@ -300,8 +337,8 @@ class PoseGraph:
         """Return the same graph at poses and landmarks found without any start, linearly.
 
         If headings are complex numbers and the information is isotropic, the cost is quadratic
-        but for ``|u| = 1``. Forget this and solve, once for headings and positions together and once
-        for the headings alone (Carlone et al. 2015), make ``|u| = 1`` again, and solve for
+        but for ``|u| = 1``. Forget this and solve, once for headings and positions together and
+        once for the headings alone (Carlone et al. 2015), make ``|u| = 1`` again, and solve for
         the positions. The better of both is returned; the first fixed pose stays where it is.
 
         Returns

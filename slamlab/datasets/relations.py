@@ -1,0 +1,83 @@
+"""Relations between poses measured by hand, the reference of the SLAM benchmark.
+
+Kuemmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss and Kleiner 2009. `relation_error` of
+`slamlab.evaluation` judges a path by them; chapter 13 tells what they see and what not.
+"""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from slamlab._checks import Array
+
+__all__ = ["Relations", "read_relations"]
+
+
+class Relations(NamedTuple):
+    """Relative poses between pairs of moments.
+
+    Attributes
+    ----------
+    times : ndarray, shape (m, 2)
+        The two moments (s).
+    measurements : ndarray, shape (m, 3)
+        Pose of the second moment seen from the first (m, m, rad).
+    """
+
+    times: Array
+    measurements: Array
+
+
+def read_relations(path: str | Path) -> Relations:
+    """Read a file of relations, plain or ``.gz``: a line ``t_i t_j x y z roll pitch yaw`` each.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Relations
+        z, roll and pitch are left out.
+
+    Raises
+    ------
+    ValueError
+        If the file is damaged or empty; the message names the line.
+    FileNotFoundError
+        If there is no such file.
+    """
+    path = Path(path)
+    data = path.read_bytes()
+    if data[:2] == b"\x1f\x8b":
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, ValueError) as error:
+            raise ValueError(f"{path.name}: cannot unpack the file: {error}") from error
+    table = numbers_of(data.decode("utf-8", errors="replace"), path.name, 8)
+    return Relations(table[:, :2].copy(), table[:, [2, 3, 7]])
+
+
+def numbers_of(text: str, name: str, count: int) -> Array:
+    """Table of `count` numbers a line; ``#`` begins a comment. ValueError names a bad line."""
+    rows = []
+    for number, line in enumerate(text.split("\n"), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            row = [float(word) for word in words]
+        except ValueError as error:
+            raise ValueError(f"{name}: line {number}: expected numbers, {error}") from error
+        if len(row) != count:
+            raise ValueError(f"{name}: line {number}: expected {count} numbers, got {len(row)}")
+        if not np.isfinite(row).all():
+            raise ValueError(f"{name}: line {number}: expected finite numbers")
+        rows.append(row)
+    if not rows:
+        raise ValueError(f"{name}: the file ends without a line of {count} numbers")
+    return np.array(rows)

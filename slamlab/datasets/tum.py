@@ -1,0 +1,89 @@
+"""Trajectories as the TUM benchmark writes them, the exchange format of evo and others.
+
+A line is ``time x y z qx qy qz qw`` (Sturm et al. 2012); ours stay in the plane.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array
+from slamlab.datasets.relations import numbers_of
+
+__all__ = ["read_tum", "write_tum"]
+
+_FLAT = 1e-3
+
+
+def read_tum(path: str | Path) -> tuple[Array, Array]:
+    """Read a trajectory of the plane.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    times : ndarray, shape (n,)
+        Seconds.
+    poses : ndarray, shape (n, 3)
+        x, y (m), theta (rad).
+
+    Raises
+    ------
+    ValueError
+        If a line is damaged, a quaternion has no length, or the path leaves the plane: z changes,
+        or the body tilts, by more than a thousandth (m, rad).
+    FileNotFoundError
+        If there is no such file.
+    """
+    path = Path(path)
+    text = path.read_text(encoding="utf-8", errors="replace")
+    table = numbers_of(text, path.name, 8)
+    q = table[:, 4:]
+    length = np.linalg.norm(q, axis=1)
+    bad = np.flatnonzero(np.abs(length - 1) > _FLAT)
+    if bad.size:
+        raise ValueError(
+            f"{path.name}: pose {bad[0]}: expected a quaternion of length 1, "
+            f"got {length[bad[0]]:.4g}"
+        )
+    off = np.maximum(np.abs(table[:, 3] - table[0, 3]), 2 * np.hypot(q[:, 0], q[:, 1]))
+    bad = np.flatnonzero(off > _FLAT)
+    if bad.size:
+        raise ValueError(
+            f"{path.name}: pose {bad[0]}: expected a path in the plane, it rises or tilts"
+        )
+    theta = 2 * np.arctan2(q[:, 2], q[:, 3])
+    theta = np.arctan2(np.sin(theta), np.cos(theta))
+    return table[:, 0].copy(), np.column_stack([table[:, 1:3], theta])
+
+
+def write_tum(path: str | Path, times: ArrayLike, poses: ArrayLike) -> None:
+    """Write a trajectory; `read_tum` gives it back.
+
+    Parameters
+    ----------
+    path : str or Path
+    times : array_like, shape (n,)
+        Seconds.
+    poses : array_like, shape (n, 3)
+        x, y (m), theta (rad).
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit or a number is not finite.
+    """
+    times = as_array("times", times, ("n",))
+    poses = as_array("poses", poses, (len(times), 3))
+    half = poses[:, 2] / 2
+    zero = np.zeros(len(times))
+    table = np.column_stack(
+        [times, poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half)]
+    ).tolist()
+    lines = [" ".join(repr(number) for number in row) for row in table]
+    Path(path).write_text("".join(line + "\n" for line in lines), encoding="utf-8")

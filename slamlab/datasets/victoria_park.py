@@ -1,0 +1,163 @@
+"""Victoria Park, Sydney: a car among trees, odometry and trunks in view (Guivant and Nebot 2001).
+
+The file is the one that iSAM made (Kaess et al. 2008) and gtsam ships; who is who is known.
+Chapters 10 to 13.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from slamlab._checks import Array
+from slamlab.logs import Log
+from slamlab.robots import RelativePose
+from slamlab.sensors import PointSensor
+from slamlab.slam import PoseGraph
+
+__all__ = ["read_landmark_log", "victoria_park"]
+
+_NAME = "victoria_park"
+
+
+def victoria_park() -> Log:
+    """Load Victoria Park: 6969 poses over 4 km, 151 trees measured 3640 times.
+
+    For `robots.RelativePose` and ``sensors.PointSensor(0.4 * np.eye(2))``. Nobody measured the
+    truth: `truth` and `landmarks` are the least-squares optimum of all measurements. The file has
+    no times; a step counts as one second.
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    FileNotFoundError
+        If the data are neither in the package nor in gtsam nor in the folder SLAMLAB_DATA.
+    """
+    log = _load()
+    graph = PoseGraph.from_log(log, RelativePose(), PointSensor(0.4 * np.eye(2)))
+    best = graph.initial_guess().optimize()
+    return replace(log, truth=best.poses, landmarks=best.landmarks)
+
+
+def _load() -> Log:
+    own = Path(__file__).with_name(f"{_NAME}.npz")
+    if own.exists():
+        return Log.load(own)
+    for folder in _folders():
+        if (folder / f"{_NAME}.txt").exists():
+            return read_landmark_log(folder / f"{_NAME}.txt")
+    raise FileNotFoundError(
+        "victoria_park: the data come with gtsam (`pip install gtsam`), "
+        f"or as {_NAME}.txt in the folder that SLAMLAB_DATA names"
+    )
+
+
+def _folders() -> Iterator[Path]:
+    if "SLAMLAB_DATA" in os.environ:
+        yield Path(os.environ["SLAMLAB_DATA"])
+    try:
+        import gtsam
+    except ImportError:
+        return
+    yield Path(gtsam.__file__).parent / "Data"
+
+
+def read_landmark_log(path: str | Path) -> Log:
+    """Read a text of ODOMETRY and LANDMARK lines with covariances.
+
+    ``ODOMETRY i j dx dy dtheta`` is the motion from pose i to pose j in the frame of i, then the
+    upper triangle of its covariance, row by row; ``LANDMARK i l x y`` is landmark l as seen from
+    pose i, then its covariance xx, xy, yy. Poses come in the order of their odometry; landmarks
+    are numbered in the order in which they are first seen.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Log
+        For `robots.RelativePose` and `sensors.PointSensor`; one second a step.
+
+    Raises
+    ------
+    ValueError
+        If a line is damaged or odometry does not go from each pose to the next; the message names
+        the line.
+    FileNotFoundError
+        If there is no such file.
+    """
+    with Path(path).open(encoding="utf-8", errors="surrogateescape") as file:
+        return _parse(file, Path(path).name)
+
+
+def _parse(file: TextIO, name: str) -> Log:
+    rows: dict[int, int] = {}  # step in which a pose was reached
+    landmarks: dict[int, int] = {}
+    u: list[list[float]] = [[0.0] * 3]
+    covs: list[list[float]] = [[0.0] * 6]
+    looks: list[list[list[float]]] = [[]]
+    ids: list[list[int]] = [[]]
+    look_covs: list[list[list[float]]] = [[]]
+    for number, line in enumerate(file, start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        i, j, values = _numbers(words, f"{name}: line {number}")
+        if words[0] == "ODOMETRY":
+            rows.setdefault(i, 0) if not rows else None
+            if rows.get(i) != len(u) - 1 or j in rows:
+                raise ValueError(
+                    f"{name}: line {number}: expected odometry from the newest pose to a new one"
+                )
+            rows[j] = len(u)
+            u.append(values[:3])
+            covs.append(values[3:])
+            looks.append([])
+            ids.append([])
+            look_covs.append([])
+        else:
+            rows.setdefault(i, 0) if not rows else None
+            if i not in rows:
+                raise ValueError(f"{name}: line {number}: pose {i} was not reached before")
+            looks[rows[i]].append(values[:2])
+            ids[rows[i]].append(landmarks.setdefault(j, len(landmarks)))
+            look_covs[rows[i]].append(values[2:])
+    if len(u) == 1:
+        raise ValueError(f"{name}: the file ends without odometry")
+    steps: Array = np.arange(len(u), dtype=np.float64)
+    return Log(
+        steps,
+        np.array(u),
+        np.minimum(steps, 1.0),
+        np.array(covs)[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
+        looks=tuple(np.reshape(z, (-1, 2)) for z in looks),
+        ids=tuple(np.array(names, dtype=int) for names in ids),
+        covs=tuple(np.reshape(c, (-1, 3))[:, [[0, 1], [1, 2]]] for c in look_covs),
+    )
+
+
+def _numbers(words: list[str], where: str) -> tuple[int, int, list[float]]:
+    counts = {"ODOMETRY": 12, "LANDMARK": 8}
+    if words[0] not in counts:
+        raise ValueError(f"{where}: expected ODOMETRY or LANDMARK, got {words[0][:40]!r}")
+    if len(words) != counts[words[0]]:
+        raise ValueError(
+            f"{where}: {words[0]}: expected {counts[words[0]] - 1} fields, got {len(words) - 1}"
+        )
+    try:
+        values = [float(word) for word in words[3:]]
+        pair = int(words[1]), int(words[2])
+    except ValueError as error:
+        raise ValueError(f"{where}: expected numbers, {error}") from error
+    if not np.isfinite(values).all():
+        raise ValueError(f"{where}: expected finite numbers, got NaN or infinity")
+    return *pair, values

@@ -1,0 +1,82 @@
+"""How well a path keeps relations measured by hand: the metric of the SLAM benchmark.
+
+Kuemmerle et al. 2009, "On measuring the accuracy of SLAM algorithms", (3) and (4): it needs no
+common frame and no alignment. It sees stretches, not the whole: a corridor that slid as one piece
+costs next to nothing (chapter 13).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_scalar
+from slamlab.evaluation.trajectory import TrajectoryError
+from slamlab.geometry import between, compose, inverse, wrap_angle
+
+__all__ = ["relation_error"]
+
+
+def relation_error(
+    times: ArrayLike,
+    poses: ArrayLike,
+    relations: tuple[ArrayLike, ArrayLike],
+    tolerance: float = 1e-3,
+) -> TrajectoryError:
+    """Errors of the relative poses between given moments.
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        When each pose was taken (s).
+    poses : array_like, shape (n, 3)
+        Estimated path (m, m, rad), in any frame.
+    relations : Relations
+        As `datasets.read_relations` gives them: moments (m, 2), relative poses (m, 3).
+    tolerance : float, default 1e-3
+        Largest difference (s) between a relation's moment and that of a pose.
+
+    Returns
+    -------
+    TrajectoryError
+        One entry a relation both of whose moments have a pose; the others are left out, so
+        compare ``len(error.translation)`` with the number of relations.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, or no relation has both its poses.
+
+    Examples
+    --------
+    >>> error = relation_error([0, 1, 2], [[0, 0, 0], [1, 0, 0], [2, 0, 0]],
+    ...                        ([[0, 2], [0, 5]], [[2.1, 0, 0], [5, 0, 0]]))
+    >>> error.translation.round(3).tolist()
+    [0.1]
+    """
+    times = as_array("times", times, ("n",))
+    poses = as_array("poses", poses, (len(times), 3))
+    moments = as_array("relations[0]", relations[0], ("m", 2))
+    measured = as_array("relations[1]", relations[1], (len(moments), 3))
+    rows, there = _rows(times, moments, as_scalar("tolerance", tolerance, 0.0))
+    both = np.asarray(there.all(1))
+    if not both.any():
+        raise ValueError(
+            f"relations: expected some between the moments of the path, none of {len(both)} is"
+        )
+    i, j = rows[both].T
+    # (4): e = relation^-1 (+) (x_i^-1 (+) x_j)
+    e = compose(inverse(measured[both]), between(poses[i], poses[j]))
+    return TrajectoryError(np.hypot(e[:, 0], e[:, 1]), np.abs(wrap_angle(e[:, 2])))
+
+
+def _rows(times: Array, moments: Array, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Row of the pose nearest in time, and whether it is near enough."""
+    if len(times) == 0:
+        return np.zeros(moments.shape, dtype=int), np.zeros(moments.shape, dtype=bool)
+    order = np.argsort(times, kind="stable")
+    after = np.clip(np.searchsorted(times[order], moments), 1, max(len(times) - 1, 1))
+    candidates = np.stack([after - 1, np.minimum(after, len(times) - 1)])
+    gaps = np.abs(times[order][candidates] - moments)
+    best = np.take_along_axis(candidates, gaps.argmin(0)[None], 0)[0]
+    return order[best], gaps.min(0) <= tolerance
