@@ -22,12 +22,16 @@ def innovation_root(S: Array) -> Array:
     try:
         root = np.linalg.cholesky(S)
     except np.linalg.LinAlgError as error:
-        smallest = np.linalg.eigvalsh(S)[..., 0].min()
-        raise ValueError(
-            "R: expected an innovation covariance S = H P H^T + R that is positive definite, "
-            f"its smallest eigenvalue is {smallest:.3g}"
-        ) from error
+        raise singular(S) from error
     return np.asarray(root)
+
+
+def singular(S: Array) -> ValueError:
+    """Make the error for an innovation covariance (..., m, m) that has no Cholesky factor."""
+    return ValueError(
+        "R: expected an innovation covariance S = H P H^T + R that is positive definite, "
+        f"its smallest eigenvalue is {np.linalg.eigvalsh(S)[..., 0].min():.3g}"
+    )
 
 
 def solve_psd(S: Array, B: Array) -> Array:

@@ -2,8 +2,8 @@
 
 P5 (3)-(9) a step. Two facts make it fast. The covariances do not depend on the measurements, so
 one run of them serves a batch of series; with a constant model they settle, and from there on one
-set of matrices serves every step. With gains known, the means obey x_k = A_k x_{k-1} + g_k, which
-a settled stretch solves for all its steps at once by doubling. Inside, time is the first axis.
+set of matrices serves every step. With gains known, the means obey x_k = A_k x_{k-1} + g_k. Both
+recurrences are compiled (`_sweeps`). Inside, time is the first axis.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
-from slamlab.filters._linear import apply, innovation_root, t
+from slamlab.filters._linear import apply, singular, t
+from slamlab.filters._sweeps import recur, smooth_covariances, step_covariances
 from slamlab.gaussian import Gaussian
 
 # Covariances count as settled when what is left of their way is below this many units of
 # rounding: 1.1e-13 in double precision, relative to the standard deviations.
 SETTLED = 500
-# From this many series on, stepping through time costs less than doubling.
-MANY_SERIES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,51 +214,38 @@ def _covariances(
     F: Array, H: Array, Q: Array, R: Array, P: Array, seen: np.ndarray
 ) -> tuple[_Step, np.ndarray]:
     """Distinct steps of P5 (4), (6), (7), (9), stacked, and which of them each time uses."""
-    length = len(seen)
+    # Copies of one type, in one order: each other combination would be compiled anew.
+    dtype = np.result_type(F, H, Q, R, P)
+    F, H, Q, R, P = (np.array(matrix, dtype, order="C") for matrix in (F, H, Q, R, P))
+    seen, length = np.array(seen, order="C"), len(seen)
     complete = np.asarray(seen.all(axis=(1, 2)))
     gaps = np.append(np.flatnonzero(~complete), length)
     constant = all(len(matrix) == 1 for matrix in (F, H, Q, R))
-    steps: list[_Step] = []
+    parts: list[_Step] = []
     rows = np.empty(length, dtype=int)
-    k = 0
+    limit = SETTLED * float(np.finfo(P.dtype).eps) if constant else -1.0
+    k = n_distinct = 0
     while k < length:
-        F_k, H_k, Q_k, R_k = (matrix[min(k, len(matrix) - 1)] for matrix in (F, H, Q, R))
-        if not complete[k]:
-            H_k, R_k = _mask(H_k, R_k, seen[k])
-        step = _covariance_step(P, F_k, H_k, Q_k, R_k)
-        settled = constant and complete[k] and _settled(step.cov, P, step.A)
-        stop = int(gaps[np.searchsorted(gaps, k)]) if settled else k + 1
-        rows[k:stop] = len(steps)
-        steps.append(step)
-        P, k = step.cov, stop
-    return _Step(*(_stack(parts) for parts in zip(*steps, strict=True))), rows
+        steps = _empty_steps(min(length - k, max(64, n_distinct)), H, F, seen, P)
+        done = step_covariances(F, H, Q, R, P, seen, k, limit, tuple(steps))
+        if done < 0:
+            raise singular(steps.S[-1 - done])
+        stop = k + done
+        rows[k:stop] = n_distinct + np.arange(stop - k)
+        parts.append(_Step(*(part[: stop - k] for part in steps)))
+        last = [P, *steps.cov[: stop - k]][-2:]
+        P, n_distinct, k = last[1], n_distinct + stop - k, stop
+        if constant and complete[k - 1] and _settled(P, last[0], steps.A[len(parts[-1].A) - 1]):
+            k = int(gaps[np.searchsorted(gaps, k)])
+            rows[stop:k] = n_distinct - 1
+    return _Step(*(np.concatenate(part) for part in zip(*parts, strict=True))), rows
 
 
-def _stack(parts: tuple[Array, ...]) -> Array:
-    shape = np.broadcast_shapes(*(part.shape for part in parts))
-    return np.stack([np.broadcast_to(part, shape) for part in parts])
-
-
-def _covariance_step(P: Array, F: Array, H: Array, Q: Array, R: Array) -> _Step:
-    # (4)
-    predicted = F @ P @ t(F) + Q
-    predicted = 0.5 * (predicted + t(predicted))
-    # (6)
-    PHt = predicted @ t(H)
-    S = H @ PHt + R
-    # (7), by the inverse of the Cholesky factor
-    whitening: Array = np.asarray(np.linalg.inv(innovation_root(S)))
-    K = PHt @ t(whitening) @ whitening
-    # (9), Joseph's form
-    keep = np.eye(F.shape[-1], dtype=P.dtype) - K @ H
-    cov = keep @ predicted @ t(keep) + K @ R @ t(K)
-    return _Step(predicted, S, K, 0.5 * (cov + t(cov)), whitening, keep @ F)
-
-
-def _mask(H: Array, R: Array, seen: np.ndarray) -> tuple[Array, Array]:
-    """Blind the missing components: they see nothing, and have unit noise of their own."""
-    both = seen[..., :, None] & seen[..., None, :]
-    return np.where(seen[..., None], H, 0), np.where(both, R, np.eye(R.shape[-1], dtype=R.dtype))
+def _empty_steps(count: int, H: Array, F: Array, seen: np.ndarray, P: Array) -> _Step:
+    m, n = H.shape[2:]
+    size = max(array.shape[1] for array in (H, F, seen)) if len(P) == 1 else len(P)
+    shapes = ((n, n), (m, m), (n, m), (n, n), (m, m), (n, n))
+    return _Step(*(np.zeros((count, size, *shape), P.dtype) for shape in shapes))
 
 
 def _settled(new: Array, old: Array, A: Array) -> bool:
@@ -288,32 +274,13 @@ def _means(
 
 
 def _recurrence(A: Array, rows: np.ndarray, g: Array, x: Array) -> Array:
-    """Solve x_k = A[rows_k] x_k-1 + g_k for all k; `g` is (T, batch, n), rows come in runs."""
+    """Solve x_k = A[rows_k] x_k-1 + g_k for all k; `g` is (T, batch, n)."""
     shape = np.broadcast_shapes(g.shape[1:], x.shape, A.shape[1:-1])
     out = np.array(np.broadcast_to(g, (len(g), *shape)))
-    starts = np.flatnonzero(np.diff(rows, prepend=-1))
-    for start, stop in zip(starts, [*starts[1:], len(rows)][: len(starts)], strict=True):
-        matrix = A[rows[start]]
-        out[start] += apply(matrix, x)
-        if stop - start > 1:
-            _run(matrix, out[start:stop])
-        x = out[stop - 1]
+    if len(out):
+        out[0] += apply(A[rows[0]], x)
+        recur(np.array(A, out.dtype), np.array(rows), out)
     return out
-
-
-def _run(A: Array, x: Array) -> None:
-    """Solve x_k = A x_k-1 + x_k in place, the first x given: by steps or, few series, doubling.
-
-    After j rounds of doubling each x holds the last 2^j inputs; A is stable, so its powers end.
-    """
-    if x.shape[1] >= MANY_SERIES:
-        for k in range(1, len(x)):
-            x[k] += apply(A, x[k - 1]) if len(A) > 1 else x[k - 1] @ A[0].T
-        return
-    shift = 1
-    while shift < len(x) and np.abs(A).max() > np.finfo(x.dtype).tiny:
-        x[shift:] += _apply_all(A[None], x[:-shift])
-        A, shift = A @ A, 2 * shift
 
 
 # --- smoother ---
@@ -337,17 +304,16 @@ def _smoother_gains(result: FilterResult, P: Array, ahead: Array) -> tuple[Array
 
 def _smoothed_covariances(gains: Array, groups: np.ndarray, P: Array, ahead: Array) -> Array:
     """Solve P_k|T = P_k + C_k (P_k+1|T - P_k+1|k) C_k^T backwards, jumping where it settles."""
-    out = np.array(P)
-    k = len(P) - 2
-    while k >= 0:
-        C = gains[groups[k]]
-        cov = P[k] + C @ (out[k + 1] - ahead[k + 1]) @ t(C)
-        cov = 0.5 * (cov + t(cov))
+    gains, groups, P, ahead = (np.array(part, order="C") for part in (gains, groups, P, ahead))
+    out = P.copy()
+    limit = SETTLED * float(np.finfo(out.dtype).eps)
+    k = len(P) - 1
+    while k > 0:
+        k = smooth_covariances(gains, groups, P, ahead, out, k, limit)
         start = int(np.searchsorted(groups, groups[k]))
-        settled = start < k and _settled(cov, out[k + 1], C)
-        start = start if settled else k
-        out[start : k + 1] = cov
-        k = start - 1
+        if start < k and _settled(out[k], out[k + 1], gains[groups[k]]):
+            out[start:k] = out[k]
+            k = start
     return out
 
 

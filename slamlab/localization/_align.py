@@ -6,7 +6,8 @@ Two hundred candidates and forty turns in a fraction of a millisecond. Chapter 1
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from slamlab._compiling import njit
 
 
 @njit(cache=True)

@@ -7,8 +7,8 @@ so the box of such a piece is the box of its two ends, and stays so however ofte
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from slamlab._compiling import njit
 from slamlab.navigation._cubic import fill_box, monotone_cuts, slope, value
 
 # Columns of the answer of `search`.

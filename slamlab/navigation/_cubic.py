@@ -7,7 +7,8 @@ Chapter 17 reaches them through `slamlab.navigation.path_memory`.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from slamlab._compiling import njit
 
 # Pieces of a segment whose lengths the inverse table t(s) keeps.
 PIECES = 16

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from slamlab._checks import Array
+from slamlab._compiling import njit
 from slamlab.navigation import _boxes, _cubic
 
 __all__ = ["Loop", "Spline"]

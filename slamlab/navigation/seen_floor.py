@@ -7,11 +7,11 @@ Yamauchi 1997), where the body fits, and how to get there. Chapters 18 and 20.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab._compiling import njit
 from slamlab.mapping.occupancy import BeamSensor
 
 __all__ = ["FREE", "OCCUPIED", "UNKNOWN", "SeenFloor"]

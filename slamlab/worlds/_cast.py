@@ -7,7 +7,8 @@ distance to the nearest occupied cell allows it, it jumps instead. Chapter 06 de
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from slamlab._compiling import njit
 
 # A jump ends this far (cells) short of its safe square, which is far more than any rounding.
 _SHORT = 1e-9

@@ -8,7 +8,8 @@ turning vertex draws an arc. Both are exact; touching is no collision.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from slamlab._compiling import njit
 
 # The footprint is drawn in by this much (m), so that touching does not count.
 _DRAW_IN = 1e-9
