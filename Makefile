@@ -17,10 +17,11 @@ endif
 
 NBVAL := $(BIN)/python -m pytest -q -n 2 --dist loadfile --nbval --nbval-current-env \
   --nbval-cell-timeout 300
+PARTS := chromium lint unit speed notebooks same book-tests
 NOTEBOOKS := notebooks/*.ipynb notebooks/exercises/*.ipynb notebooks/solutions/*.ipynb
 
 .DEFAULT_GOAL := help
-.PHONY: help book test lab lint unit speed notebooks book-tests chromium lock vendor slim clean
+.PHONY: help book test lab lint unit speed notebooks same book-tests chromium lock vendor slim clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -41,10 +42,13 @@ lab: $(VENV)/.dev-installed  ## Open the notebooks in JupyterLab
 	$(BIN)/jupyter lab --notebook-dir=notebooks
 
 test: $(VENV)/.dev-installed  ## Run everything: lint, types, tests, notebooks, book, browser
-	@$(MAKE) --no-print-directory chromium lint unit speed notebooks
-	@$(BIN)/python tools/build_book.py
-	@$(MAKE) --no-print-directory book-tests
-	@echo "== All passed"
+	@table=""; for part in $(PARTS); do begin=$$SECONDS; \
+	  $(MAKE) --no-print-directory $$part && verdict=passed || verdict=FAILED; \
+	  table+=$$(printf '  %-12s %6d s  %s' $$part $$((SECONDS - begin)) $$verdict)$$'\n'; \
+	  [ $$verdict = passed ] || break; \
+	done; \
+	printf '== Where the %d minutes went\n%s' $$(((SECONDS + 30) / 60)) "$$table"; \
+	[ $$verdict = passed ] && echo "== All passed"
 
 lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
 	@echo "== Lint, types, spelling"
@@ -65,6 +69,10 @@ speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
 notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
 	@echo "== Notebooks, cell by cell"
 	$(NBVAL) $(NOTEBOOKS)
+
+same: $(VENV)/.dev-installed  ## Build the book as on a machine without AVX, compare its numbers
+	@echo "== The book under another setting: every number as in the notebooks"
+	@$(BIN)/python tools/build_book.py --setting plain --strict
 
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"

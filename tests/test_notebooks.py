@@ -8,7 +8,10 @@ from pathlib import Path
 import nbformat
 import pytest
 import yaml
+from jupyter_cache import get_cache
+from jupyter_cache.base import CacheBundleIn
 
+from tools.build_book import book_notebooks, cache_key, is_cached, remaining
 from tools.kernels import LocalKernelManager
 from tools.notebooks import SETTINGS, differences
 
@@ -309,3 +312,41 @@ def test_a_dead_link_is_seen(tmp_path):
     cells = [nbformat.v4.new_markdown_cell(source)]
     nbformat.write(nbformat.v4.new_notebook(cells=cells), tmp_path / "x.ipynb")
     assert len(dead_links(tmp_path / "x.ipynb")) == 2
+
+
+def test_the_book_runs_every_notebook_of_its_contents():
+    assert set(book_notebooks()) == set(NOTEBOOKS)
+
+
+def test_only_a_notebook_whose_cells_changed_runs_again(tmp_path):
+    cache, path = get_cache(str(tmp_path / "cache")), tmp_path / "a.ipynb"
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1 + 1")])
+    nbformat.write(notebook, path)
+    assert not is_cached(cache, path)
+    cache.cache_notebook_bundle(CacheBundleIn(notebook, str(path)), check_validity=False)
+    notebook.cells.append(nbformat.v4.new_markdown_cell("prose"))
+    nbformat.write(notebook, path)
+    assert is_cached(cache, path)
+    notebook.cells[0].source = "1 + 2"
+    nbformat.write(notebook, path)
+    assert not is_cached(cache, path)
+
+
+def test_whatever_the_library_holds_decides_whether_outputs_count(tmp_path):
+    (tmp_path / "slamlab").mkdir()
+    (tmp_path / "requirements.lock").write_text("numpy==2\n")
+    seen = {cache_key(tmp_path)}
+    for name in ("a.py", "a.js", "data.npz"):
+        (tmp_path / "slamlab" / name).write_text("1")
+        seen.add(cache_key(tmp_path))
+    (tmp_path / "requirements.lock").write_text("numpy==3\n")
+    seen.add(cache_key(tmp_path))
+    assert len(seen) == 5
+    (tmp_path / "slamlab" / "a.pyc").write_text("1")
+    assert cache_key(tmp_path) in seen
+
+
+def test_what_is_left_is_told_in_seconds_once_they_are_known():
+    assert remaining({"a", "b"}, {"a": 30.0}, 2) == "2 left"
+    assert remaining({"a", "b"}, {"a": 30.0, "b": 20.0}, 2) == "2 left, about 30 s"
+    assert remaining(set(), {}, 2) == "0 left"

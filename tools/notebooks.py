@@ -86,6 +86,7 @@ def run(notebook: nbformat.NotebookNode, folder: Path) -> None:
     NotebookClient(
         notebook,
         timeout=600,
+        record_timing=False,
         kernel_name="python3",
         kernel_manager_class=LocalAsyncKernelManager,
         resources={"metadata": {"path": str(folder)}},
