@@ -350,3 +350,63 @@ def test_what_is_left_is_told_in_seconds_once_they_are_known():
     assert remaining({"a", "b"}, {"a": 30.0}, 2) == "2 left"
     assert remaining({"a", "b"}, {"a": 30.0, "b": 20.0}, 2) == "2 left, about 30 s"
     assert remaining(set(), {}, 2) == "0 left"
+
+
+# Chapters of the first edition, until each is rewritten: the list only ever gets shorter.
+FIRST_EDITION = {
+    *("01_bayes_filter", "02_kalman_filter"),
+    *("03_extended_kalman_filter", "04_particle_filter", "05_mecanum_kinematics"),
+    *("06_lidar_simulation", "07_walls_from_points", "08_occupancy_maps", "09_ekf_slam"),
+    *("10_convergence_consistency_and_cost", "11_data_association", "12_fastslam"),
+    *("17_the_way_home", "18_exploration", "19_autocorrelation_localization"),
+}
+SECOND_EDITION = [path for path in CHAPTERS if path.stem not in FIRST_EDITION]
+
+FOLDED = {"hide-input", "hide-cell", "remove-input", "remove-cell"}
+
+
+def too_much_code(notebook):
+    """Visible code cells that are no idea but plumbing: (cell, lines, longest line)."""
+    found = []
+    for number, cell in enumerate(notebook.cells):
+        tags = set(cell.metadata.get("tags", []))
+        if cell.cell_type != "code" or tags & FOLDED:
+            continue
+        lines = cell.source.split("\n")
+        longest = max(map(len, lines))
+        if len(lines) > 20 or longest > 88:
+            found.append((number, len(lines), longest))
+    return found
+
+
+def typed_verdicts(notebook):
+    """Tables of claims of which a cell typed the verdicts instead of computing them."""
+    return [
+        number
+        for number, cell in enumerate(notebook.cells)
+        for output in (cell.outputs if cell.cell_type == "code" else ())
+        if "paper's claim" in output.get("data", {}).get("text/plain", "")
+    ]
+
+
+@pytest.mark.parametrize("path", SECOND_EDITION, ids=name)
+def test_a_visible_cell_is_an_idea(path):
+    assert too_much_code(nbformat.read(path, as_version=4)) == []
+
+
+@pytest.mark.parametrize("path", SECOND_EDITION, ids=name)
+def test_verdicts_are_computed(path):
+    assert typed_verdicts(nbformat.read(path, as_version=4)) == []
+
+
+def test_the_guards_of_the_page_see_what_they_are_for():
+    long, wide = "x = 1\n" * 20 + "x", "x" * 89
+    for source in (long, wide):
+        cell = nbformat.v4.new_code_cell(source)
+        assert too_much_code(nbformat.v4.new_notebook(cells=[cell]))
+        cell.metadata["tags"] = ["hide-input"]
+        assert not too_much_code(nbformat.v4.new_notebook(cells=[cell]))
+    old = nbformat.v4.new_output("display_data", {"text/plain": "paper's claim  verdict"})
+    assert typed_verdicts(
+        nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("", outputs=[old])])
+    )

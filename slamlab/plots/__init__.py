@@ -1,5 +1,6 @@
 """Figures in the course's one encoding (STYLE: colours, tables, helpers)."""
 
+from slamlab.plots._claims import claims
 from slamlab.plots._draw import (
     ellipse,
     error_band,
@@ -12,7 +13,7 @@ from slamlab.plots._draw import (
     walls,
 )
 from slamlab.plots._style import COLOURS, line_style, use_style
-from slamlab.plots._table import Table, claims
+from slamlab.plots._table import Table
 
 __all__ = [
     "COLOURS",

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Table", "claims"]
+__all__ = ["Table"]
 
 
 class Table:
@@ -56,18 +56,6 @@ class Table:
         rule = "|" + " --- |" * len(self.columns)
         rows = ["| " + " | ".join(row) + " |" for row in self.rows]
         return "\n".join([*head, "| " + " | ".join(self.columns) + " |", rule, *rows])
-
-
-def claims(rows: Iterable[Sequence[Any]]) -> Table:
-    """Return the table *paper's claim | paper's number | ours | verdict* of every chapter.
-
-    Parameters
-    ----------
-    rows : iterable of sequences of 4
-        Claim, the paper's number ("none given" where there is none), ours, and the verdict
-        (confirmed, refuted, overclaim, typo, wrong ...).
-    """
-    return Table(("paper's claim", "paper's number", "ours", "verdict"), rows)
 
 
 def _text(entry: Any) -> str:

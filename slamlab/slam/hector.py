@@ -155,7 +155,7 @@ class HectorSlam:
         return match
 
     def _fields(self) -> list[Field]:
-        """The maps as fields of probabilities, coarse first."""
+        """Return the maps as fields of probabilities, coarse first."""
         return [
             Field.of_log_odds(grid.log_odds, grid.resolution, grid.origin)
             for grid in reversed(self.maps)

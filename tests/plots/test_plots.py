@@ -66,5 +66,35 @@ def test_a_table_shows_the_same_numbers_as_text_and_as_markdown():
         plots.Table(("a", "b"), [(1,)])
 
 
-def test_claims_have_four_columns():
-    assert plots.claims([("fast", "1 ms", 0.5, "confirmed")]).columns[-1] == "verdict"
+def verdicts(*rows):
+    table = plots.claims([("a claim", "none given", *row) for row in rows])
+    return [row[-1] for row in table.rows]
+
+
+def test_a_verdict_follows_from_number_and_criterion():
+    held = [(0.5, "<= 0.5 m"), (0, "== 0"), (3.0, "in [2.18, 3.97]"), (5, "outside [2, 4]")]
+    held += [([1, 2], "> 0.5"), (True, "== 1"), (1e-12, "< 1e-9"), (-2, "!= 2"), (np.inf, "> 9")]
+    assert verdicts(*held) == ["confirmed"] * len(held)
+    failed = [(0.51, "<= 0.5 m"), (1, "== 0"), (4.0, "in [2, 3.97]"), (3, "outside [2, 4]")]
+    failed += [([1, 0.2], "> 0.5"), (np.nan, "> 0.5"), (np.nan, "outside [1, 2]")]
+    assert verdicts(*failed) == ["refuted"] * len(failed)
+    assert verdicts((None, "no data"), (1, "== 1")) == ["unsupported", "confirmed"]
+
+
+def test_no_verdict_can_be_typed_beside_a_computed_one():
+    with pytest.raises(ValueError, match="criterion: expected such as .*got 'confirmed'"):
+        plots.claims([("a", "b", 1.0, "confirmed"), ("a", "b", 1.0, "< 2")])
+    with pytest.raises(ValueError, match="expected 4 entries in row 0, got 3"):
+        plots.claims([("a", "b", 1.0)])
+
+
+def test_a_claim_shows_no_digit_that_differs_between_machines():
+    ours = [3.1e-13, [1.0, np.inf], 123456.7, [0.12345, 2], 7]
+    table = plots.claims([("a claim", "none given", one, "> 0") for one in ours])
+    assert [row[2] for row in table.rows] == [
+        "below 1e-8",
+        "diverged",
+        "1.2e+05",
+        "0.123 ... 2",
+        "7",
+    ]
