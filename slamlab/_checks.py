@@ -1,19 +1,31 @@
 """Checks at the door: the few helpers by which public functions refuse bad input.
 
-Every message names the argument, what was expected and what came.
-Floor 0 of the house: everything may import this, it imports nothing of ours.
+Every message names the argument, what was expected and what came, shortly: what came may be huge.
+Everything may import this; it imports nothing of ours.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from reprlib import Repr
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+_SHORT = Repr()
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 3, 60, 80
+
+
+def shown(value: object) -> str:
+    """Return what came, for a message: at most about a line of it, whatever it is."""
+    try:
+        text = " ".join(_SHORT.repr(value).split())
+    except Exception:  # a repr may fail in any way, and the message still has to come
+        text = f"something of type {type(value).__name__}"
+    return text if len(text) <= 200 else f"{text[:197]}..."
 
 
 def as_array(
@@ -51,14 +63,37 @@ def as_shaped(
     """Like `as_array`, but NaN and infinity may pass (a missing measurement, a lost beam)."""
     try:
         array = np.asarray(value)
+        if array.dtype.kind not in "fiubO" or np.ma.is_masked(value):
+            raise TypeError
+        # NumPy reads None as NaN and words as numbers.
+        if array.dtype.kind == "O" and any(isinstance(x, str | bytes | None) for x in array.flat):
+            raise TypeError
         if array.dtype != np.float32:
             array = array.astype(np.float64, copy=False)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: expected an array of numbers, got {value!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        if np.ma.is_masked(value):
+            raise ValueError(f"{name}: expected no masked entries, got some") from error
+        raise ValueError(f"{name}: expected an array of numbers, got {shown(value)}") from error
     if shape is not None and not _shape_fits(array.shape, tuple(shape)):
-        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
-        raise ValueError(f"{name}: expected shape {wanted}, got {array.shape}")
+        wanted = ", ".join("any" if s is None else str(s) for s in shape)
+        raise ValueError(f"{name}: expected shape ({wanted}), got {array.shape}")
     return array
+
+
+def as_batch(name: str, lead: Sequence[int], other: Sequence[int]) -> tuple[int, ...]:
+    """Return the leading axes that two arguments have together, by broadcasting.
+
+    Raises
+    ------
+    ValueError
+        If those of argument `name` do not fit the others.
+    """
+    try:
+        return np.broadcast_shapes(tuple(lead), tuple(other))
+    except ValueError as error:
+        raise ValueError(
+            f"{name}: expected leading axes that fit {tuple(other)}, got {tuple(lead)}"
+        ) from error
 
 
 # Every step of a filter asks the same few questions.
@@ -66,7 +101,7 @@ def as_shaped(
 def _shape_fits(shape: tuple[int, ...], wanted: tuple[int | str | None, ...]) -> bool:
     if wanted and wanted[0] == "...":
         wanted = wanted[1:]
-        shape = shape[len(shape) - len(wanted) :] if len(shape) >= len(wanted) else (-1,)
+        shape = shape[max(len(shape) - len(wanted), 0) :]
     if len(shape) != len(wanted):
         return False
     pairs = zip(shape, wanted, strict=True)
@@ -96,7 +131,7 @@ def as_covariance(name: str, value: ArrayLike, dim: int | None = None) -> Array:
         raise ValueError(
             f"{name}: expected a symmetric matrix, asymmetry is {asymmetry.max():.3g}"
         )
-    cov = 0.5 * (cov + transposed)
+    cov = 0.5 * cov + 0.5 * transposed
     if cov.size:
         smallest = np.linalg.eigvalsh(cov)[..., 0]
         if (smallest < -1e-9 * scale).any():
@@ -116,26 +151,43 @@ def as_scalar(name: str, value: Any, low: float = -np.inf, high: float = np.inf)
         If it is no number, is NaN, or lies outside.
     """
     try:
+        if isinstance(value, str | bytes) or np.ndim(value) or np.ma.is_masked(value):
+            raise TypeError
         number = float(value)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: expected a number, got {value!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{name}: expected a number, got {shown(value)}") from error
     if not low <= number <= high:
-        raise ValueError(f"{name}: expected a number in [{low:g}, {high:g}], got {number:g}")
+        raise ValueError(f"{name}: expected {_interval(low, high)}, got {number:g}")
     return number
 
 
-def as_count(name: str, value: Any, low: int = 0) -> int:
-    """Return `value` as an int of at least `low`.
+def _interval(low: float, high: float) -> str:
+    """Words for [low, high], where the smallest and the largest floats stand for no bound."""
+    huge, tiny = 1e290, 1e-290
+    above = "a positive number" if 0 < low < tiny else f"a number of at least {low:g}"
+    if high > huge:
+        return "a finite number" if low < -huge else above
+    if 0 < low < tiny:
+        return f"{above} of at most {high:g}"
+    return (
+        f"a number in [{low:g}, 1)" if 1 - 1e-9 < high < 1 else f"a number in [{low:g}, {high:g}]"
+    )
+
+
+def as_count(name: str, value: Any, low: int = 0, high: int = 2**63 - 1) -> int:
+    """Return `value` as an int of at least `low` and at most `high`.
 
     Raises
     ------
     ValueError
-        If it is no whole number or too small.
+        If it is no whole number, too small or too large.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{name}: expected a whole number, got {value!r}")
+        raise ValueError(f"{name}: expected a whole number, got {shown(value)}")
     if value < low:
-        raise ValueError(f"{name}: expected at least {low}, got {value}")
+        raise ValueError(f"{name}: expected at least {low}, got {shown(value)}")
+    if value > high:
+        raise ValueError(f"{name}: expected at most {high}, got {shown(value)}")
     return int(value)
 
 
@@ -147,9 +199,10 @@ def as_choice(name: str, value: Any, choices: Sequence[str]) -> str:
     ValueError
         If it is not; the message lists the choices.
     """
-    if value not in choices:
-        raise ValueError(f"{name}: expected one of {', '.join(map(repr, choices))}, got {value!r}")
-    return str(value)
+    if not isinstance(value, str) or value not in choices:
+        wanted = ", ".join(map(repr, choices))
+        raise ValueError(f"{name}: expected one of {wanted}, got {shown(value)}")
+    return value
 
 
 def as_rng(name: str, value: Any) -> np.random.Generator:
@@ -163,6 +216,6 @@ def as_rng(name: str, value: Any) -> np.random.Generator:
     if not isinstance(value, np.random.Generator):
         raise ValueError(
             f"{name}: expected a numpy.random.Generator such as np.random.default_rng(1), "
-            f"got {value!r}"
+            f"got {shown(value)}"
         )
     return value

@@ -1,19 +1,35 @@
 """Gaussian beliefs: mean and covariance, distance, ellipse.
 
-The common currency of all filters (P5 section 1.4, P1 (5)). Floor 0 of the house.
+The common currency of all filters (P5 section 1.4, P1 (5)).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaincinv
 
-from slamlab._checks import Array, as_array, as_covariance, as_scalar
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_batch,
+    as_count,
+    as_covariance,
+    as_rng,
+    as_scalar,
+)
 
-__all__ = ["Ellipse", "Gaussian", "confidence_ellipse", "mahalanobis_squared"]
+__all__ = [
+    "Ellipse",
+    "Gaussian",
+    "chi2_quantile",
+    "confidence_ellipse",
+    "mahalanobis_squared",
+    "root",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +52,11 @@ class Gaussian:
     cov: Array
 
     def __post_init__(self) -> None:
-        """Check and store both as float64 arrays."""
+        """Check and store copies of both."""
         mean = as_array("mean", self.mean, ("...", "n"))
         cov = as_covariance("cov", self.cov, mean.shape[-1])
-        object.__setattr__(self, "mean", mean)
+        as_batch("cov", cov.shape[:-2], mean.shape[:-1])
+        object.__setattr__(self, "mean", mean.copy())
         object.__setattr__(self, "cov", cov)
 
     @property
@@ -52,13 +69,75 @@ class Gaussian:
         """Standard deviations, shape (..., n)."""
         return np.sqrt(np.diagonal(self.cov, axis1=-2, axis2=-1))
 
-    def sample(self, rng: np.random.Generator, size: int | tuple[int, ...] = ()) -> Array:
+    def sample(self, rng: np.random.Generator, size: int | Sequence[int] = ()) -> Array:
         """Draw samples, shape ``(*size, ..., n)``; a singular covariance is allowed."""
-        size = (size,) if isinstance(size, int) else size
-        values, vectors = np.linalg.eigh(self.cov)
-        root = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
+        size = tuple(size) if isinstance(size, Sequence) else (size,)
+        size = tuple(as_count("size", n) for n in size)
+        rng = as_rng("rng", rng)
         noise = rng.standard_normal((*size, *self.mean.shape))
-        return self.mean + (root @ noise[..., None])[..., 0]
+        return self.mean + (root(self.cov) @ noise[..., None])[..., 0]
+
+
+def root(cov: ArrayLike) -> Array:
+    """Return a square root A of covariances: A A^T = cov, so that A times white noise has it.
+
+    Parameters
+    ----------
+    cov : array_like, shape (..., n, n)
+        Symmetric positive semi-definite; may be singular, as no Cholesky factor allows.
+
+    Returns
+    -------
+    ndarray, shape (..., n, n)
+        Eigenvectors in the columns, each times the root of its eigenvalue.
+
+    Raises
+    ------
+    ValueError
+        If the shape is wrong or a number is not finite.
+
+    Examples
+    --------
+    >>> root([[4.0, 0.0], [0.0, 9.0]]).tolist()
+    [[2.0, 0.0], [0.0, 3.0]]
+    """
+    values, vectors = np.linalg.eigh(as_array("cov", cov, ("...", "n", "n")))
+    return vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
+
+
+def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> Array:
+    """Bound that a sum of `dof` squared standard normal numbers keeps with this probability.
+
+    Parameters
+    ----------
+    probability : array_like, shape (...)
+        In [0, 1).
+    dof : array_like, shape (...)
+        Degrees of freedom, not negative; the bound of none is 0.
+
+    Returns
+    -------
+    ndarray, shape (...)
+
+    Raises
+    ------
+    ValueError
+        If a probability is outside [0, 1), `dof` is negative, or their shapes do not fit.
+
+    Examples
+    --------
+    >>> float(chi2_quantile(0.99, 2).round(3))
+    9.21
+    """
+    probability = as_array("probability", probability)
+    dof = as_array("dof", dof)
+    if ((probability < 0) | (probability >= 1)).any():
+        raise ValueError(f"probability: expected numbers in [0, 1), got {probability}")
+    if (dof < 0).any():
+        raise ValueError(f"dof: expected numbers of at least 0, got {dof}")
+    as_batch("dof", dof.shape, probability.shape)
+    some = dof > 0
+    return np.asarray(2 * gammaincinv(np.where(some, dof, 1) / 2, probability) * some)[()]
 
 
 def mahalanobis_squared(residual: ArrayLike, cov: ArrayLike) -> Array:
@@ -87,6 +166,7 @@ def mahalanobis_squared(residual: ArrayLike, cov: ArrayLike) -> Array:
     residual = as_array("residual", residual, ("...", "n"))
     n = residual.shape[-1]
     cov = as_array("cov", cov, ("...", n, n))
+    as_batch("cov", cov.shape[:-2], residual.shape[:-1])
     try:
         root = np.linalg.cholesky(cov)
     except np.linalg.LinAlgError as error:
@@ -115,7 +195,7 @@ class Ellipse:
 
     def points(self, n: int = 60) -> Array:
         """Return a closed polygon of n + 1 points on the ellipse, shape (..., n + 1, 2)."""
-        t = np.linspace(0.0, 2 * np.pi, n + 1)
+        t = np.linspace(0.0, 2 * np.pi, as_count("n", n, 1) + 1)
         a = self.half_axes[..., 0, None] * np.cos(t)
         b = self.half_axes[..., 1, None] * np.sin(t)
         angle = np.asarray(self.angle)
@@ -151,10 +231,10 @@ def confidence_ellipse(mean: ArrayLike, cov: ArrayLike, probability: float = 0.9
     """
     mean = as_array("mean", mean, ("...", 2))
     cov = as_covariance("cov", cov, 2)
+    as_batch("cov", cov.shape[:-2], mean.shape[:-1])
     probability = as_scalar("probability", probability, 0.0, np.nextafter(1.0, 0.0))
     values, vectors = np.linalg.eigh(cov)
-    quantile = 2 * gammaincinv(1.0, probability)
-    half_axes = np.sqrt(quantile * np.clip(values[..., ::-1], 0.0, None))
+    half_axes = np.sqrt(chi2_quantile(probability, 2) * np.clip(values[..., ::-1], 0.0, None))
     major = vectors[..., :, 1]
     angle = np.arctan2(major[..., 1], major[..., 0])
     angle = np.where(angle <= -np.pi / 2, angle + np.pi, angle)

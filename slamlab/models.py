@@ -11,7 +11,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_covariance, as_rng
+from slamlab._checks import Array, as_array, as_batch, as_covariance, as_rng
+from slamlab.gaussian import root
 
 __all__ = [
     "Bounds",
@@ -75,11 +76,9 @@ class MotionModel(Protocol):
         """
         pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", "p"))
         cov = as_covariance("control_cov", control_cov, u.shape[-1])
-        values, vectors = np.linalg.eigh(cov)
-        root = vectors * np.sqrt(np.clip(values, 0.0, None))
-        lead = np.broadcast_shapes(pose.shape[:-1], u.shape[:-1])
+        lead = as_batch("u", u.shape[:-1], pose.shape[:-1])
         noise = as_rng("rng", rng).standard_normal((*lead, u.shape[-1]))
-        return self.step(pose, u + noise @ root.T, dt)
+        return self.step(pose, u + noise @ root(cov).T, dt)
 
 
 @runtime_checkable

@@ -1,5 +1,5 @@
 """Exercise checks, one module a chapter."""
 
-from slamlab.exercises._report import Mistake, Property, Report, run_cases, run_checks
+from slamlab.exercises._report import Check, Observation, Report
 
-__all__ = ["Mistake", "Property", "Report", "run_cases", "run_checks"]
+__all__ = ["Check", "Observation", "Report"]

@@ -5,213 +5,196 @@ P5 (3), (4), (7)-(9).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from slamlab._checks import Array
-from slamlab.exercises._report import Report, run_cases
+from slamlab.exercises._draw import a_covariance
+from slamlab.exercises._report import Array, Check
 
-__all__ = [
-    "MISTAKES_JOSEPH",
-    "MISTAKES_PREDICT",
-    "MISTAKES_UPDATE",
-    "check_joseph",
-    "check_predict",
-    "check_update",
-    "joseph",
-    "predict",
-    "update",
-]
+__all__ = ["check_joseph", "check_predict", "check_update"]
 
-Function = Callable[..., Any]
 Belief = tuple[Array, Array]
+Case = tuple[Any, ...]
 
-_MEAN = [1.0, -2.0]
-_COV = [[2.0, 0.5], [0.5, 1.0]]
-_F = [[1.0, 0.5], [0.0, 0.9]]
-_Q = [[0.1, 0.02], [0.02, 0.3]]
+
+def _model(rng: np.random.Generator, n: int, m: int) -> Case:
+    """Mean, covariance, measurement, H and R of n states and m readings."""
+    mean, z, H = (np.round(rng.normal(0, 2, shape), 2) for shape in (n, m, (m, n)))
+    return mean, a_covariance(rng, n), z, H, a_covariance(rng, m, 0.4)
 
 
 # Exercise 1: predict.
 
 
-def predict(mean: Array, cov: Array, F: Array, Q: Array) -> Belief:
+def _predict(mean: Array, cov: Array, F: Array, Q: Array) -> Belief:
     """Mean (n,) and covariance (n, n) after the motion, P5 (3), (4)."""
     return F @ mean, F @ cov @ F.T + Q
 
 
-MISTAKES_PREDICT: dict[str, Function] = {
-    "F P F is no covariance: the second F must be transposed": (
-        lambda m, P, F, Q: (F @ m, F @ P @ F + Q)
-    ),
-    "the transposed F stands on the wrong side: F P F^T is due": (
-        lambda m, P, F, Q: (F @ m, F.T @ P @ F + Q)
-    ),
-    "Q is missing: every motion adds uncertainty": lambda m, P, F, Q: (F @ m, F @ P @ F.T),
-    "Q went through the motion too: it is added after it": (
-        lambda m, P, F, Q: (F @ m, F @ (P + Q) @ F.T)
-    ),
-    "Q was added twice": lambda m, P, F, Q: (F @ m, F @ P @ F.T + 2 * Q),
-    "Q was subtracted: predicting never makes the belief sharper": (
-        lambda m, P, F, Q: (F @ m, F @ P @ F.T - Q)
-    ),
-    "the mean did not move": lambda m, P, F, Q: (m, F @ P @ F.T + Q),
-    "the mean was moved by the transposed F": lambda m, P, F, Q: (F.T @ m, F @ P @ F.T + Q),
-    "the belief was predicted twice": (lambda m, P, F, Q: predict(*predict(m, P, F, Q), F, Q)),
-}
+def _motion(n: int, noise: float = 1.0) -> Any:
+    def draw(rng: np.random.Generator) -> Case:
+        mean, F = (np.round(rng.normal(0, 2, shape), 2) for shape in (n, (n, n)))
+        return mean, a_covariance(rng, n), F, noise * a_covariance(rng, n, 0.3)
+
+    return draw
 
 
-def check_predict(student: Function) -> Report:
-    """Check ``student(mean (n,), cov (n, n), F (n, n), Q (n, n)) -> mean, cov``.
+_ZERO = [[0.0, 0.0], [0.0, 0.0]]
 
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    zero = [[0.0, 0.0], [0.0, 0.0]]
-    cases = [
-        (
-            "a known position with an unsure speed",
+check_predict = Check(
+    _predict,
+    "mean, cov",
+    {
+        "a known position with an unsure speed": (
             [0, 1],
             [[0, 0], [0, 1]],
             [[1, 2], [0, 1]],
-            zero,
+            _ZERO,
         ),
-        ("motion noise alone", _MEAN, zero, _F, _Q),
-        ("a general belief", _MEAN, _COV, _F, _Q),
-        ("one dimension", [3.0], [[2.0]], [[0.5]], [[0.1]]),
-    ]
-    return run_cases("predict", student, predict, cases, MISTAKES_PREDICT)
+        "motion noise alone": (
+            [1, -2],
+            _ZERO,
+            [[1.0, 0.5], [0.0, 0.9]],
+            [[0.1, 0.02], [0.02, 0.3]],
+        ),
+        "one dimension": ([3.0], [[2.0]], [[0.5]], [[0.1]]),
+        "two dimensions": _motion(2),
+        "three and without noise": _motion(3, 0.0),
+        "four dimensions": _motion(4),
+    },
+    {
+        "F P F is no covariance: the second F must be transposed": ("F.T", "F"),
+        "the transposed F stands on the wrong side: F P F^T is due": (
+            "F @ cov @ F.T",
+            "F.T @ cov @ F",
+        ),
+        "F stands on one side only: F P F^T is due": (" @ F.T", ""),
+        "the covariance did not move: F P F^T is due": ("F @ cov @ F.T", "cov"),
+        "Q is missing: every motion adds uncertainty": (" + Q", ""),
+        "Q went through the motion too: it is added after it": (
+            "F @ cov @ F.T + Q",
+            "F @ (cov + Q) @ F.T",
+        ),
+        "Q was added twice": ("+ Q", "+ 2 * Q"),
+        "Q was subtracted: predicting never makes the belief sharper": ("+ Q", "- Q"),
+        "`*` multiplies entry by entry: matrices are multiplied by `@`": (
+            "F @ cov @ F.T",
+            "F * cov * F.T",
+        ),
+        "the mean did not move": ("F @ mean", "mean.copy()"),
+        "the mean was moved by the transposed F": ("F @ mean", "F.T @ mean"),
+        "the belief was predicted twice": lambda m, P, F, Q: _predict(*_predict(m, P, F, Q), F, Q),
+    },
+)
 
 
 # Exercise 2: update.
 
 
-def update(mean: Array, cov: Array, z: Array, H: Array, R: Array) -> Belief:
+def _update(mean: Array, cov: Array, z: Array, H: Array, R: Array) -> Belief:
     """Mean (n,) and covariance (n, n) after the measurement, P5 (5)-(9)."""
-    K = _gain(cov, H, R)
+    S = H @ cov @ H.T + R
+    K = cov @ H.T @ np.linalg.inv(S)
     return mean + K @ (z - H @ mean), (np.eye(len(mean)) - K @ H) @ cov
 
 
-def _gain(cov: Array, H: Array, R: Array) -> Array:
-    return cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
-
-
-def _with_gain(gain: Function) -> Function:
-    def wrong(mean: Array, cov: Array, z: Array, H: Array, R: Array) -> Belief:
-        K = gain(cov, H, R)
-        return mean + K @ (z - H @ mean), (np.eye(len(mean)) - K @ H) @ cov
-
-    return wrong
-
-
-MISTAKES_UPDATE: dict[str, Function] = {
-    "this is the transposed gain: K is n x m, P H^T S^-1": _with_gain(
-        lambda P, H, R: _gain(P, H, R).T
-    ),
-    "R must not be added to the gain, as P1 prints (34)": _with_gain(
-        lambda P, H, R: _gain(P, H, R) + R
-    ),
-    "R is missing in S: the sensor is not perfect": _with_gain(
-        lambda P, H, R: P @ H.T @ np.linalg.inv(H @ P @ H.T)
-    ),
-    "the innovation has the wrong sign: measured minus predicted": (
-        lambda m, P, z, H, R: (m - _gain(P, H, R) @ (z - H @ m), update(m, P, z, H, R)[1])
-    ),
-    "the prediction H x is missing in the innovation": (
-        lambda m, P, z, H, R: (m + _gain(P, H, R) @ z, update(m, P, z, H, R)[1])
-    ),
-    "the covariance did not shrink: (I - K H) P is due": (
-        lambda m, P, z, H, R: (update(m, P, z, H, R)[0], P)
-    ),
-    "the covariance grew: (I + K H) P instead of (I - K H) P": (
-        lambda m, P, z, H, R: (
-            update(m, P, z, H, R)[0],
-            (np.eye(len(m)) + _gain(P, H, R) @ H) @ P,
-        )
-    ),
-    "the measurement was counted twice": (
-        lambda m, P, z, H, R: update(*update(m, P, z, H, R), z, H, R)
-    ),
-}
-
-
-def check_update(student: Function) -> Report:
-    """Check ``student(mean (n,), cov (n, n), z (m,), H (m, n), R (m, m)) -> mean, cov``.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    both = [[1.0, 0.3], [-0.2, 1.0]]
-    cases = [
-        ("prior and sensor equally sure", [0.0], [[1.0]], [1.0], [[1.0]], [[1.0]]),
-        ("two sensors at once", _MEAN, _COV, [0.5, -1.0], both, [[0.5, 0.1], [0.1, 0.4]]),
-        ("a sensor that hardly knows", _MEAN, _COV, [3.0, 2.0], both, [[50, 0], [0, 80]]),
-    ]
-    return run_cases("update", student, update, cases, MISTAKES_UPDATE)
+check_update = Check(
+    _update,
+    "mean, cov",
+    {
+        "prior and sensor equally sure": ([0.0], [[1.0]], [1.0], [[1.0]], [[1.0]]),
+        "one reading of two states": lambda rng: _model(rng, 2, 1),
+        "two readings of two states": lambda rng: _model(rng, 2, 2),
+        "more states than readings": lambda rng: _model(rng, 4, 2),
+        "more readings than states": lambda rng: _model(rng, 1, 3),
+        "a sensor that hardly knows": lambda rng: (*_model(rng, 2, 2)[:4], 100 * np.eye(2)),
+    },
+    {
+        "R must not be added to the gain, as P1 prints (34)": ("inv(S)", "inv(S) + R"),
+        "R is missing in S: the sensor is not perfect": (" + R", ""),
+        "this is the transposed gain: K is n x m, P H^T S^-1": (
+            "cov @ H.T @ np.linalg.inv(S)",
+            "(cov @ H.T @ np.linalg.inv(S)).T",
+        ),
+        "S was multiplied, not inverted": ("np.linalg.inv(S)", "S"),
+        "the innovation has the wrong sign: measured minus predicted": (
+            "z - H @ mean",
+            "H @ mean - z",
+        ),
+        "the prediction H x is missing in the innovation": ("z - H @ mean", "z"),
+        "the mean did not move: the gain times the innovation is added": (
+            "mean + K @ (z - H @ mean)",
+            "mean.copy()",
+        ),
+        "the step alone came: it is added to the mean": ("mean + K", "K"),
+        "the covariance did not shrink: (I - K H) P is due": (
+            "(np.eye(len(mean)) - K @ H) @ cov",
+            "cov.copy()",
+        ),
+        "the covariance grew: (I + K H) P instead of (I - K H) P": (") - K @ H", ") + K @ H"),
+        "I - K H alone is no covariance: it multiplies P": ("K @ H) @ cov", "K @ H)"),
+        "P stands on the wrong side: (I - K H) P is due": (
+            "(np.eye(len(mean)) - K @ H) @ cov",
+            "cov @ (np.eye(len(mean)) - K @ H)",
+        ),
+        "R is a covariance already: it is not squared": ("+ R", "+ R @ R"),
+        "the measurement was counted twice": (
+            lambda m, P, z, H, R: _update(*_update(m, P, z, H, R), z, H, R)
+        ),
+    },
+    tolerance=1e-8,
+)
 
 
 # Exercise 3: Joseph's form.
 
 
-def joseph(cov: Array, K: Array, H: Array, R: Array) -> Array:
+def _joseph(cov: Array, K: Array, H: Array, R: Array) -> Array:
     """Covariance (n, n) after an update with any gain K (n, m)."""
     A = np.eye(len(cov)) - K @ H
     return A @ cov @ A.T + K @ R @ K.T
 
 
-MISTAKES_JOSEPH: dict[str, Function] = {
-    "this is the short form (I - K H) P: right for the optimal gain only": (
-        lambda P, K, H, R: (np.eye(len(P)) - K @ H) @ P
-    ),
-    "the noise of the sensor is missing: K R K^T must be added": (
-        lambda P, K, H, R: joseph(P, K, H, R) - K @ R @ K.T
-    ),
-    "the second factor must be transposed: A P A^T": (
-        lambda P, K, H, R: (np.eye(len(P)) - K @ H) @ P @ (np.eye(len(P)) - K @ H) + K @ R @ K.T
-    ),
-    "K R K^T must be added, not subtracted": (
-        lambda P, K, H, R: joseph(P, K, H, R) - 2 * K @ R @ K.T
-    ),
-    "this is P - K S K^T: right for the optimal gain only": (
-        lambda P, K, H, R: P - K @ (H @ P @ H.T + R) @ K.T
-    ),
-    "the gain in front of R is missing: R lives in the world of the measurement": (
-        lambda P, K, H, R: joseph(P, K, H, R) - K @ R @ K.T + R
-    ),
-}
+def _any_gain(n: int, m: int, share: float | None = None) -> Any:
+    def draw(rng: np.random.Generator) -> Case:
+        _, cov, _, H, R = _model(rng, n, m)
+        best = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
+        K = rng.normal(0, 0.5, (n, m)) if share is None else share * best
+        return cov, K, H, R
+
+    return draw
 
 
-def check_joseph(student: Function) -> Report:
-    """Check ``student(cov (n, n), K (n, m), H (m, n), R (m, m)) -> cov (n, n)``.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    H, R = np.array([[1.0, 0.3], [-0.2, 1.0]]), np.array([[0.5, 0.1], [0.1, 0.4]])
-    best = _gain(np.array(_COV), H, R)
-    cases = [
-        ("the optimal gain", _COV, best, H, R),
-        ("a timid gain, half of it", _COV, best / 2, H, R),
-        ("a gain from another filter", _COV, [[0.3, -0.1], [0.2, 0.6]], H, R),
-    ]
-    return run_cases("joseph", student, joseph, cases, MISTAKES_JOSEPH)
+check_joseph = Check(
+    _joseph,
+    "cov",
+    {
+        "the optimal gain": _any_gain(2, 2, 1.0),
+        "a timid gain, half of it": _any_gain(2, 1, 0.5),
+        "no gain at all": _any_gain(3, 2, 0.0),
+        "a gain from another filter, few readings": _any_gain(3, 1),
+        "a gain from another filter, many readings": _any_gain(2, 4),
+    },
+    {
+        "this is the short form (I - K H) P: right for the optimal gain only": (
+            "A @ cov @ A.T + K @ R @ K.T",
+            "A @ cov",
+        ),
+        "the noise of the sensor is missing: K R K^T must be added": (" + K @ R @ K.T", ""),
+        "the second factor must be transposed: A P A^T": ("A.T", "A"),
+        "the transpose stands on the wrong side: A P A^T": ("A @ cov @ A.T", "A.T @ cov @ A"),
+        "K R K^T must be added, not subtracted": ("+ K @ R", "- K @ R"),
+        "this is P - K S K^T: right for the optimal gain only": (
+            "A @ cov @ A.T + K @ R @ K.T",
+            "cov - K @ (H @ cov @ H.T + R) @ K.T",
+        ),
+        "the gain around R is missing: R lives in the world of the measurement": (
+            "K @ R @ K.T",
+            "R",
+        ),
+        "I + K H stands where I - K H is due": ("- K @ H", "+ K @ H"),
+        "the noise alone came: A P A^T is missing": ("A @ cov @ A.T + ", ""),
+    },
+    tolerance=1e-8,
+)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from slamlab._checks import Array
-from slamlab.exercises._report import Report, run_cases
+from slamlab.exercises._cases import Report, run_cases
 
 __all__ = [
     "MISTAKES_EFFECTIVE_SAMPLE_SIZE",

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from slamlab._checks import Array
-from slamlab.exercises._report import Mistake, Property, Report, run_cases, run_checks
+from slamlab.exercises._cases import Mistake, Property, Report, run_cases, run_checks
 
 __all__ = [
     "MISTAKES_BEAM_EVIDENCE",

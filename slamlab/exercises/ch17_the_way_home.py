@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from slamlab._checks import Array
-from slamlab.exercises._report import Mistake, Property, Report, run_cases, run_checks
+from slamlab.exercises._cases import Mistake, Property, Report, run_cases, run_checks
 from slamlab.navigation import PathMemory, ReturnLaw, return_to_start
 from slamlab.robots import Unicycle
 from slamlab.sensors import VisualOdometer

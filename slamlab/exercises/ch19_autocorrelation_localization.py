@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamlab._checks import Array
-from slamlab.exercises._report import Report, run_cases
+from slamlab.exercises._cases import Report, run_cases
 
 __all__ = [
     "MISTAKES_AUTOCORRELATION",

@@ -6,8 +6,8 @@ joint covariance by its inverse; the augmented covariance is the full map, multi
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from slamlab.geometry import so3_exp
 from slamlab.robots import Unicycle
 from slamlab.sensors import RangeBearing
 from slamlab.slam import EKFSlam
@@ -102,7 +102,7 @@ def test_3b_holds_for_the_gain_of_3c_only():
 
 
 def test_4a_turns_from_the_body_into_the_world():
-    R_B, position = so3_exp([0.3, -0.7, 1.1]), np.array([5.0, -2.0, 30.0])
+    R_B, position = Rotation.from_rotvec([0.3, -0.7, 1.1]).as_matrix(), np.array([5.0, -2.0, 30.0])
     point = np.array([12.0, 3.0, -25.0])
     seen = R_B.T @ (point - position)
     np.testing.assert_allclose(position + R_B @ seen, point, atol=1e-12)

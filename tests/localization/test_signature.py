@@ -346,7 +346,7 @@ def saved_with(path, small, **changes):
         ({"format": np.array("slamlab signature map 0")}, "format: expected 'slamlab signature"),
         ({"signature": np.array("smell")}, "signature: expected one of"),
         ({"numbers": np.ones(2)}, r"numbers: expected shape \(3\), got \(2,\)"),
-        ({"numbers": np.array([0.0, 1.0, 0.0])}, "pitch: expected a number in"),
+        ({"numbers": np.array([0.0, 1.0, 0.0])}, "pitch: expected a positive number"),
         ({"numbers": np.array([0.1, np.nan, 0.0])}, "numbers: expected finite numbers"),
         ({"scans": np.ones((3, 36))}, "scans: expected shape"),
         ({"scans": np.array(["a"])}, "scans: expected an array of numbers"),

@@ -420,7 +420,7 @@ def test_a_bad_point_is_refused_and_what_was_stored_stays(point, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"tolerance": 0.0}, "tolerance: expected a number in"),
+        ({"tolerance": 0.0}, "tolerance: expected a (positive )?number"),
         ({"tolerance": -1.0}, "tolerance"),
         ({"tolerance": np.nan}, "tolerance"),
         ({"variant": "smooth"}, "variant: expected one of 'point'"),

@@ -108,9 +108,12 @@ def test_a_scan_drawn_in_a_map_frees_the_floor_and_hits_the_walls():
     [
         (lambda: Lidar(0), "n_beams: expected at least 1, got 0"),
         (lambda: Lidar(3.5), "n_beams: expected a whole number"),
-        (lambda: Lidar(4, field_of_view=7.0), "field_of_view: expected a number in"),
-        (lambda: Lidar(4, max_range=0.0), "max_range: expected a number in"),
-        (lambda: Lidar(4, sigma_range=-0.1), "sigma_range: expected a number in"),
+        (
+            lambda: Lidar(4, field_of_view=7.0),
+            "field_of_view: expected a positive number of at most",
+        ),
+        (lambda: Lidar(4, max_range=0.0), "max_range: expected a positive number"),
+        (lambda: Lidar(4, sigma_range=-0.1), "sigma_range: expected a number of at least 0"),
         (lambda: Lidar(4, p_miss=1.1), "p_miss: expected a number in"),
         (lambda: Lidar(4, p_miss=0.1).scan(BOX, [1, 1, 0]), "rng: expected a numpy.random"),
         (lambda: Lidar(4).scan(BOX, [1, 1]), "poses: expected shape"),

@@ -53,12 +53,15 @@ def test_silence_noise_and_seed():
     ("call", "message"),
     [
         (lambda: Sonar(opening=-0.1), "opening: expected a number in"),
-        (lambda: Sonar(max_range=0.0), "max_range: expected a number in"),
+        (lambda: Sonar(max_range=0.0), "max_range: expected a positive number"),
         (lambda: Sonar(n_rays=0), "n_rays: expected at least 1"),
         (lambda: Sonar().measure(BOX, [9, 9, 0]), "poses: expected the sensor in free space"),
         (lambda: Sonar(sigma_range=0.1).measure(BOX, [1, 1, 0]), "rng: expected a numpy.random"),
         (lambda: Sonar().sweep(BOX, [1, 1, 0], 0), "n_headings: expected at least 1"),
-        (lambda: Sonar().sweep(BOX, [1, 1, 0], 9, -1.0), "sigma_turn: expected a number in"),
+        (
+            lambda: Sonar().sweep(BOX, [1, 1, 0], 9, -1.0),
+            "sigma_turn: expected a number of at least 0",
+        ),
         (lambda: Sonar().sweep(BOX, [1, 1, 0], 9, 1.0), "rng: expected a numpy.random"),
     ],
 )

@@ -1,0 +1,142 @@
+"""What a student's function returns, as plain data: compared, told apart and shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+__all__ = ["agree", "difference", "overlap", "pairs", "plain", "same", "show"]
+
+
+def plain(value: Any) -> Any:
+    if hasattr(value, "mean") and hasattr(value, "cov") and not isinstance(value, np.ndarray):
+        return (np.array(value.mean, dtype=float), np.array(value.cov, dtype=float))
+    if value is None or isinstance(value, (bool, int, float)):
+        return value
+    if isinstance(value, (np.ndarray, np.generic)):
+        return np.array(value) if value.dtype.kind in "biufc" else repr(value)
+    if isinstance(value, (tuple, list, range)):
+        return (tuple if isinstance(value, tuple) else list)(plain(entry) for entry in value)
+    return repr(value)
+
+
+def leaves(value: Any) -> Iterator[np.ndarray]:
+    if isinstance(value, np.ndarray):
+        yield value
+    elif isinstance(value, (tuple, list)):
+        for entry in value:
+            yield from leaves(entry)
+    elif hasattr(value, "mean") and hasattr(value, "cov"):
+        yield from leaves((value.mean, value.cov))
+
+
+def overlap(a: Any, b: Any) -> bool:
+    return any(
+        x.size and y.size and np.may_share_memory(x, y) for x in leaves(a) for y in leaves(b)
+    )
+
+
+def same(a: Any, b: Any) -> bool:
+    ours, theirs = list(leaves(a)), list(leaves(b))
+    return len(ours) == len(theirs) and all(
+        x.shape == y.shape and np.array_equal(x, y, equal_nan=x.dtype.kind == "f")
+        for x, y in zip(ours, theirs, strict=True)
+    )
+
+
+def agree(came: Any, due: Any, tolerance: float) -> bool:
+    if due is None or came is None:
+        return due is None and came is None
+    both = pairs(came, due)
+    return not isinstance(both, str) and all(
+        a.shape == b.shape
+        and bool(np.isclose(a, b, rtol=tolerance, atol=tolerance, equal_nan=True).all())
+        for a, b in both
+    )
+
+
+def pairs(came: Any, due: Any) -> list[tuple[np.ndarray, np.ndarray]] | str:
+    """Pair what came with what was due, axes of length one dropped; a str says why it fails.
+
+    Lists count as arrays, and a tuple of rows counts as the array of these rows and back.
+    """
+    ours, theirs = _parts(due), _parts(came)
+    if ours is None or theirs is None:
+        return "what came is not made of numbers"
+    if len(theirs) != len(ours):
+        try:
+            whole = [came] if len(ours) == 1 else came
+            theirs = [np.asarray(part, float) for part in whole]
+        except (TypeError, ValueError):
+            pass
+    if len(theirs) != len(ours):
+        return f"{len(ours)} results are due, {len(theirs)} came"
+    both = [(np.squeeze(a), np.squeeze(b)) for a, b in zip(theirs, ours, strict=True)]
+    return [(b, b) if a.size == b.size == 0 else (a, b) for a, b in both]
+
+
+def _parts(value: Any) -> list[np.ndarray] | None:
+    """Flatten a result into arrays; None if it is not made of numbers."""
+    if not isinstance(value, tuple):
+        try:
+            return [np.asarray(value, dtype=float)]
+        except (TypeError, ValueError):
+            if not isinstance(value, list):
+                return None
+    parts = [_parts(entry) for entry in value]
+    if any(part is None for part in parts):
+        return None
+    return [array for part in parts if part is not None for array in part]
+
+
+def difference(came: Any, due: Any, tolerance: float, names: Sequence[str]) -> list[str]:
+    """Say what came and what is due: all of it if short, else the first entry that differs."""
+    if due is None:
+        return [f"came  {show(came)}", "due   None"]
+    both = pairs(came, due)
+    if isinstance(both, str):
+        return [both]
+    lines = []
+    for k, (a, b) in enumerate(both):
+        name = names[k] if len(names) == len(both) else names[0]
+        if a.shape != b.shape:
+            lines.append(f"{name} has shape {a.shape}, due is {b.shape}")
+            continue
+        wrong = ~np.isclose(a, b, rtol=tolerance, atol=tolerance, equal_nan=True)
+        if not wrong.any():
+            lines += [f"{name} is right"] if len(both) > 1 else []
+            continue
+        place = tuple(int(i) for i in np.argwhere(wrong)[0])
+        x, y = _apart(float(a[place]), float(b[place]))
+        where = f"{name}{list(place) if place else ''}"
+        rest = f" ({int(wrong.sum())} of {wrong.size} entries differ)" if wrong.size > 1 else ""
+        lines.append(f"{where}: {x} came, {y} is due{rest}")
+        if np.isnan(a[place]):
+            lines[-1] += ": not a number"
+    return lines
+
+
+def _apart(a: float, b: float) -> tuple[str, str]:
+    """Write two numbers with as many digits as it needs to tell them apart."""
+    for digits in range(4, 17):
+        x, y = f"{a:.{digits}g}", f"{b:.{digits}g}"
+        if x != y:
+            break
+    return x, y
+
+
+def show(value: Any) -> str:
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return f"{type(value).__name__} of {len(value)}"
+    if array.dtype.kind not in "biuf":
+        return repr(value)
+    if array.size > 9:
+        return f"array of shape {array.shape}"
+    if array.dtype.kind in "biu":
+        return str(array.tolist())
+    shown = np.array([float(f"{x:.5g}") for x in array.ravel().tolist()]).reshape(array.shape)
+    return str(shown.tolist()).replace("-0.0,", "0.0,").replace("-0.0]", "0.0]")

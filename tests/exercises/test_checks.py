@@ -1,0 +1,49 @@
+"""Every check of every chapter: its reference passes, each listed mistake is named rightly."""
+
+import importlib
+import pkgutil
+
+import pytest
+
+import slamlab.exercises
+from slamlab.exercises import Check
+
+MODULES = [
+    importlib.import_module(f"slamlab.exercises.{info.name}")
+    for info in pkgutil.iter_modules(slamlab.exercises.__path__)
+    if info.name.startswith("ch")
+]
+CHECKS = {
+    f"{module.__name__.rpartition('.')[2][:4]}.{name}": getattr(module, name)
+    for module in MODULES
+    for name in module.__all__
+    if isinstance(getattr(module, name), Check)
+}
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_the_reference_passes(name):
+    assert CHECKS[name](CHECKS[name].reference).passed
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_the_stub_gets_the_friendly_line_and_nothing_else(name):
+    report = CHECKS[name](lambda *arguments: ...)
+    assert len(report.text.splitlines()) == 2
+    assert "nothing returned yet" in report.text
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_each_listed_mistake_is_refused_with_its_own_message(name):
+    check = CHECKS[name]
+    assert len(check.mistakes) >= 5
+    for message, wrong in check.mistakes.items():
+        report = check.judge(check.observe(check.mistaken(wrong)))
+        assert not report.passed
+        assert report.messages == (message,)
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda m: m.__name__[-20:])
+def test_no_reference_can_be_imported_by_name(module):
+    if any(isinstance(getattr(module, name), Check) for name in module.__all__):
+        assert all(name.startswith("check_") for name in module.__all__)
