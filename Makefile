@@ -38,7 +38,7 @@ $(VENV)/.%-installed: pyproject.toml requirements.lock | $(VENV)/bin/python
 book: $(VENV)/.book-installed  ## Build the book (runs what changed) and say where it is
 	@$(BIN)/python tools/build_book.py
 
-lab: $(VENV)/.dev-installed  ## Open the notebooks in JupyterLab
+lab: $(VENV)/.lab-installed  ## Open the notebooks in JupyterLab
 	$(BIN)/jupyter lab --notebook-dir=notebooks
 
 test: $(VENV)/.dev-installed  ## Run everything: lint, types, tests, notebooks, book, browser

@@ -24,7 +24,7 @@ COURSE = {"plots", "widgets", "exercises"}  # rooms that need an extra
 # What a core room may ask for inside a function, where it says which extra is missing.
 LATE = {
     "commands": {"importlib", "pkgutil", "matplotlib"},
-    "datasets": {"rtbdata", "rosbags", "gtsam"},
+    "datasets": {"rosbags"},
     "evaluation": {"joblib", "tqdm", "dask", "importlib"},
     "localization": {"tqdm"},
     "mapping": {"PIL", "yaml"},
@@ -228,7 +228,7 @@ OFFENCES = {
     "sympy, inside a function": ("slam", "def f():\n    import sympy"),
     "filterpy": ("filters", "from filterpy.kalman import KalmanFilter"),
     "anywidget": ("simulation", "import anywidget"),
-    "an extra too early": ("datasets", "import rtbdata"),
+    "an extra too early": ("datasets", "import rosbags"),
     "an extra too early, in a try": ("evaluation", "try:\n    import joblib\nexcept E:\n    pass"),
     "an extra in a printed formula": ("printed", "import sympy"),
     "private module of another room": ("navigation", "from slamlab.slam._edges import Edges"),
@@ -242,7 +242,7 @@ FINE = [
     ("slam", "import numpy as np\nfrom slamlab.geometry import compose"),
     ("slam", "from slamlab.slam._edges import Edges"),
     ("slam", "from slamlab._checks import as_array"),
-    ("datasets", "def f():\n    import rtbdata"),
+    ("datasets", "def f():\n    import rosbags"),
     ("exercises", "import matplotlib\nfrom slamlab.printed.p5 import turn_as_printed"),
     ("widgets", "from importlib import resources"),
 ]

@@ -2,8 +2,10 @@
 
 import ast
 import re
+import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 from numpydoc.docscrape import NumpyDocString
 
 ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def python(code: str) -> str:
@@ -56,13 +59,79 @@ def test_the_readme_code_runs():
 
 
 def test_the_lock_pins_every_declared_dependency():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    project = PROJECT["project"]
     wanted = [*project["dependencies"], *sum(project["optional-dependencies"].values(), [])]
     names = {re.match(r"[\w-]+", text).group().lower().replace("_", "-") for text in wanted}
     pins = (ROOT / "requirements.lock").read_text().splitlines()
     assert all(re.fullmatch(r"[\w.-]+==[\w.+!-]+", pin) for pin in pins)
     locked = {pin.split("==")[0].lower().replace("_", "-") for pin in pins}
-    assert names - {"slamlab"} <= locked
+    assert names - {"slamlab-course"} <= locked
+
+
+def wanted_by(extra: str) -> set[str]:
+    """Names of the packages that an extra asks for, those of the extras within it included."""
+    extras = PROJECT["project"]["optional-dependencies"]
+    found = set()
+    for text in extras[extra]:
+        name, inner = re.match(r"([\w-]+)(?:\[([\w,]+)\])?", text).groups()
+        if name == "slamlab-course":
+            found = found.union(*(wanted_by(each) for each in inner.split(",")))
+        else:
+            found.add(name)
+    return found
+
+
+def test_a_student_installs_no_oracle_and_no_browser():
+    heavy = {"gtsam", "rtb-data", "evo", "playwright", "dask", "jupyter-book"}
+    assert not heavy & wanted_by("lab")
+    assert wanted_by("course") < wanted_by("lab") < wanted_by("dev")
+    assert heavy <= wanted_by("dev")
+
+
+def test_what_a_pattern_of_the_package_names_is_there():
+    patterns = PROJECT["tool"]["setuptools"]["package-data"]["slamlab"]
+    lone = [pattern for pattern in patterns if not list((ROOT / "slamlab").glob(pattern))]
+    assert lone == []
+    files = {path for pattern in patterns for path in (ROOT / "slamlab").glob(pattern)}
+    there = {p for p in (ROOT / "slamlab").rglob("*") if p.is_file() and p.suffix != ".py"}
+    assert {p for p in there if "__pycache__" not in p.parts} <= files
+
+
+def test_the_carried_data_are_small_and_name_source_and_licence():
+    folder = ROOT / "slamlab" / "datasets" / "data"
+    data = [path for path in folder.iterdir() if path.suffix == ".gz"]
+    assert sum(path.stat().st_size for path in data) < 1.5e6
+    said = (folder / "README.md").read_text()
+    assert [path.name for path in data if path.name not in said] == []
+    for name in re.findall(r"LICENSE-[\w-]+", said):
+        assert (folder / name).exists()
+
+
+def test_nobody_is_sent_to_the_stranger_who_has_our_name():
+    files = [*(ROOT / "slamlab").rglob("*.py"), *ROOT.glob("*.md"), *(ROOT / "book").glob("*.md")]
+    files += (ROOT / "notebooks").rglob("*.ipynb")
+    stray = re.compile(r"pip install [^\n`]*\bslamlab(?!-course)\b|\bslamlab\[")
+    assert [path.name for path in files if stray.search(path.read_text())] == []
+    assert stray.search("pip install slamlab")
+    assert not stray.search("pip install slamlab-course[course]")
+
+
+def test_the_source_distribution_is_complete(tmp_path):
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    tracked = set(listed.stdout.split("\n")) - {""}
+    if listed.returncode or not tracked:
+        pytest.skip("not a git checkout")
+    for name in tracked:
+        if (ROOT / name).exists():
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tmp_path / name)
+    code = "from setuptools.build_meta import build_sdist; print(build_sdist('dist'))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+    (archive,) = (tmp_path / "dist").glob("slamlab_course-*.tar.gz")
+    with tarfile.open(archive) as file:
+        inside = {name.partition("/")[2] for name in file.getnames()}
+    assert {name for name in tracked if not name.startswith(".")} - inside <= {"MANIFEST.in"}
 
 
 def public_functions():

@@ -1,6 +1,6 @@
 """MIT Killian Court: a real robot, real scans, real loop closures (Bosse et al. 2004).
 
-The files come with the package rtb-data. Chapter 00 draws its maps from them.
+The files lie beside this one, with their source and licence. Chapter 00 draws its maps from them.
 """
 
 from __future__ import annotations
@@ -108,21 +108,9 @@ def killian(small: bool = False) -> Killian:
     Returns
     -------
     Killian
-
-    Raises
-    ------
-    ImportError
-        If rtb-data is not installed.
-    ValueError
-        If its files are damaged; the message gives the line.
     """
-    try:
-        import rtbdata
-    except ImportError as error:
-        raise ImportError("killian: the data needs `pip install slamlab[course]`") from error
-    folder = Path(rtbdata.__file__).parent / "data"
-    name = "killian-small.toro" if small else "killian.g2o.zip"
-    graph = PoseGraph.read_g2o(folder / name)
+    name = "killian-small.toro.gz" if small else "killian.g2o.gz"
+    graph = PoseGraph.read_g2o(Path(__file__).parent / "data" / name)
     loop_mask = graph.edges[:, 1] - graph.edges[:, 0] != 1
     if graph.scans is None:
         return Killian(graph, loop_mask, np.empty((0, 1)), ScanGeometry(np.zeros(1)))

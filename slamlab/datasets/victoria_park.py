@@ -1,13 +1,13 @@
 """Victoria Park, Sydney: a car among trees, odometry and trunks in view (Guivant and Nebot 2001).
 
-The file is the one that iSAM made (Kaess et al. 2008) and gtsam ships; who is who is known.
+The file is the one that iSAM made (Kaess et al. 2008); who is who is known. It lies beside this
+one, with its source and licence.
 Chapters 10 to 13.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
+import gzip
 from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
@@ -22,8 +22,6 @@ from slamlab.slam import PoseGraph
 
 __all__ = ["read_landmark_log", "victoria_park"]
 
-_NAME = "victoria_park"
-
 
 def victoria_park() -> Log:
     """Load Victoria Park: 6969 poses over 4 km, 151 trees measured 3640 times.
@@ -35,39 +33,13 @@ def victoria_park() -> Log:
     Returns
     -------
     Log
-
-    Raises
-    ------
-    FileNotFoundError
-        If the data are neither in the package nor in gtsam nor in the folder SLAMLAB_DATA.
     """
-    log = _load()
+    path = Path(__file__).parent / "data" / "victoria_park.txt.gz"
+    with gzip.open(path, "rt", encoding="utf-8") as file:
+        log = _parse(file, path.name)
     graph = PoseGraph.from_log(log, RelativePose(), PointSensor(0.4 * np.eye(2)))
     best = graph.initial_guess().optimize()
     return replace(log, truth=best.poses, landmarks=best.landmarks)
-
-
-def _load() -> Log:
-    own = Path(__file__).with_name(f"{_NAME}.npz")
-    if own.exists():
-        return Log.load(own)
-    for folder in _folders():
-        if (folder / f"{_NAME}.txt").exists():
-            return read_landmark_log(folder / f"{_NAME}.txt")
-    raise FileNotFoundError(
-        "victoria_park: the data come with gtsam (`pip install gtsam`), "
-        f"or as {_NAME}.txt in the folder that SLAMLAB_DATA names"
-    )
-
-
-def _folders() -> Iterator[Path]:
-    if "SLAMLAB_DATA" in os.environ:
-        yield Path(os.environ["SLAMLAB_DATA"])
-    try:
-        import gtsam
-    except ImportError:
-        return
-    yield Path(gtsam.__file__).parent / "Data"
 
 
 def read_landmark_log(path: str | Path) -> Log:

@@ -12,5 +12,5 @@ def needed(name: str, purpose: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise ImportError(
-            f"{name} is needed for {purpose}: pip install {name}, or slamlab[course]"
+            f"{name} is needed for {purpose}: pip install {name}, or slamlab-course[course]"
         ) from error

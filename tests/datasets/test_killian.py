@@ -1,5 +1,7 @@
 """Killian Court as chapter 00 uses it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from slamlab.evaluation import ate, run
 from slamlab.geometry import between
 from slamlab.localization import DeadReckoning
 from slamlab.robots import RelativePose
+from slamlab.slam import PoseGraph
 
 
 @pytest.fixture(scope="module")
@@ -57,3 +60,17 @@ def test_the_log_drives_along_the_odometry_and_knows_a_reference(court):
     assert ate(driven).rmse == pytest.approx(11.8, abs=0.1)
     with pytest.raises(ValueError, match="log: expected an odometry edge from each pose"):
         _ = killian(small=True).log
+
+
+@pytest.mark.parametrize(
+    ("small", "theirs"), [(False, "killian.g2o.zip"), (True, "killian-small.toro")]
+)
+def test_it_is_what_rtb_data_ships(small, theirs):
+    rtbdata = pytest.importorskip("rtbdata")
+    ours = killian(small).graph
+    other = PoseGraph.read_g2o(Path(rtbdata.__file__).parent / "data" / theirs)
+    for name in ("poses", "edges", "measurements", "information"):
+        assert np.array_equal(getattr(ours, name), getattr(other, name))
+    if not small:
+        assert ours.scans.lines == other.scans.lines
+        assert np.array_equal(ours.scans.ranges, other.scans.ranges)
