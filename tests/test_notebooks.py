@@ -17,7 +17,7 @@ from tools.notebooks import SETTINGS, differences
 
 ROOT = Path(__file__).resolve().parents[1]
 # A page that is no chapter has no number, no bones and no exercises: each is named here.
-PAGES = {"simulator"}
+PAGES = {"index", "simulator"}
 CHAPTERS = [
     path for path in sorted((ROOT / "notebooks").glob("*.ipynb")) if path.stem not in PAGES
 ]
@@ -136,7 +136,7 @@ def in_toc(path):
 
     def files(node):
         if isinstance(node, dict):
-            yield from ([node["file"]] if "file" in node else [])
+            yield from (node[key] for key in ("root", "file") if key in node)
             for value in node.values():
                 yield from files(value)
         elif isinstance(node, list):
