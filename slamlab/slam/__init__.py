@@ -18,6 +18,7 @@ from slamlab.slam.graph import (
     edge_jacobians,
 )
 from slamlab.slam.hector import HectorSlam
+from slamlab.slam.incremental import IncrementalGraph
 from slamlab.slam.wall_slam import WallSlam
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "EKFSlam",
     "FastSlam",
     "HectorSlam",
+    "IncrementalGraph",
     "PoseGraph",
     "Result",
     "Scans",
