@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from pkgutil import iter_modules
@@ -33,7 +34,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(argv)
     try:
-        options.run(options)
+        with warnings.catch_warnings(record=True) as noted:
+            warnings.simplefilter("always", UserWarning)
+            options.run(options)
+        for text in dict.fromkeys(str(note.message) for note in noted):
+            print(f"slamlab {options.command}: note: {text}", file=sys.stderr)
     except (ValueError, OSError, ImportError, MemoryError) as error:
         sentence = str(error) or type(error).__name__
         print(f"slamlab {options.command}: {sentence}", file=sys.stderr)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix, diags
+from scipy.sparse import coo_matrix, csc_matrix, diags
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from slamlab._checks import Array
@@ -118,8 +118,18 @@ class Relaxation:
             return x
         x = x.copy()
         M = self.M[free]
-        x[free] = splu_in_order(M[:, free]).solve(-(M[:, known] @ x[known]))
+        x[free] = hermitian_factor(M[:, free]).solve(-(M[:, known] @ x[known]))
         return x
+
+
+def hermitian_factor(H: csc_matrix) -> Any:
+    """Factors of a Hermitian matrix; ValueError where there are none."""
+    if not np.isfinite(H.data).all():
+        raise ValueError("poses: expected a graph of moderate size, the equations overflow")
+    try:
+        return splu_in_order(H.tocsc())
+    except RuntimeError as error:
+        raise ValueError("information: the measurements do not determine the graph") from error
 
 
 def as_complex(v: Array) -> np.ndarray:
@@ -164,10 +174,10 @@ def certify(relaxation: Relaxation, poses: Array, chi2: float, tolerance: float)
     C = relaxation.M[1:, 1:] - diags(np.r_[np.zeros(N - 1), L])
     largest = float(np.abs(C.diagonal()).max(initial=0.0))
     shift = max(0.1 * tolerance * chi2 / n, 1e-11 * largest, 1e-12)
-    factor = splu_in_order((C + shift * diags(on_u)).tocsc())
-    while negative_pivots(factor):
+    factor = hermitian_factor((C + shift * diags(on_u)).tocsc())
+    while negative_pivots(factor) and np.isfinite(shift):
         shift *= 8.0
-        factor = splu_in_order((C + shift * diags(on_u)).tocsc())
+        factor = hermitian_factor((C + shift * diags(on_u)).tocsc())
     eigenvalue = least_eigenvalue(factor, N - 1, n, shift)
     bound = float(L.sum()) + n * min(0.0, eigenvalue)
     rounding = 1e-9 * float(np.abs(L).sum()) + 1e-9

@@ -359,7 +359,10 @@ class PoseGraph:
                 edges, measurements, weight * tau, kappa, n, len(self.landmarks)
             )
             with np.errstate(all="ignore"):
-                x = relaxation.guess(self._stack(None, None), first)
+                try:
+                    x = relaxation.guess(self._stack(None, None), first)
+                except ValueError:  # singular without the other half of the measurements
+                    continue
             if np.isfinite(x).all():
                 guesses.append(self.with_poses(x[:n], x[n:, :2]))
         return min([*guesses, self], key=lambda graph: graph.chi2())

@@ -585,3 +585,18 @@ def test_memory_grows_with_the_number_of_edges():
         peaks.append(tracemalloc.get_traced_memory()[1] / n)
         tracemalloc.stop()
     assert peaks[1] < 1.3 * peaks[0]
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_poses_take_memory_in_proportion():
+    peaks = []
+    for n in (10_000, 100_000):
+        graph = manhattan_graph(n, 3 * n, np.random.default_rng(0)).graph
+        tracemalloc.start()
+        result = graph.initial_guess().optimize()
+        peaks.append(tracemalloc.get_traced_memory()[1] / n)
+        tracemalloc.stop()
+        dof = 3 * (2 * n + 1)
+        assert result.converged
+        assert abs(result.chi2 - dof) < 4 * np.sqrt(2 * dof)
+    assert peaks[1] < 1.3 * peaks[0]
