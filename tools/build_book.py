@@ -109,8 +109,9 @@ def execute(cache: JupyterCacheAbstract, setting: str) -> bool:
         for path in book_notebooks()
         if not is_cached(cache, path)
     }
-    # The longest first, so that no core waits for it in the end; those never run before them all.
-    order = sorted(paths, key=lambda name: -seconds.get(name, 1e9))
+    # The longest first, so that no core waits for it in the end; of unknown ones the chapters.
+    guess = {name: 1e9 if path.parent.name == "notebooks" else 0.0 for name, path in paths.items()}
+    order = sorted(paths, key=lambda name: -seconds.get(name, guess[name]))
     todo, jobs = set(order), max(1, min(n_cores(), len(order)))
     if order:
         print(f"{jobs} cores, notebooks: {remaining(todo, seconds, jobs)}", flush=True)
@@ -135,9 +136,11 @@ def compare(cache: JupyterCacheAbstract) -> list[str]:
     """Name each cell whose text is not what git holds."""
     found = []
     for path in book_notebooks():
-        stored = nbformat.read(path, as_version=4)
+        stored, name = nbformat.read(path, as_version=4), path.relative_to(ROOT)
+        if not is_cached(cache, path):
+            found.append(f"{name} was changed while notebooks ran: build again")
+            continue
         _, fresh = cache.merge_match_into_notebook(stored)
-        name = path.relative_to(ROOT)
         found += [f"{name}, {paragraph}" for paragraph in differences(stored, fresh)]
     return found
 

@@ -7,6 +7,7 @@ import functools
 import html.parser
 import http.server
 import os
+import re
 import shutil
 import threading
 import urllib.parse
@@ -131,6 +132,35 @@ class Visit:
 
     def __exit__(self, *args):
         self.context.close()
+
+
+CUT = """
+[...document.querySelectorAll('article *')].filter(e => e.getClientRects().length && (
+    e.getBoundingClientRect().right > innerWidth + 2
+    || (e.scrollWidth > e.clientWidth + 2 && e.clientWidth > 0
+        && getComputedStyle(e).overflowX !== 'visible'))
+).map(e => `${e.tagName} ${e.className}: ${e.textContent.slice(0, 60)}`).slice(0, 5)
+"""
+CHAPTERS = [page for page in PAGES if page.startswith("notebooks/") and page.count("/") == 1]
+
+
+@needs_browser
+@pytest.mark.parametrize("page", CHAPTERS)
+def test_nothing_is_cut_on_paper(browser, address, page):
+    with Visit(browser, address, page, width=720) as visit:  # A4 without its margins
+        visit.tab.emulate_media(media="print")
+        visit.tab.wait_for_timeout(300)
+        assert visit.tab.evaluate(CUT) == []
+        # What is folded leaves no bar behind, and what is there to be pressed is gone.
+        assert not visit.tab.is_visible("article details.hide, article .copybtn")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.startswith("notebooks/")])
+def test_a_chapter_offers_its_notebook_without_a_network(page):
+    path = HTML / page
+    (href,) = re.findall(r'download-notebook"><a href="([^"]+)"', path.read_text())
+    assert (path.parent / href).resolve().suffix == ".ipynb"
+    assert (path.parent / href).exists()
 
 
 @needs_browser
