@@ -17,6 +17,7 @@ from slamlab.slam.graph import (
     edge_error,
     edge_jacobians,
 )
+from slamlab.slam.grid_fast import GridFastSlam
 from slamlab.slam.hector import HectorSlam
 from slamlab.slam.incremental import IncrementalGraph
 from slamlab.slam.wall_slam import WallSlam
@@ -27,6 +28,7 @@ __all__ = [
     "Confirmation",
     "EKFSlam",
     "FastSlam",
+    "GridFastSlam",
     "HectorSlam",
     "IncrementalGraph",
     "PoseGraph",
