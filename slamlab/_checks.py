@@ -6,7 +6,7 @@ Everything may import this; it imports nothing of ours.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from reprlib import Repr
 from typing import Any
@@ -202,6 +202,19 @@ def as_choice(name: str, value: Any, choices: Sequence[str]) -> str:
     if not isinstance(value, str) or value not in choices:
         wanted = ", ".join(map(repr, choices))
         raise ValueError(f"{name}: expected one of {wanted}, got {shown(value)}")
+    return value
+
+
+def as_function(name: str, value: Any) -> Callable[..., Any]:
+    """Return `value` if it can be called.
+
+    Raises
+    ------
+    ValueError
+        If it cannot.
+    """
+    if not callable(value):
+        raise ValueError(f"{name}: expected a function, got {shown(value)}")
     return value
 
 

@@ -20,11 +20,13 @@ from slamlab._checks import (
     as_covariance,
     as_rng,
     as_scalar,
+    shown,
 )
 
 __all__ = [
     "Ellipse",
     "Gaussian",
+    "as_belief",
     "chi2_quantile",
     "confidence_ellipse",
     "mahalanobis_squared",
@@ -76,6 +78,19 @@ class Gaussian:
         rng = as_rng("rng", rng)
         noise = rng.standard_normal((*size, *self.mean.shape))
         return self.mean + (root(self.cov) @ noise[..., None])[..., 0]
+
+
+def as_belief(name: str, value: object) -> Gaussian:
+    """Return `value` if it is a Gaussian.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, a pair of mean and covariance included.
+    """
+    if not isinstance(value, Gaussian):
+        raise ValueError(f"{name}: expected a Gaussian(mean, cov), got {shown(value)}")
+    return value
 
 
 def root(cov: ArrayLike) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
 from slamlab.filters._linear import apply, singular, t
 from slamlab.filters._sweeps import recur, smooth_covariances, step_covariances
-from slamlab.gaussian import Gaussian
+from slamlab.gaussian import Gaussian, as_belief
 
 # Covariances count as settled when what is left of their way is below this many units of
 # rounding: 1.1e-13 in double precision, relative to the standard deviations.
@@ -131,7 +131,7 @@ def filter(
     z = as_shaped("z", z, ("...", "T", "m"))
     if np.isinf(z).any():
         raise ValueError("z: expected finite numbers or NaN for missing, got infinity")
-    (length, m), n = z.shape[-2:], initial.dim
+    (length, m), n = z.shape[-2:], as_belief("initial", initial).dim
     if length == 0:
         raise ValueError(f"z: expected at least one step, got shape {z.shape}")
     batch = _batch_shape(z, initial, F, H, Q, R, B, u)

@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_covariance
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_function, as_scalar
 from slamlab.filters.kalman import Innovation, _belief, correct
-from slamlab.gaussian import Gaussian
+from slamlab.gaussian import Gaussian, as_belief
 
 __all__ = ["numerical_jacobian", "predict", "update"]
 
@@ -44,7 +44,7 @@ def predict(belief: Gaussian, f: Function, F: ArrayLike | Function, Q: ArrayLike
     ValueError
         If a shape does not fit, a number is not finite, or `Q` is no covariance.
     """
-    n = belief.dim
+    n, f = as_belief("belief", belief).dim, as_function("f", f)
     # (12): the tangent at the estimate before the step
     F = as_array("F", F(belief.mean) if callable(F) else F, (n, n))
     Q = as_covariance("Q", Q, n)
@@ -96,7 +96,8 @@ def update(
         covariance is singular.
     """
     z = as_array("z", z, ("m",))
-    n, m = belief.dim, len(z)
+    n, m = as_belief("belief", belief).dim, len(z)
+    h, residual = as_function("h", h), as_function("residual", residual)
     posterior, learned = belief, None
     for _ in range(as_count("iterations", iterations, 1)):
         x = posterior.mean
@@ -124,10 +125,16 @@ def numerical_jacobian(f: Function, x: ArrayLike, step: float = 1e-6) -> Array:
     Returns
     -------
     ndarray, shape (m, n)
+
+    Raises
+    ------
+    ValueError
+        If `f` is no function or gives no vectors of finite numbers, or `step` is not positive.
     """
-    x = as_array("x", x, ("n",))
+    x, f = as_array("x", x, ("n",)), as_function("f", f)
+    step = as_scalar("step", step, float(np.finfo(float).tiny), 1e300)
     columns = [
-        (np.asarray(f(x + d), dtype=float) - np.asarray(f(x - d), dtype=float)) / (2 * step)
+        (as_array("f(x)", f(x + d), ("m",)) - as_array("f(x)", f(x - d), ("m",))) / (2 * step)
         for d in step * np.eye(len(x))
     ]
     return np.stack(columns, -1)

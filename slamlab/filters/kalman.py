@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_array, as_covariance
 from slamlab.filters._linear import apply, innovation_root, solve_psd, t
 from slamlab.filters._sequences import FilterResult, SmootherResult, filter, fixed_lag, smooth
-from slamlab.gaussian import Gaussian
+from slamlab.gaussian import Gaussian, as_belief
 
 __all__ = [
     "FilterResult",
@@ -87,7 +87,7 @@ def predict(
     ValueError
         If a shape does not fit, a number is not finite, or `Q` is no covariance.
     """
-    n = belief.dim
+    n = as_belief("belief", belief).dim
     F = as_array("F", F, ("...", n, n))
     Q = as_covariance("Q", Q, n)
     # (3): mean
@@ -129,7 +129,7 @@ def update(
         covariance S is singular.
     """
     z = as_array("z", z, ("...", "m"))
-    H = as_array("H", H, ("...", z.shape[-1], belief.dim))
+    H = as_array("H", H, ("...", z.shape[-1], as_belief("belief", belief).dim))
     # (5): innovation
     return correct(belief, z - apply(H, belief.mean), H, R)
 

@@ -11,10 +11,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_covariance, as_scalar
+from slamlab._checks import Array, as_array, as_covariance, as_function, as_scalar
 from slamlab.filters._linear import solve_psd
 from slamlab.filters.kalman import Innovation, _belief, innovation
-from slamlab.gaussian import Gaussian
+from slamlab.gaussian import Gaussian, as_belief
 
 __all__ = ["predict", "sigma_points", "update"]
 
@@ -49,9 +49,9 @@ def sigma_points(
     ValueError
         If a parameter is out of range or the covariance is singular.
     """
-    n = belief.dim
+    n = as_belief("belief", belief).dim
     alpha = as_scalar("alpha", alpha, 1e-9, 1.0)
-    kappa = as_scalar("kappa", kappa, -n + 1e-9)
+    kappa, beta = as_scalar("kappa", kappa, -n + 1e-9, 1e9), as_scalar("beta", beta, -1e9, 1e9)
     scale = alpha**2 * (n + kappa)
     try:
         root = np.linalg.cholesky(belief.cov) * np.sqrt(scale)
@@ -86,7 +86,7 @@ def predict(belief: Gaussian, f: Function, Q: ArrayLike, **scaling: float) -> Ga
     ValueError
         If a shape does not fit, a number is not finite, or `Q` is no covariance.
     """
-    Q = as_covariance("Q", Q, belief.dim)
+    Q, f = as_covariance("Q", Q, as_belief("belief", belief).dim), as_function("f", f)
     points, w_mean, w_cov = sigma_points(belief, **scaling)
     moved = as_array("f(x)", np.array([f(x) for x in points]), (len(points), belief.dim))
     mean = w_mean @ moved
@@ -129,6 +129,7 @@ def update(
     """
     z = as_array("z", z, ("m",))
     R = as_covariance("R", R, len(z))
+    h, residual = as_function("h", h), as_function("residual", residual)
     points, w_mean, w_cov = sigma_points(belief, **scaling)
     seen = as_array("h(x)", np.array([h(x) for x in points]), (len(points), len(z)))
     around = np.array([residual(s, seen[0]) for s in seen], dtype=float)

@@ -7,24 +7,14 @@ noise through P1 (11), (14). Chapter 05.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
+from slamlab.models import MotionModel, as_motion
 
-__all__ = ["Encoders", "Motion", "dead_reckoning", "dead_reckoning_cov"]
-
-
-class Motion(Protocol):
-    """What dead reckoning needs of a robot: `Mecanum` and `Unicycle` have it."""
-
-    def step(self, pose: ArrayLike, u: ArrayLike, dt: float) -> Array:
-        """Return the pose (..., 3) after a time dt."""
-
-    def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
-        """Return derivatives of `step` by pose (..., 3, 3) and control (..., 3, m)."""
+__all__ = ["Encoders", "dead_reckoning", "dead_reckoning_cov"]
 
 
 @dataclass(frozen=True)
@@ -172,12 +162,12 @@ class Encoders:
         return self.sigma_slip * np.sqrt(np.abs(speeds) / dt)
 
 
-def dead_reckoning(motion: Motion, pose: ArrayLike, controls: ArrayLike, dt: float) -> Array:
+def dead_reckoning(motion: MotionModel, pose: ArrayLike, controls: ArrayLike, dt: float) -> Array:
     """Return the poses of a drive, adding up one control after another; P1 (10) repeated.
 
     Parameters
     ----------
-    motion : Motion
+    motion : MotionModel
         A robot with `step`.
     pose : array_like, shape (..., 3)
         Where the drive begins (m, m, rad).
@@ -196,7 +186,7 @@ def dead_reckoning(motion: Motion, pose: ArrayLike, controls: ArrayLike, dt: flo
     ValueError
         If a shape is wrong, a number is not finite, or `dt` is negative.
     """
-    pose = as_array("pose", pose, ("...", 3))
+    motion, pose = as_motion("motion", motion), as_array("pose", pose, ("...", 3))
     controls = as_array("controls", controls, ("...", "T", "m"))
     lead = np.broadcast_shapes(pose.shape[:-1], controls.shape[:-2])
     poses = np.empty((*lead, controls.shape[-2] + 1, 3))
@@ -207,7 +197,7 @@ def dead_reckoning(motion: Motion, pose: ArrayLike, controls: ArrayLike, dt: flo
 
 
 def dead_reckoning_cov(
-    motion: Motion,
+    motion: MotionModel,
     poses: ArrayLike,
     controls: ArrayLike,
     dt: float,
@@ -218,7 +208,7 @@ def dead_reckoning_cov(
 
     Parameters
     ----------
-    motion : Motion
+    motion : MotionModel
         A robot with `jacobians`.
     poses : array_like, shape (..., T + 1, 3)
         What `dead_reckoning` returned.
@@ -244,7 +234,7 @@ def dead_reckoning_cov(
     steps, m = controls.shape[-2:]
     poses = as_array("poses", poses, ("...", steps + 1, 3))
     V = as_covariance("control_cov", control_cov, m)
-    F_x, F_u = motion.jacobians(poses[..., :-1, :], controls, dt)
+    F_x, F_u = as_motion("motion", motion).jacobians(poses[..., :-1, :], controls, dt)
     # (14): Q = F_u V F_u^T for all intervals at once.
     Q = F_u @ V @ np.swapaxes(F_u, -1, -2)
     covs = np.zeros((*poses.shape, 3))

@@ -36,7 +36,7 @@ def noise_cov(sensor: PolarSensor) -> Array:
     """Check the parameters that every such sensor has; return R, read-only (2, 2)."""
     tiny = float(np.finfo(float).tiny)
     sigma_range = as_scalar("sigma_range", sensor.sigma_range, low=tiny, high=1e300)
-    sigma_bearing = as_scalar("sigma_bearing", sensor.sigma_bearing, low=tiny, high=1e300)
+    sigma_bearing = as_scalar("sigma_bearing", sensor.sigma_bearing, low=tiny, high=np.pi)
     as_scalar("max_range", sensor.max_range, low=tiny)
     as_scalar("field_of_view", sensor.field_of_view, low=tiny, high=2 * np.pi)
     cov = np.diag([sigma_range**2, sigma_bearing**2])

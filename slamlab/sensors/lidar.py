@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar, shown
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
 
@@ -125,7 +125,7 @@ class Lidar:
             `rng` is missing.
         """
         poses = as_array("poses", poses, ("...", 3))
-        if self.sigma_range > 0 or self.p_miss > 0:
+        if rng is not None or self.sigma_range > 0 or self.p_miss > 0:
             rng = as_rng("rng", rng)
         heading = poses[..., 2]
         ahead = np.stack([np.cos(heading), np.sin(heading)], -1)
@@ -166,6 +166,8 @@ class Lidar:
 
 def refuse_walls(world: BeamWorld, positions: Array) -> None:
     """Raise ValueError if a sensor at one of the positions (..., 2) would stand in a wall."""
+    if not (hasattr(world, "is_free") and hasattr(world, "cast")):
+        raise ValueError(f"world: expected a world such as BitmapWorld(...), got {shown(world)}")
     inside = ~np.asarray(world.is_free(positions))
     if inside.any():
         where = tuple(int(i) for i in np.argwhere(inside)[0])

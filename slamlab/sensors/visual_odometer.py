@@ -44,7 +44,10 @@ def room_points(
 ) -> Array:
     """Draw points (n, 3) of texture on the four walls of a room around the origin (m)."""
     rng, n = as_rng("rng", rng), as_count("n", n, 1)
-    width, depth = size
+    width, depth = as_array("size", size, (2,))
+    if min(width, depth) <= 0:
+        raise ValueError(f"size: expected two positive lengths (m), got {size}")
+    height = as_scalar("height", height, 0.0, 1e9)
     along = rng.uniform(0, 2 * (width + depth), n)
     corners = np.cumsum([0, width, depth, width, depth])
     x = np.interp(along, corners, [0, width, width, 0, 0]) - 0.5 * width

@@ -1,0 +1,85 @@
+"""Compile all loops now, once, so that no lesson waits for it.
+
+The code is kept: beside the library or, where that cannot be written, in numba's folder for the
+user. A second call takes seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from slamlab.filters import kalman
+from slamlab.gaussian import Gaussian
+from slamlab.localization import SignatureMap
+from slamlab.mapping import OccupancyGrid
+from slamlab.matching import PointField, match_correlative, match_field, match_icp
+from slamlab.navigation import PathMemory, SeenFloor
+from slamlab.sensors import Lidar
+from slamlab.worlds import BitmapWorld, WallWorld
+
+__all__ = ["arguments", "run"]
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what the command takes: nothing."""
+
+
+def run(options: argparse.Namespace) -> None:
+    """Run a small piece of work of every kind; print how long each took."""
+    for work in WORK:
+        start = time.perf_counter()
+        work()
+        print(f"{work.__doc__} {time.perf_counter() - start:.1f} s", flush=True)
+
+
+def _filter() -> None:
+    """Kalman filter and smoother."""
+    one = np.eye(2)
+    z = np.where(np.arange(20)[:, None] % 3, 0.1, np.nan) * np.ones(2)
+    kalman.smooth(kalman.filter(z, one, one, one, one, Gaussian(np.zeros(2), one)))
+
+
+def _scans() -> None:
+    """Lidar in rooms, occupancy grid, seen floor."""
+    lidar = Lidar(36, max_range=10.0)
+    for world in (_room(), WallWorld([[[0, 0], [4, 0]], [[4, 0], [4, 4]], [[4, 4], [0, 0]]])):
+        ranges = lidar.scan(world, [3.0, 1.0, 0.3])
+        world.collides([[0.1, 0.1], [0.1, -0.1], [-0.1, 0.1]], [3.0, 1.0, 0.3])
+    OccupancyGrid((40, 40), 0.1).insert([3.0, 1.0, 0.3], ranges, lidar)
+    SeenFloor([0.0, 0.0, 4.0, 4.0]).insert([3.0, 1.0, 0.3], ranges, lidar)
+
+
+def _matching() -> None:
+    """Scan matching."""
+    points = np.random.default_rng(1).uniform(-2, 2, (60, 2))
+    field, guess = PointField(points, 0.1), np.array([0.01, 0.0, 0.01])
+    match_field(field, points, guess)
+    match_correlative(field, points, guess, 0.3, 0.2)
+    match_icp(points, points, guess)
+
+
+def _signatures() -> None:
+    """Scan signatures."""
+    lidar = Lidar(36)
+    SignatureMap.build(_room(), lidar, 4).locate(lidar.scan(_room(), [3.0, 1.0, 0.3]))
+
+
+def _path() -> None:
+    """Path memory."""
+    memory = PathMemory(0.05)
+    for t in np.linspace(0.0, 6.3, 60):
+        memory.add([2 * np.cos(t), np.sin(2 * t)])
+    memory.nearest([0.3, 0.2])
+
+
+def _room() -> BitmapWorld:
+    occupied = np.pad(np.zeros((38, 38), bool), 1, constant_values=True)
+    occupied[10:14, 5:9] = True
+    return BitmapWorld(occupied, 0.1)
+
+
+WORK: tuple[Callable[[], None], ...] = (_filter, _scans, _matching, _signatures, _path)
