@@ -13,7 +13,7 @@ __all__ = ["agree", "difference", "overlap", "pairs", "plain", "same", "show"]
 def plain(value: Any) -> Any:
     if hasattr(value, "mean") and hasattr(value, "cov") and not isinstance(value, np.ndarray):
         return (np.array(value.mean, dtype=float), np.array(value.cov, dtype=float))
-    if value is None or isinstance(value, (bool, int, float)):
+    if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if isinstance(value, (np.ndarray, np.generic)):
         return np.array(value) if value.dtype.kind in "biufc" else repr(value)
@@ -49,6 +49,8 @@ def same(a: Any, b: Any) -> bool:
 def agree(came: Any, due: Any, tolerance: float) -> bool:
     if due is None or came is None:
         return due is None and came is None
+    if isinstance(due, str):
+        return isinstance(came, str) and came == due
     both = pairs(came, due)
     return not isinstance(both, str) and all(
         a.shape == b.shape

@@ -5,41 +5,29 @@ P5, chapters 3.2.2 (`Scan`) and 3.2.4 (`distancetodots`), repaired.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from slamlab._checks import Array
-from slamlab.exercises._cases import Mistake, Property, Report, run_cases, run_checks
+from slamlab.exercises._draw import a_pose
+from slamlab.exercises._report import Array, Check, Function, Ints
 
-__all__ = [
-    "MISTAKES_BEAM_ANGLES",
-    "MISTAKES_FIRST_HIT",
-    "MISTAKES_SCAN_TO_POINTS",
-    "beam_angles",
-    "check_beam_angles",
-    "check_first_hit",
-    "check_scan_to_points",
-    "first_hit",
-    "scan_to_points",
-]
-
-Function = Callable[..., Any]
+__all__ = ["check_beam_angles", "check_first_hit", "check_scan_to_points"]
 
 
 # Exercise 1: a beam through cells.
 
 
-def first_hit(occupied: Array, x: float, y: float, angle: float) -> float:
+def _first_hit(occupied: Ints, x: float, y: float, angle: float) -> float:
     """Range (cells) to the border of the first occupied cell (rows, columns); inf if none."""
     dx, dy = float(np.cos(angle)), float(np.sin(angle))
-    column, row, t = int(np.floor(x)), int(np.floor(y)), 0.0
-    while 0 <= row < len(occupied) and 0 <= column < len(occupied[0]):
-        if occupied[row][column]:
+    column, row, t = int(x), int(y), 0.0
+    rows, columns = occupied.shape
+    while 0 <= row < rows and 0 <= column < columns:
+        if occupied[row, column]:
             return t
-        t_x = (column + (dx > 0) - float(x)) / dx if dx else np.inf
-        t_y = (row + (dy > 0) - float(y)) / dy if dy else np.inf
+        t_x = (column + (dx > 0) - x) / dx if dx else np.inf
+        t_y = (row + (dy > 0) - y) / dy if dy else np.inf
         t = min(t_x, t_y)
         if t_x <= t_y:
             column += 1 if dx > 0 else -1
@@ -48,93 +36,109 @@ def first_hit(occupied: Array, x: float, y: float, angle: float) -> float:
     return np.inf
 
 
-def _sampled(occupied: Array, x: float, y: float, angle: float, step: float) -> float:
+def _sampled(occupied: Ints, x: float, y: float, angle: float, step: float) -> float:
     """Range by samples every `step` along the beam."""
-    for t in np.arange(0.0, 4.0 * len(occupied) + 4.0 * len(occupied[0]), step):
+    for t in np.arange(0.0, 4.0 * sum(occupied.shape), step):
         column, row = int(np.floor(x + t * np.cos(angle))), int(np.floor(y + t * np.sin(angle)))
         if not (0 <= row < len(occupied) and 0 <= column < len(occupied[0])):
             return np.inf
-        if occupied[row][column]:
+        if occupied[row, column]:
             return float(t)
     return np.inf
 
 
-def _pixel_walk(occupied: Array, x: float, y: float, angle: float) -> float:
-    return _sampled(occupied, x, y, angle, 1 / max(abs(np.cos(angle)), abs(np.sin(angle))))
-
-
-def _to_the_centre(occupied: Array, x: float, y: float, angle: float) -> float:
-    t = first_hit(occupied, x, y, angle)
+def _to_the_centre(occupied: Ints, x: float, y: float, angle: float) -> float:
+    t = _first_hit(occupied, x, y, angle)
     if np.isinf(t):
         return t
-    inside = t + 1e-9
-    column, row = np.floor(x + inside * np.cos(angle)), np.floor(y + inside * np.sin(angle))
-    return float(np.hypot(column + 0.5 - x, row + 0.5 - y))
+    column, row = x + (t + 1e-9) * np.cos(angle), y + (t + 1e-9) * np.sin(angle)
+    return float(np.hypot(np.floor(column) + 0.5 - x, np.floor(row) + 0.5 - y))
 
 
-def _to_the_edge(occupied: Array, x: float, y: float, angle: float) -> float:
-    t = first_hit(occupied, x, y, angle)
-    if np.isfinite(t):
-        return t
-    return first_hit(np.pad(occupied, 1, constant_values=1), x + 1, y + 1, angle)
+def _fenced(occupied: Ints, x: float, y: float, angle: float) -> float:
+    return _first_hit(np.pad(occupied, 1, constant_values=1), x + 1, y + 1, angle)
 
 
-def _turned_over(occupied: Array, x: float, y: float, angle: float) -> float:
-    return first_hit(np.asarray(occupied)[::-1], x, y, angle)
+_CELLS = np.zeros((6, 9), dtype=int)
+_CELLS[[1, 4, 5, 3], [7, 2, 0, 8]] = 1
+_DIAGONAL = np.eye(9, dtype=int)[::-1]
 
 
-MISTAKES_FIRST_HIT: dict[str, Function] = {
-    "one step a pixel of the longer side, as P5 has it: cells cut near a corner are skipped": (
-        _pixel_walk
-    ),
-    "samples at fixed steps: never exact, and a small corner falls between them": (
-        lambda o, x, y, a: _sampled(o, x, y, a, 0.1)
-    ),
-    "this is the distance to the cell's centre: the beam ends at its border": _to_the_centre,
-    "a beam that leaves the grid met nothing: inf is due, not the way to the edge": _to_the_edge,
-    "row 0 is at the bottom: the picture was turned over": _turned_over,
-    "rows and columns are exchanged: occupied[row, column], row from y": (
-        lambda o, x, y, a: first_hit(np.asarray(o).T, x, y, a)
-    ),
-    "the angle is in radians": lambda o, x, y, a: first_hit(o, x, y, np.deg2rad(a)),
-    "this is the way along x: the range runs along the beam": (
-        lambda o, x, y, a: first_hit(o, x, y, a) * abs(np.cos(a))
-    ),
-}
+def _beam(rng: np.random.Generator) -> Any:
+    rows, columns = rng.integers(2, 9, 2)
+    x, y = np.round(rng.uniform(0.05, [columns - 0.05, rows - 0.05]), 2)
+    cells = rng.random((rows, columns)) < 0.2
+    cells[int(y), int(x)] = False
+    return cells, x, y, np.round(rng.uniform(-np.pi, np.pi), 3)
 
 
-def check_first_hit(student: Function) -> Report:
-    """Check ``student(occupied (rows, columns), x, y, angle) -> range (cells)``.
+def _away(rng: np.random.Generator) -> Any:
+    """Draw a beam that leaves a grid with walls on the two edges behind it."""
+    cells = np.zeros((5, 6), dtype=int)
+    cells[-1, :] = cells[:, -1] = 1
+    return cells, 2.4, 1.7, np.round(rng.uniform(np.pi, 1.5 * np.pi), 3)
 
-    Parameters
-    ----------
-    student : callable
 
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    cells = np.zeros((6, 9))
-    cells[1, 7] = cells[4, 2] = cells[5, 0] = cells[3, 8] = 1
-    diagonal = np.eye(9)[::-1]
-    cases = [
-        ("to the right and up", cells, 0.5, 0.4, 0.19),
-        ("to the left and up", cells, 6.3, 0.7, 2.35),
-        ("to the left and down", diagonal, 6.3, 7.6, -2.2),
-        ("straight along a row", cells, 1.25, 1.5, 0.0),
-        ("a cell that is cut only near its corner", cells, 0.5, 0.5, np.arctan2(2.45, 7.6)),
-        ("between two cells that touch at a corner", diagonal, 1.2, 1.3, np.arctan2(2.78, 2.7)),
-        ("a beam that leaves the grid", cells, 3.5, 2.5, -1.2),
-        ("a start inside an occupied cell", cells, 2.5, 4.5, 1.0),
-    ]
-    return run_cases("first_hit", student, first_hit, cases, MISTAKES_FIRST_HIT)
+def _along(axis: float) -> Any:
+    return lambda rng: (rng.random((7, 5)) < 0.15, 2.3, 3.6, axis)
+
+
+check_first_hit = Check(
+    _first_hit,
+    "range",
+    {
+        "straight along a row": (_CELLS, 1.25, 1.5, 0.0),
+        "straight up": _along(np.pi / 2),
+        "straight back": _along(np.pi),
+        "straight down": _along(-np.pi / 2),
+        "a cell that is cut only near its corner": (_CELLS, 0.5, 0.5, np.arctan2(2.45, 7.6)),
+        "between two cells that touch at a corner": (_DIAGONAL, 1.2, 1.3, np.arctan2(2.78, 2.7)),
+        "a beam that leaves the grid": (_CELLS, 3.5, 2.5, -1.2),
+        "walls on the far edges are behind this beam": _away,
+        "a start inside an occupied cell": (_CELLS, 2.5, 4.5, 1.0),
+        "a start in the first row and the last column": (_CELLS, 8.5, 0.5, 2.2),
+        "any grid, any beam": _beam,
+    },
+    {
+        "one step a pixel of the longer side, as P5 has it: cells cut near a corner are skipped": (
+            lambda o, x, y, a: _sampled(o, x, y, a, 1 / max(abs(np.cos(a)), abs(np.sin(a))))
+        ),
+        "samples at fixed steps: never exact, and a small corner falls between them": (
+            lambda o, x, y, a: _sampled(o, x, y, a, 0.1)
+        ),
+        "this is the distance to the cell's centre: the beam ends at its border": _to_the_centre,
+        "a beam that leaves the grid met nothing: inf is due, not the way to the edge": _fenced,
+        "row 0 is at the bottom: the picture was turned over": (
+            lambda o, x, y, a: _first_hit(o[::-1], x, y, a)
+        ),
+        "rows and columns are exchanged: occupied[row, column], row from y": (
+            lambda o, x, y, a: _first_hit(o.T, x, y, a)
+        ),
+        "the angle is in radians": lambda o, x, y, a: _first_hit(o, x, y, np.deg2rad(a)),
+        "this is the way along x: the range runs along the beam": (
+            lambda o, x, y, a: _first_hit(o, x, y, a) * abs(np.cos(a))
+        ),
+        "the start was rounded: its cell is the whole part of x and y": (
+            "int(x), int(y)",
+            "round(x), round(y)",
+        ),
+        "the beam began in the middle of its cell": (
+            lambda o, x, y, a: _first_hit(o, int(x) + 0.5, int(y) + 0.5, a)
+        ),
+        "the angle grows counterclockwise: y upwards": lambda o, x, y, a: _first_hit(o, x, y, -a),
+        "the cell of the start was not looked at": (
+            "if occupied[row, column]:",
+            "if t and occupied[row, column]:",
+        ),
+    },
+    draws=30,
+)
 
 
 # Exercise 2: the beams of a lidar.
 
 
-def beam_angles(n_beams: int, field_of_view: float) -> Array:
+def _beam_angles(n_beams: int, field_of_view: float) -> Array:
     """Directions (n_beams,) of beams that fill the field of view (rad), counterclockwise."""
     if field_of_view >= 2 * np.pi:
         return 2 * np.pi * np.arange(n_beams) / n_beams
@@ -143,156 +147,142 @@ def beam_angles(n_beams: int, field_of_view: float) -> Array:
     return np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)
 
 
-def _wrapped(function: Function) -> Function:
+def _up_to_turns(function: Function, n_beams: int, field_of_view: float) -> Any:
     """Let every turn of 2 pi pass; the half turn is +pi."""
-
-    def answer(n_beams: int, field_of_view: float) -> Any:
-        came = function(n_beams, field_of_view)
-        if came is None or came is Ellipsis:
-            return came
-        angles = np.mod(np.asarray(came, dtype=float) + np.pi, 2 * np.pi) - np.pi
-        return np.where(angles < -np.pi + 1e-9, np.pi, angles)
-
-    return answer
-
-
-def _doubled(n: int, view: float) -> Array:
-    return np.linspace(-view / 2, view / 2, n) if n > 1 else np.zeros(1)
-
-
-def _without_last_edge(n: int, view: float) -> Array:
-    whole = view >= 2 * np.pi or n == 1
-    return beam_angles(n, view) if whole else -view / 2 + view * np.arange(n) / n
+    came = function(n_beams, field_of_view)
+    if came is None or came is Ellipsis:
+        return None
+    angles = np.mod(np.asarray(came, dtype=float) + np.pi, 2 * np.pi) - np.pi
+    return np.where(angles < -np.pi + 1e-9, np.pi, angles)
 
 
 def _from_ahead(n: int, view: float) -> Array:
-    return beam_angles(n, view) + (0.0 if view >= 2 * np.pi or n == 1 else view / 2)
+    return _beam_angles(n, view) + (0.0 if view >= 2 * np.pi or n == 1 else view / 2)
 
 
 def _whole_degrees(n: int, view: float) -> Array:
     full = view >= 2 * np.pi
-    return np.deg2rad(360 // n) * np.arange(n) if full else beam_angles(n, view)
+    return np.deg2rad(360 // n) * np.arange(n) if full else _beam_angles(n, view)
 
 
-def _single_at_the_edge(n: int, view: float) -> Array:
-    return np.array([-view / 2]) if n == 1 and view < 2 * np.pi else beam_angles(n, view)
-
-
-MISTAKES_BEAM_ANGLES: dict[str, Function] = {
-    "in a full circle the first and the last beam must not look the same way": _doubled,
-    "these turn clockwise: angles grow counterclockwise": lambda n, v: -beam_angles(n, v),
-    "these are degrees: radians are due": lambda n, v: np.rad2deg(beam_angles(n, v)),
-    "a part of the circle has a beam on both of its edges": _without_last_edge,
-    "a part of the circle lies symmetrically around straight ahead": _from_ahead,
-    "whole degrees, as P5 has it: 360 // n leaves a gap or puts all beams on one ray": (
-        _whole_degrees
-    ),
-    "a single beam looks straight ahead, not along the edge": _single_at_the_edge,
-}
-
-
-def check_beam_angles(student: Function) -> Report:
-    """Check ``student(n_beams, field_of_view) -> angles (n_beams,)``.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    cases = [
-        ("a full circle begins ahead and has no beam twice", 8, 2 * np.pi),
-        ("seven beams share the circle evenly", 7, 2 * np.pi),
-        ("500 beams do not fall onto one ray", 500, 2 * np.pi),
-        ("half a circle includes both edges", 5, np.pi),
-        ("a narrow fan", 4, 0.6),
-        ("a single beam looks ahead", 1, 1.0),
-    ]
-    due = _wrapped(beam_angles)
-    properties = [Property(name, (n, view), due(n, view)) for name, n, view in cases]
-    mistakes = [Mistake(text, _wrapped(wrong)) for text, wrong in MISTAKES_BEAM_ANGLES.items()]
-    return run_checks("beam_angles", _wrapped(student), properties, mistakes)
+check_beam_angles = Check(
+    _beam_angles,
+    "angles",
+    {
+        "a full circle begins ahead and has no beam twice": (8, 2 * np.pi),
+        "500 beams do not fall onto one ray": (500, 2 * np.pi),
+        "a single beam looks ahead": (1, 1.0),
+        "a single beam of a full circle": (1, 2 * np.pi),
+        "two beams look along the edges": (2, 2.0),
+        "nearly a full circle has both edges": (5, 6.0),
+        "any number shares the circle evenly": lambda rng: (rng.integers(2, 40), 2 * np.pi),
+        "a part of the circle": lambda rng: (
+            rng.integers(2, 40),
+            np.round(rng.uniform(0.1, 6), 2),
+        ),
+    },
+    {
+        "in a full circle the first and the last beam must not look the same way": (
+            "field_of_view >= 2 * np.pi",
+            "False",
+        ),
+        "these turn clockwise: angles grow counterclockwise": lambda n, v: -_beam_angles(n, v),
+        "these are degrees: radians are due": lambda n, v: np.rad2deg(_beam_angles(n, v)),
+        "a part of the circle has a beam on both of its edges": (
+            "np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)",
+            "-field_of_view / 2 + field_of_view * np.arange(n_beams) / n_beams",
+        ),
+        "a part of the circle lies symmetrically around straight ahead": _from_ahead,
+        "whole degrees, as P5 has it: 360 // n leaves a gap or puts all beams on one ray": (
+            _whole_degrees
+        ),
+        "a single beam looks straight ahead, not along the edge": ("n_beams == 1", "False"),
+        "a full circle begins straight ahead, not behind": (
+            "2 * np.pi * np.arange(n_beams) / n_beams",
+            "2 * np.pi * np.arange(n_beams) / n_beams - np.pi",
+        ),
+        "the fan is twice as wide as the field of view": (
+            "-field_of_view / 2, field_of_view / 2,",
+            "-field_of_view, field_of_view,",
+        ),
+    },
+    use=_up_to_turns,
+)
 
 
 # Exercise 3: points that keep their place.
 
 
-def scan_to_points(pose: Array, ranges: Array, angles: Array) -> Array:
+def _scan_to_points(pose: Array, ranges: Array, angles: Array) -> Array:
     """Points (n, 2) in the world of a scan; NaN where a beam met nothing or was lost."""
     kept = np.where(np.isfinite(ranges), ranges, np.nan)
-    beams = pose[2] + np.asarray(angles)
-    return np.stack([pose[0] + kept * np.cos(beams), pose[1] + kept * np.sin(beams)], -1)
-
-
-def _dropped(pose: Array, ranges: Array, angles: Array) -> Array:
-    there = np.isfinite(ranges)
-    return scan_to_points(pose, ranges[there], angles[there])
-
-
-def _moved_up(pose: Array, ranges: Array, angles: Array) -> Array:
-    there = ranges[np.isfinite(ranges)]
-    return scan_to_points(pose, there, angles[: len(there)])
-
-
-def _infinite(pose: Array, ranges: Array, angles: Array) -> Array:
     beams = pose[2] + angles
-    return np.stack([pose[0] + ranges * np.cos(beams), pose[1] + ranges * np.sin(beams)], -1)
+    x, y = pose[0] + kept * np.cos(beams), pose[1] + kept * np.sin(beams)
+    return np.stack([x, y], -1)
 
 
-def _as_zero(pose: Array, ranges: Array, angles: Array) -> Array:
-    return scan_to_points(pose, np.where(np.isfinite(ranges), ranges, 0.0), angles)
+def _scan(lost: bool) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        n = int(rng.integers(1, 9)) + 2 * lost
+        ranges = np.round(rng.uniform(0.2, 9, n), 2)
+        if lost:
+            ranges[rng.permutation(n)[:2]] = [np.nan, np.inf]
+        return a_pose(rng), ranges, np.sort(np.round(rng.uniform(-3, 3, n), 2))
+
+    return draw
 
 
-def _turned_back(pose: Array, ranges: Array, angles: Array) -> Array:
-    return scan_to_points(np.array([pose[0], pose[1], -pose[2]]), ranges, angles)
+check_scan_to_points = Check(
+    _scan_to_points,
+    "points",
+    {
+        "a robot at the origin looks along x": ([0, 0, 0], [1.0, 2.0, 3.0], [-1.0, 0.0, 0.9]),
+        "beams that all came back": _scan(lost=False),
+        "lost readings and beams that met nothing keep their place": _scan(lost=True),
+        "nothing came back at all": ([1.0, 2.0, 0.5], [np.inf, np.nan], [0.0, 1.0]),
+        "a scan without beams": ([1.0, 2.0, 0.5], [], []),
+    },
+    {
+        "beams without a return were left out: each beam keeps its place, missing ones as NaN": (
+            lambda p, r, a: _scan_to_points(p, r[np.isfinite(r)], a[np.isfinite(r)])
+        ),
+        "the list moved up, as P5's does: a distance now belongs to its neighbour's beam": (
+            lambda p, r, a: _scan_to_points(p, r[np.isfinite(r)], a[: np.isfinite(r).sum()])
+        ),
+        "inf is no place: a beam that met nothing gives NaN": (
+            "np.where(np.isfinite(ranges), ranges, np.nan)",
+            "ranges",
+        ),
+        "a missing return became a point on the robot: NaN is due": (
+            "ranges, np.nan",
+            "ranges, 0.0",
+        ),
+        "the heading is missing: beams turn with the robot": ("pose[2] + angles", "angles"),
+        "the position is missing: these points are seen from the robot": (
+            "pose[0] + ",
+            "",
+            "pose[1] + ",
+            "",
+        ),
+        "the scan was turned against the heading: add it, do not subtract it": (
+            "pose[2] + angles",
+            "angles - pose[2]",
+        ),
+        "these angles are radians already": ("pose[2] + angles", "np.deg2rad(pose[2] + angles)"),
+        "sine and cosine are exchanged: angle 0 points along x": (
+            "np.cos(beams), pose[1] + kept * np.sin(beams)",
+            "np.sin(beams), pose[1] + kept * np.cos(beams)",
+        ),
+        "x and y are exchanged": ("[x, y]", "[y, x]"),
+        "this is the transpose: one row a beam": ("[x, y], -1", "[x, y]"),
+        "the scan was turned about the wrong point: turn it first, then move it": (
+            lambda p, r, a: _turned_after(p, r, a)
+        ),
+    },
+)
 
 
-def _in_degrees(pose: Array, ranges: Array, angles: Array) -> Array:
-    turned = np.array([pose[0], pose[1], np.deg2rad(pose[2])])
-    return scan_to_points(turned, ranges, np.deg2rad(angles))
-
-
-MISTAKES_SCAN_TO_POINTS: dict[str, Function] = {
-    "beams without a return were left out: each beam keeps its place, missing ones as NaN": (
-        _dropped
-    ),
-    "the list moved up, as P5's does: a distance now belongs to its neighbour's beam": _moved_up,
-    "inf is no place: a beam that met nothing gives NaN": _infinite,
-    "a missing return became a point on the robot: NaN is due": _as_zero,
-    "the heading is missing: beams turn with the robot": (
-        lambda p, r, a: scan_to_points(np.array([p[0], p[1], 0.0]), r, a)
-    ),
-    "the position is missing: these points are seen from the robot": (
-        lambda p, r, a: scan_to_points(np.array([0.0, 0.0, p[2]]), r, a)
-    ),
-    "the scan was turned against the heading: add it, do not subtract it": _turned_back,
-    "these angles are radians already": _in_degrees,
-    "sine and cosine are exchanged: angle 0 points along x": (
-        lambda p, r, a: (scan_to_points(p, r, a) - p[:2])[:, ::-1] + p[:2]
-    ),
-}
-
-
-def check_scan_to_points(student: Function) -> Report:
-    """Check ``student(pose (3,), ranges (n,), angles (n,)) -> points (n, 2)``.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    fan = [-1.0, -0.4, 0.2, 0.9]
-    cases = [
-        ("a robot at the origin looks along x", [0.0, 0.0, 0.0], [1.0, 2.0, 3.0, 4.0], fan),
-        ("a robot somewhere, turned", [2.0, -1.0, 0.7], [1.0, 2.0, 3.0, 4.0], fan),
-        ("a beam that met nothing keeps its place", [2.0, 1.0, 2.5], [1.0, np.inf, 3.0, 1.5], fan),
-        ("a lost reading keeps its place", [1.0, 1.0, -2.0], [np.nan, 2.0, 0.5, 1.5], fan),
-    ]
-    return run_cases("scan_to_points", student, scan_to_points, cases, MISTAKES_SCAN_TO_POINTS)
+def _turned_after(pose: Array, ranges: Array, angles: Array) -> Array:
+    points = _scan_to_points(np.array([pose[0], pose[1], 0.0]), ranges, angles)
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return points @ np.array([[c, s], [-s, c]])

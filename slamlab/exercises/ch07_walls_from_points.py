@@ -5,244 +5,254 @@ P1 names "least squares" and "distances" and prints no formula; the chapter deri
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from slamlab._checks import Array
-from slamlab.exercises._cases import Report, run_cases
+from slamlab.exercises._report import Array, Check
 
-__all__ = [
-    "MISTAKES_CORNER",
-    "MISTAKES_LINE",
-    "MISTAKES_WALL_COV",
-    "check_corner",
-    "check_line",
-    "check_wall_cov",
-    "corner",
-    "line",
-    "wall_cov",
-]
-
-Function = Callable[..., Any]
+__all__ = ["check_corner", "check_line", "check_wall_cov"]
 
 
 # Exercise 1: a line by total least squares.
 
 
-def line(points: Array) -> Array:
+def _line(points: Array) -> tuple[float, float]:
     """Line (r, alpha), r not negative, of points (k, 2) by total least squares."""
-    points = np.asarray(points, dtype=float)
     centre = points.mean(0)
-    return _named(np.linalg.svd(points - centre)[2][-1], centre)
+    normal = np.linalg.svd(points - centre)[2][1]
+    return _named(normal, centre)
 
 
-def _named(normal: Array, centre: Array) -> Array:
+def _named(normal: Array, centre: Array) -> tuple[float, float]:
     """R >= 0 and alpha in (-pi, pi] of the line through `centre` with this normal."""
-    r = normal @ centre
+    r = float(normal @ centre)
     if r < 0:
         r, normal = -r, -normal
-    return np.array([r, np.arctan2(normal[1], normal[0])])
+    return r, float(np.arctan2(normal[1], normal[0]))
 
 
-def _ordinary(points: Array) -> Array:
+def _ordinary(points: Array) -> tuple[float, float]:
     a, b = np.polyfit(points[:, 0], points[:, 1], 1)
     return _named(np.array([-a, 1.0]) / np.hypot(a, 1.0), np.array([0.0, b]))
 
 
-def _along(points: Array) -> Array:
+def _not_renamed(points: Array) -> tuple[float, float]:
     centre = points.mean(0)
-    return _named(np.linalg.svd(points - centre)[2][0], centre)
+    normal = np.linalg.svd(points - centre)[2][1]
+    return float(normal @ centre), float(np.arctan2(normal[1], normal[0]))
 
 
-def _not_centred(points: Array) -> Array:
-    return _named(np.linalg.svd(points)[2][-1], points.mean(0))
-
-
-def _other_name(points: Array) -> Array:
-    r, alpha = line(points)
-    return np.array([-r, alpha - np.pi if alpha > 0 else alpha + np.pi])
-
-
-def _from_the_chord(points: Array) -> Array:
+def _from_the_chord(points: Array) -> tuple[float, float]:
     u = points[-1] - points[0]
     return _named(np.array([-u[1], u[0]]) / np.hypot(*u), points.mean(0))
 
 
-def _r_alone(points: Array) -> Array:
-    r, alpha = _other_name(points)
-    return np.array([-r, alpha])
+def _through_the_first(points: Array) -> tuple[float, float]:
+    u = points[-1] - points[0]
+    return _named(np.array([-u[1], u[0]]) / np.hypot(*u), points[0])
 
 
-MISTAKES_LINE: dict[str, Function] = {
-    "this is y = a x + b: it measures distances along y, so it knows which axis is x": _ordinary,
-    "this is the direction along the wall: the normal is the one with the smaller spread": _along,
-    "subtract the centre of the points before looking for their spread": _not_centred,
-    "r is negative: turn the normal by half a turn and the sign of r with it": _other_name,
-    "r lost its sign, but alpha was not turned by half a turn: that is another wall": _r_alone,
-    "the first and the last point decide alone: all points have a say": _from_the_chord,
-    "alpha is in degrees: radians are due": lambda p: line(p) * [1.0, 180 / np.pi],
-}
+def _wall(r: float, alpha: float, k: int = 7) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        normal = np.array([np.cos(alpha), np.sin(alpha)])
+        along = rng.uniform(-1, 1.5, (k, 1)) * [-normal[1], normal[0]]
+        return (np.round((r + rng.normal(0, 0.03, (k, 1))) * normal + along, 3),)
+
+    return draw
 
 
-def check_line(student: Function) -> Report:
-    """Check ``student(points (k, 2)) -> (r, alpha)``.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    noise = np.array([0.02, -0.03, 0.01, 0.02, -0.01, -0.02, 0.03])[:, None]
-    along = np.linspace(-1.0, 1.5, 7)[:, None]
-
-    def wall(r: float, alpha: float) -> Array:
-        n = np.array([np.cos(alpha), np.sin(alpha)])
-        return (r + noise) * n + along * [-n[1], n[0]]
-
-    cases = [
-        ("a slanting wall", wall(2.0, 0.7)),
-        ("a wall parallel to the y axis", wall(3.0, 0.0)),
-        ("a wall on the other side of the robot", wall(1.5, -2.4)),
-        ("a wall behind", wall(2.5, 3.0)),
-        ("two points", [[1.0, 2.0], [3.0, 1.0]]),
-    ]
-    return run_cases("line", student, line, cases, MISTAKES_LINE)
+check_line = Check(
+    _line,
+    "r, alpha",
+    {
+        "a slanting wall": _wall(2.0, 0.7),
+        "a wall parallel to the y axis": _wall(3.0, 0.0),
+        "a wall parallel to the x axis": _wall(3.0, np.pi / 2),
+        "a wall on the other side of the robot": _wall(1.5, -2.4),
+        "a wall behind": _wall(2.5, 3.0),
+        "a wall close by": _wall(0.2, -0.9, 30),
+        "two points": lambda rng: (np.round(rng.uniform(-5, 5, (2, 2)), 2),),
+    },
+    {
+        "this is y = a x + b: it measures distances along y, so it knows which axis is x": (
+            _ordinary
+        ),
+        "this is x = a y + b: it measures distances along x, so it knows which axis is x": (
+            lambda p: (_ordinary(p[:, ::-1])[0], np.pi / 2 - _ordinary(p[:, ::-1])[1])
+        ),
+        "this is the direction along the wall: the normal is the one with the smaller spread": (
+            "[2][1]",
+            "[2][0]",
+        ),
+        "subtract the centre of the points before looking for their spread": (
+            "points - centre",
+            "points",
+        ),
+        "r is negative: turn the normal by half a turn and the sign of r with it": _not_renamed,
+        "r lost its sign, but alpha was not turned by half a turn: that is another wall": (
+            lambda p: (abs(_not_renamed(p)[0]), _not_renamed(p)[1])
+        ),
+        "the first and the last point decide alone: all points have a say": _from_the_chord,
+        "this is the line through the first and the last point: all points have a say": (
+            _through_the_first
+        ),
+        "alpha is in degrees: radians are due": lambda p: (_line(p)[0], np.rad2deg(_line(p)[1])),
+        "alpha is in [0, 2 pi): (-pi, pi] is due": (
+            lambda p: (_line(p)[0], _line(p)[1] % (2 * np.pi))
+        ),
+        "r and alpha are exchanged: r comes first": lambda p: _line(p)[::-1],
+    },
+    tolerance=1e-8,
+)
 
 
 # Exercise 2: where to cut.
 
 
-def corner(points: Array) -> int:
+def _corner(points: Array) -> int:
     """Index of the point of (k, 2) that lies farthest from the chord between the ends."""
-    return int(np.argmax(_off(points)))
-
-
-def _off(points: Array) -> Array:
-    points = np.asarray(points, dtype=float)
     u, d = points[-1] - points[0], points - points[0]
-    return np.abs(u[0] * d[:, 1] - u[1] * d[:, 0]) / np.hypot(*u)
-
-
-def _signed(points: Array) -> int:
-    u, d = points[-1] - points[0], points - points[0]
-    return int(np.argmax(u[0] * d[:, 1] - u[1] * d[:, 0]))
+    return int(np.argmax(np.abs(u[0] * d[:, 1] - u[1] * d[:, 0])))
 
 
 def _from_fit(points: Array) -> int:
-    r, alpha = line(points)
+    r, alpha = _line(points)
     return int(np.argmax(np.abs(points @ [np.cos(alpha), np.sin(alpha)] - r)))
 
 
-MISTAKES_CORNER: dict[str, Function] = {
-    "the distance has a sign: a corner on the other side of the chord was overlooked": _signed,
-    "this is the distance from the fitted line, largest at an end: cut by the chord": _from_fit,
-    "this is the distance from the first point: measure it from the chord": (
-        lambda p: int(np.argmax(np.hypot(*(p - p[0]).T)))
-    ),
-    "this is the distance itself: the index of the point is due": lambda p: _off(p).max(),
-    "off by one: the first point has index 0": lambda p: corner(p) + 1,
-    "this point lies nearest to the chord: the farthest is due": (
-        lambda p: 1 + int(np.argmin(_off(p)[1:-1]))
-    ),
-}
+def _sharpest(points: Array) -> int:
+    legs = np.diff(points, axis=0)
+    angles = np.arctan2(legs[:, 1], legs[:, 0])
+    return 1 + int(np.argmax(np.abs((np.diff(angles) + np.pi) % (2 * np.pi) - np.pi)))
 
 
-def check_corner(student: Function) -> Report:
-    """Check ``student(points (k, 2)) -> index``.
+def _off(points: Array) -> Array:
+    u, d = points[-1] - points[0], points - points[0]
+    off: Array = np.abs(u[0] * d[:, 1] - u[1] * d[:, 0]) / np.hypot(*u)
+    return off
 
-    Parameters
-    ----------
-    student : callable
 
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    left = np.array([[0, 0], [1, 0.02], [2, -0.01], [2.02, 1], [1.99, 2], [2, 3], [2, 4.0]])
-    cases = [
-        ("a corner to the right of the chord", left),
-        ("the same corner to its left", left[:, ::-1]),
-        ("a steep chord", [[0, 0], [0.2, 2.9], [1.5, 4.5], [1.2, 5.5], [1.0, 8.0]]),
-        ("a short leg and a long one", [[0, 0], [0.5, 0.0], [0.5, 0.5], [0.5, 1], [0.5, 4]]),
-        ("far from the origin", left[::-1] + [30.0, -40.0]),
-    ]
-    return run_cases("corner", student, corner, cases, MISTAKES_CORNER)
+def _stretch(rng: np.random.Generator) -> Any:
+    k = int(rng.integers(3, 15))
+    return (np.round(np.cumsum(rng.normal(0.2, 0.8, (k, 2)), 0) + rng.uniform(-20, 20, 2), 2),)
+
+
+_BEND = np.array([[0, 0], [1, 0.02], [2, -0.01], [2.02, 1], [1.99, 2], [2, 3], [2, 4.0]])
+
+check_corner = Check(
+    _corner,
+    "index",
+    {
+        "a corner to the right of the chord": (_BEND,),
+        "the same corner to its left": (_BEND[:, ::-1],),
+        "a short leg and a long one": ([[0, 0], [0.5, 0.0], [0.5, 0.5], [0.5, 1], [0.5, 4]],),
+        "far from the origin, the other way round": (_BEND[::-1] + [30.0, -40.0],),
+        "three points": ([[0, 0], [1, 2], [3, 0]],),
+        "a chord along y": ([[1, 0], [1.5, 1], [0.2, 2], [1, 3]],),
+        "any stretch": _stretch,
+    },
+    {
+        "the distance has a sign: a corner on the other side of the chord was overlooked": (
+            "np.abs(",
+            "(",
+        ),
+        "this is the distance from the fitted line, largest at an end: cut by the chord": (
+            _from_fit
+        ),
+        "this is the distance from the first point: measure it from the chord": (
+            lambda p: int(np.argmax(np.hypot(*(p - p[0]).T)))
+        ),
+        "this is the sharpest turn: the farthest from the chord is due": _sharpest,
+        "this is the middle of the stretch": lambda p: len(p) // 2,
+        "this is the point farthest from the middle of the points": (
+            lambda p: int(np.argmax(np.hypot(*(p - p.mean(0)).T)))
+        ),
+        "the distance was taken along y: measure it across the chord": (
+            lambda p: int(
+                np.argmax(
+                    np.abs(
+                        p[:, 1] - p[0, 1] - (p[-1, 1] - p[0, 1]) * np.arange(len(p)) / (len(p) - 1)
+                    )
+                )
+            )
+        ),
+        "this is the distance itself: the index of the point is due": lambda p: _off(p).max(),
+        "off by one: the first point has index 0": lambda p: _corner(p) + 1,
+        "this point lies nearest to the chord: the farthest is due": (
+            lambda p: 1 + int(np.argmin(_off(p)[1:-1]))
+        ),
+        "counted among the inner points: the first point of the stretch has index 0": (
+            lambda p: _corner(p) - 1
+        ),
+        "this is the point itself: its index is due": lambda p: p[_corner(p)],
+    },
+    draws=12,
+)
 
 
 # Exercise 3: how sure is a wall?
 
 
-def wall_cov(along: Array, variances: Array) -> Array:
+def _wall_cov(along: Array, variances: Array) -> Array:
     """Covariance (2, 2) of (r, alpha) from places along the wall and variances across it, (k,)."""
-    t, w = np.asarray(along, dtype=float), np.asarray(variances, dtype=float)
-    return _sandwich(t, w, t.mean())
+    t, middle = along, along.mean()
+    row_alpha = -(t - middle) / np.sum((t - middle) ** 2)
+    row_r = 1 / len(t) + middle * row_alpha
+    J = np.stack([row_r, row_alpha])
+    return (J * variances) @ J.T
 
 
-def _sandwich(t: Array, w: Array, middle: Any) -> Array:
-    d_alpha = -(t - middle) / np.sum((t - middle) ** 2)
-    d_r = 1 / len(t) + middle * d_alpha
-    J = np.stack([d_r, d_alpha])
-    return (J * w) @ J.T
+def _points(rng: np.random.Generator) -> Any:
+    k = int(rng.integers(2, 12))
+    return np.round(rng.uniform(-3, 3, k) + rng.uniform(-4, 4), 2), np.round(rng.random(k), 3)
 
 
-def _from_foot(t: Array, w: Array) -> Array:
-    d_alpha = -t / np.sum(t**2)
-    J = np.stack([np.full(len(t), 1 / len(t)), d_alpha])
-    return (J * w) @ J.T
-
-
-def _other_sign(t: Array, w: Array) -> Array:
-    return wall_cov(t, w) * [[1, -1], [-1, 1]]
-
-
-MISTAKES_WALL_COV: dict[str, Function] = {
-    "r and alpha err together: the corner elements are not zero": (
-        lambda t, w: wall_cov(t, w) * np.eye(2)
-    ),
-    "the correlation has the wrong sign: a point beyond the middle turns the normal back": (
-        _other_sign
-    ),
-    "measure the places from their mean: the wall turns about the middle of its points": (
-        _from_foot
-    ),
-    "r is the distance at the foot of the perpendicular: the turn moves it too, by mean(t)": (
-        lambda t, w: _sandwich(t - t.mean(), w, 0.0)
-    ),
-    "each point has a variance of its own: weigh by it before summing": (
-        lambda t, w: wall_cov(t, np.full(len(t), w.mean()))
-    ),
-    "these look like standard deviations: the variances were given, do not square them": (
-        lambda t, w: wall_cov(t, w**2)
-    ),
-    "this does not shrink with more points: an average of k errors has 1/k of their variance": (
-        lambda t, w: wall_cov(t, w) * len(t)
-    ),
-}
-
-
-def check_wall_cov(student: Function) -> Report:
-    """Check ``student(along (k,), variances (k,)) -> (2, 2)``.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    cases = [
-        ("points around the perpendicular", np.linspace(-1, 1, 5), [0.04] * 5),
-        ("points to one side of it", np.linspace(1, 3, 9), [0.04] * 9),
-        ("unequal points", [-2.0, 0.5, 1.0, 4.0], [0.1, 0.2, 0.8, 1.5]),
-        ("to the other side", [-5.0, -4.0, -2.5], [0.1, 0.3, 0.2]),
-    ]
-    return run_cases("wall_cov", student, wall_cov, cases, MISTAKES_WALL_COV)
+check_wall_cov = Check(
+    _wall_cov,
+    "cov",
+    {
+        "points around the perpendicular": (np.linspace(-1, 1, 5), [0.04] * 5),
+        "points to one side of it": (np.linspace(1, 3, 9), [0.04] * 9),
+        "to the other side": ([-5.0, -4.0, -2.5], [0.1, 0.3, 0.2]),
+        "points without error": ([1.0, 2.0, 4.0], [0.0, 0.0, 0.0]),
+        "unequal points": _points,
+    },
+    {
+        "r and alpha err together: the corner elements are not zero": (
+            lambda t, w: _wall_cov(t, w) * np.eye(2)
+        ),
+        "the correlation has the wrong sign: a point beyond the middle turns the normal back": (
+            lambda t, w: _wall_cov(t, w) * [[1, -1], [-1, 1]]
+        ),
+        "measure the places from their mean: the wall turns about the middle of its points": (
+            "along, along.mean()",
+            "along, 0.0",
+        ),
+        "r is the distance at the foot of the perpendicular: the turn moves it too, by mean(t)": (
+            " + middle * row_alpha",
+            " + 0.0 * row_alpha",
+        ),
+        "each point has a variance of its own: weigh by it before summing": (
+            "J * variances",
+            "J * variances.mean()",
+        ),
+        "these look like standard deviations: the variances were given, do not square them": (
+            "J * variances",
+            "J * variances**2",
+        ),
+        "the roots of the variances were used: the variances themselves are due": (
+            "J * variances",
+            "J * np.sqrt(variances)",
+        ),
+        "this does not shrink with more points: the average of k errors has 1/k of it": (
+            lambda t, w: _wall_cov(t, w) * len(t)
+        ),
+        "the variances are not used: each error counts with its own": ("J * variances", "J"),
+        "alpha comes second: rows and columns are r, alpha": (
+            "[row_r, row_alpha]",
+            "[row_alpha, row_r]",
+        ),
+        "S is a sum of squares, not their mean": ("np.sum((t - middle) ** 2)", "t.var()"),
+    },
+)

@@ -1,4 +1,4 @@
-"""Checks of chapter 10: a difference, the ties of P2 (9), the accounts of a region.
+"""Checks of chapter 10: a difference, the whole of P2 (9), the accounts of a region.
 
 P2's springs between landmarks, its time update (9) with the cross block, and the recursions of
 the compressed EKF.
@@ -6,264 +6,224 @@ the compressed EKF.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from slamlab._checks import Array
-from slamlab.exercises._cases import Report, run_cases
+from slamlab.exercises._draw import a_covariance
+from slamlab.exercises._report import Array, Check
 
-__all__ = [
-    "MISTAKES_ACCOUNTS",
-    "MISTAKES_DIFFERENCE_COV",
-    "MISTAKES_PREDICT_COV",
-    "accounts",
-    "check_accounts",
-    "check_difference_cov",
-    "check_predict_cov",
-    "difference_cov",
-    "predict_cov",
-]
-
-Function = Callable[..., Any]
-Accounts = tuple[Array, Array, Array]
-
-
-def _covariance(n: int, seed: int) -> Array:
-    root = np.random.default_rng(seed).standard_normal((n, n))
-    return root @ root.T / n + 0.1 * np.eye(n)
+__all__ = ["check_accounts", "check_difference_cov", "check_predict_cov"]
 
 
 # Exercise 1: the spring between two landmarks.
 
 
-def difference_cov(P: Array) -> Array:
+def _difference_cov(P: Array) -> Array:
     """Covariance (2, 2) of m1 - m2 from that of (pose, m1, m2), (7, 7)."""
     one, two, cross = P[3:5, 3:5], P[5:7, 5:7], P[3:5, 5:7]
     return one + two - cross - cross.T
 
 
-def _blocks(P: Array) -> Accounts:
-    return P[3:5, 3:5], P[5:7, 5:7], P[3:5, 5:7]
+def _interleaved(P: Array) -> Array:
+    one, two, cross = P[3::2, 3::2], P[4::2, 4::2], P[3::2, 4::2]
+    return one + two - cross - cross.T
 
 
-def _from_blocks(rule: Function) -> Function:
-    return lambda P: rule(*_blocks(P))
+_RIGID = np.zeros((7, 7))
+_RIGID[3:, 3:] = np.tile(0.04 * np.eye(2), (2, 2))
 
-
-MISTAKES_DIFFERENCE_COV: dict[str, Function] = {
-    "the ties between the landmarks are missing: they are the spring": _from_blocks(
-        lambda a, b, c: a + b
-    ),
-    "this is the covariance of m1 + m2: the cross blocks come off": _from_blocks(
-        lambda a, b, c: a + b + c + c.T
-    ),
-    "one cross block is not enough: both come off, one of them transposed": _from_blocks(
-        lambda a, b, c: a + b - c
-    ),
-    "the second cross block is the transpose of the first: P_21 = P_12^T": _from_blocks(
-        lambda a, b, c: a + b - 2 * c
-    ),
-    "variances of a difference add, they do not subtract": _from_blocks(
-        lambda a, b, c: a - b - c - c.T
-    ),
-    "the state starts with three numbers of the pose: m1 stands at 3 and 4": lambda P: (
-        P[2:4, 2:4] + P[4:6, 4:6] - P[2:4, 4:6] - P[2:4, 4:6].T
-    ),
-}
-
-
-def check_difference_cov(student: Function) -> Report:
-    """Check ``student(P (7, 7)) -> cov (2, 2)``, state (x, y, theta, m1, m2).
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    rigid = np.zeros((7, 7))
-    rigid[3:, 3:] = np.tile(0.04 * np.eye(2), (2, 2))
-    free = np.diag([0.1, 0.2, 0.3, 0.04, 0.05, 0.06, 0.07])
-    cases = [
-        ("two landmarks without any tie", free),
-        ("a rigid pair, tied completely", rigid),
-        ("a general map", _covariance(7, 1)),
-    ]
-    return run_cases("difference_cov", student, difference_cov, cases, MISTAKES_DIFFERENCE_COV)
+check_difference_cov = Check(
+    _difference_cov,
+    "cov",
+    {
+        "two landmarks without any cross-covariance": (
+            np.diag([0.1, 0.2, 0.3, 0.04, 0.05, 0.06, 0.07]),
+        ),
+        "a rigid pair, known only together": (_RIGID,),
+        "a general map": lambda rng: (a_covariance(rng, 7),),
+    },
+    {
+        "the cross-covariances are missing: they are the spring": (" - cross - cross.T", ""),
+        "this is the covariance of m1 + m2: the cross blocks come off": (
+            "- cross - cross.T",
+            "+ cross + cross.T",
+        ),
+        "one cross block is not enough: both come off, one of them transposed": (" - cross.T", ""),
+        "the second cross block is the transpose of the first: P_21 = P_12^T": (
+            "- cross - cross.T",
+            "- 2 * cross",
+        ),
+        "variances of a difference add, they do not subtract": ("one + two", "one - two"),
+        "the state starts with three numbers of the pose: m1 stands at 3 and 4": (
+            "P[3:5, 3:5], P[5:7, 5:7], P[3:5, 5:7]",
+            "P[2:4, 2:4], P[4:6, 4:6], P[2:4, 4:6]",
+        ),
+        "x and y of a landmark stand side by side: (x, y, theta, x1, y1, x2, y2)": _interleaved,
+        "this is the covariance of pose and first landmark": lambda P: P[:2, :2] + P[3:5, 3:5],
+        "only the first landmark's covariance came": lambda P: P[3:5, 3:5].copy(),
+    },
+)
 
 
 # Exercise 2: the time update of the whole covariance.
 
 
-def predict_cov(P: Array, F: Array, Q: Array) -> Array:
+def _predict_cov(P: Array, F: Array, Q: Array) -> Array:
     """Covariance (N, N) after a prediction of the pose by F (3, 3) with noise Q (3, 3)."""
-    whole = np.eye(len(P))
-    whole[:3, :3] = F
-    predicted = whole @ P @ whole.T
-    predicted[:3, :3] += Q
+    predicted = P.copy()
+    strip = F @ P[:3, 3:]
+    predicted[:3, 3:] = strip
+    predicted[3:, :3] = strip.T
+    predicted[:3, :3] = F @ P[:3, :3] @ F.T + Q
     return predicted
 
 
-def _with_ties(rule: Function) -> Function:
-    """Predict rightly, then give the ties P_xm of `rule(F, P_xm)` to the rows, or to both."""
+def _drive(landmarks: int, noise: float = 1.0) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        F = np.eye(3) + np.round(rng.normal(0, 0.5, (3, 3)), 2)
+        return a_covariance(rng, 3 + 2 * landmarks), F, noise * a_covariance(rng, 3, 0.3)
 
-    def wrong(P: Array, F: Array, Q: Array) -> Array:
-        predicted = predict_cov(P, F, Q)
-        predicted[:3, 3:] = rule(F, P[:3, 3:])
-        predicted[3:, :3] = predicted[:3, 3:].T
-        return predicted
-
-    return wrong
+    return draw
 
 
-def _one_side(P: Array, F: Array, Q: Array) -> Array:
-    predicted = predict_cov(P, F, Q)
-    predicted[3:, :3] = P[3:, :3]
-    return predicted
+check_predict_cov = Check(
+    _predict_cov,
+    "P",
+    {
+        "a pose without landmarks": _drive(0),
+        "one landmark": _drive(1),
+        "three landmarks, no motion noise": _drive(3, 0.0),
+        "four landmarks": _drive(4),
+        "a robot that stands still gets its noise all the same": lambda rng: (
+            a_covariance(rng, 7),
+            np.eye(3),
+            a_covariance(rng, 3),
+        ),
+    },
+    {
+        "P_xm stayed as it was: it turns with the robot, F P_xm": ("F @ P[:3, 3:]", "P[:3, 3:]"),
+        "P_xm turned in the rows only: a covariance is symmetric, P_mx = P_xm^T": (
+            "predicted[3:, :3] = strip.T",
+            "pass",
+        ),
+        "P_mx turned in the columns only: a covariance is symmetric, P_mx = P_xm^T": (
+            "predicted[:3, 3:] = strip",
+            "pass",
+        ),
+        "P_xm turned twice: one F from the side of the pose is due": (
+            "F @ P[:3, 3:]",
+            "F @ F @ P[:3, 3:]",
+        ),
+        "P_xm turned by the transposed F": ("F @ P[:3, 3:]", "F.T @ P[:3, 3:]"),
+        "the motion noise Q is missing": (" + Q", ""),
+        "the motion noise went through F too: it is added after the motion": (
+            "F @ P[:3, :3] @ F.T + Q",
+            "F @ (P[:3, :3] + Q) @ F.T",
+        ),
+        "Q was added to the landmarks as well: they do not move": (
+            lambda P, F, Q: _predict_cov(P, F, Q) + _noisy_map(P, Q)
+        ),
+        "this is F^T P F: F P F^T is due": (
+            "F @ P[:3, 3:]",
+            "F.T @ P[:3, 3:]",
+            "F @ P[:3, :3] @ F.T",
+            "F.T @ P[:3, :3] @ F",
+        ),
+        "the pose block is F^T P F: F P F^T is due": (
+            "F @ P[:3, :3] @ F.T",
+            "F.T @ P[:3, :3] @ F",
+        ),
+        "the pose block needs F from both sides: F P_xx F^T": (
+            "F @ P[:3, :3] @ F.T",
+            "F @ P[:3, :3]",
+        ),
+        "the second F of the pose block is not transposed: F P_xx F^T": ("@ F.T", "@ F"),
+        "P_xm became zero: pose and map stay correlated": ("strip = F", "strip = 0 * F"),
+        "only the block of the pose came: the whole covariance is due": (
+            "return predicted",
+            "return predicted[:3, :3]",
+        ),
+    },
+)
 
 
-MISTAKES_PREDICT_COV: dict[str, Function] = {
-    "P_xm stayed as it was: the ties to the map turn with the robot, F P_xm": _with_ties(
-        lambda F, ties: ties
-    ),
-    "the ties turned in the rows only: a covariance is symmetric, P_mx = P_xm^T": _one_side,
-    "the ties turned twice: one F from the side of the pose is due": _with_ties(
-        lambda F, ties: F @ F @ ties
-    ),
-    "the ties turned by the transposed F": _with_ties(lambda F, ties: F.T @ ties),
-    "the motion noise Q is missing": lambda P, F, Q: predict_cov(P, F, 0 * Q),
-    "the pose block needs F from both sides: F P_xx F^T": lambda P, F, Q: (
-        predict_cov(P, F, Q) + np.pad(F @ P[:3, :3] - F @ P[:3, :3] @ F.T, (0, len(P) - 3))
-    ),
-    "the landmarks lost their ties: P_xm became zero": _with_ties(lambda F, ties: 0 * ties),
-}
-
-
-def check_predict_cov(student: Function) -> Report:
-    """Check ``student(P (N, N), F (3, 3), Q (3, 3)) -> cov (N, N)``, N = 3 + 2n.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    F = np.array([[1.0, 0.0, -0.7], [0.0, 1.0, 0.4], [0.0, 0.0, 1.0]])
-    Q = np.array([[0.3, 0.1, 0.0], [0.1, 0.2, 0.05], [0.0, 0.05, 0.1]])
-    cases = [
-        ("a pose without landmarks", _covariance(3, 2), F, Q),
-        ("one landmark, tied to the pose", _covariance(5, 3), F, Q),
-        ("three landmarks, no motion noise", _covariance(9, 4), F, 0 * Q),
-        ("a robot that stands still gets its noise all the same", _covariance(7, 5), np.eye(3), Q),
-    ]
-    return run_cases("predict_cov", student, predict_cov, cases, MISTAKES_PREDICT_COV)
+def _noisy_map(P: Array, Q: Array) -> Array:
+    noise = np.zeros_like(P)
+    noise[3:, 3:] = Q[0, 0] * np.eye(len(P) - 3)
+    return noise
 
 
 # Exercise 3: what the rest of the map is owed.
 
 
-def accounts(
+def _accounts(
     Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
-) -> Accounts:
+) -> tuple[Array, Array, Array]:
     """Phi, Psi (a, a) and theta (a,) after an update within the region."""
-    H_Phi = H @ Phi
-    weight = np.linalg.inv(S)
-    return (
-        Phi - K @ H_Phi,
-        Psi + H_Phi.T @ weight @ H_Phi,
-        theta + H_Phi.T @ weight @ v,
-    )
+    G = H @ Phi
+    W = np.linalg.inv(S)
+    return Phi - K @ G, Psi + G.T @ W @ G, theta + G.T @ W @ v
 
 
-def _phi_first(
-    Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
-) -> Accounts:
-    new = Phi - K @ H @ Phi
-    _, Psi, theta = accounts(new, Psi, theta, H, S, v, K)
-    return new, Psi, theta
-
-
-def _replacing(part: int, rule: Function) -> Function:
-    """Give the right answer, but one of its three parts by `rule` of all arguments."""
-
-    def wrong(*arguments: Array) -> tuple[Array, ...]:
-        right = list(accounts(*arguments))
-        right[part] = rule(*arguments)
-        return tuple(right)
-
-    return wrong
-
-
-def _without_phi(
-    Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
-) -> Accounts:
-    weight = np.linalg.inv(S)
-    return Phi - K @ H @ Phi, Psi + H.T @ weight @ H, theta + H.T @ weight @ v
-
-
-MISTAKES_ACCOUNTS: dict[str, Function] = {
-    "Phi was changed before Psi and theta used it: they need the Phi from before": _phi_first,
-    "Phi is missing: H speaks of the region now, the accounts of the region as entered": (
-        _without_phi
-    ),
-    "Phi is multiplied from the left: (I - K H) Phi": _replacing(
-        0, lambda Phi, Psi, theta, H, S, v, K: Phi @ (np.eye(len(Phi)) - K @ H)
-    ),
-    "Phi lost its past: (I - K H) multiplies the old Phi": _replacing(
-        0, lambda Phi, Psi, theta, H, S, v, K: np.eye(len(Phi)) - K @ H
-    ),
-    "S must be inverted in Psi": _replacing(
-        1, lambda Phi, Psi, theta, H, S, v, K: Psi + (H @ Phi).T @ S @ (H @ Phi)
-    ),
-    "Psi is a sum over all updates: the old Psi is missing": _replacing(
-        1, lambda Phi, Psi, theta, H, S, v, K: accounts(Phi, 0 * Psi, theta, H, S, v, K)[1]
-    ),
-    "theta is a sum over all updates: the old theta is missing": _replacing(
-        2, lambda Phi, Psi, theta, H, S, v, K: accounts(Phi, Psi, 0 * theta, H, S, v, K)[2]
-    ),
-    "theta has the wrong sign: v is measured minus predicted and adds": _replacing(
-        2, lambda Phi, Psi, theta, H, S, v, K: accounts(Phi, Psi, theta, H, S, -v, K)[2]
-    ),
-}
-
-
-def check_accounts(student: Function) -> Report:
-    """Check ``student(Phi, Psi (a, a), theta (a,), H (m, a), S (m, m), v (m,), K (a, m))``.
-
-    It returns the new Phi, Psi and theta.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    rng = np.random.default_rng(6)
-
-    def case(a: int, m: int, fresh: bool) -> tuple[Array, ...]:
-        P, H = _covariance(a, a), rng.standard_normal((m, a))
+def _region(fresh: bool) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        a, m = int(rng.integers(2, 8)), int(rng.integers(1, 4))
+        P, H = a_covariance(rng, a), rng.standard_normal((m, a))
         S = H @ P @ H.T + 0.5 * np.eye(m)
-        K = P @ H.T @ np.linalg.inv(S)
-        if fresh:
-            start = np.eye(a), np.zeros((a, a)), np.zeros(a)
-        else:
-            start = rng.standard_normal((a, a)), _covariance(a, 9), rng.standard_normal(a)
-        return (*start, H, S, rng.standard_normal(m), K)
+        start = np.eye(a), np.zeros((a, a)), np.zeros(a)
+        if not fresh:
+            start = rng.standard_normal((a, a)), a_covariance(rng, a), rng.standard_normal(a)
+        return (*start, H, S, rng.standard_normal(m), P @ H.T @ np.linalg.inv(S))
 
-    cases = [
-        ("the first update after entering", *case(5, 2, fresh=True)),
-        ("an update later on", *case(5, 2, fresh=False)),
-        ("two landmarks in one look", *case(7, 4, fresh=False)),
-    ]
-    return run_cases("accounts", student, accounts, cases, MISTAKES_ACCOUNTS)
+    return draw
+
+
+check_accounts = Check(
+    _accounts,
+    "Phi, Psi, theta",
+    {
+        "the first update after entering": _region(fresh=True),
+        "an update later on": _region(fresh=False),
+    },
+    {
+        "Phi was changed before Psi and theta used it: they need the Phi from before": (
+            "G = H @ Phi",
+            "G = H @ (Phi - K @ H @ Phi)",
+            "K @ G",
+            "K @ H @ Phi",
+        ),
+        "Phi is missing: H speaks of the region now, the accounts of the region as entered": (
+            "G = H @ Phi",
+            "G = H",
+            "K @ G",
+            "K @ H @ Phi",
+        ),
+        "Phi is multiplied from the left: (I - K H) Phi": ("Phi - K @ G", "Phi - Phi @ K @ H"),
+        "Phi lost its past: (I - K H) multiplies the old Phi": (
+            "Phi - K @ G",
+            "np.eye(len(Phi)) - K @ H",
+        ),
+        "Phi has the wrong sign: (I - K H) Phi": ("Phi - K @ G", "Phi + K @ G"),
+        "S must be inverted": ("np.linalg.inv(S)", "S"),
+        "S is missing: its inverse weighs the measurement": (
+            "np.linalg.inv(S)",
+            "np.eye(len(S))",
+        ),
+        "Psi is a sum over all updates: the old Psi is missing": ("Psi + G", "G"),
+        "Psi has the wrong sign: information adds up": ("Psi + G", "Psi - G"),
+        "theta is a sum over all updates: the old theta is missing": ("theta + G", "G"),
+        "theta has the wrong sign: v is measured minus predicted and adds": (
+            "theta + G",
+            "theta - G",
+        ),
+        "theta took the state's correction K v: it gathers Phi^T H^T S^-1 v": (
+            "theta + G.T @ W @ v",
+            "theta + K @ v",
+        ),
+        "Psi and theta are exchanged": (
+            lambda *given: (_accounts(*given)[0], *_accounts(*given)[:0:-1])
+        ),
+    },
+    tolerance=1e-8,
+)

@@ -5,50 +5,43 @@ P3 section 2 (two points), section 3 (closed form instead of boxes) and step 2.3
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from slamlab._checks import Array
-from slamlab.exercises._cases import Mistake, Property, Report, run_cases, run_checks
+from slamlab.exercises._report import Array, Check, Function
 from slamlab.navigation import PathMemory, ReturnLaw, return_to_start
 from slamlab.robots import Unicycle
 from slamlab.sensors import VisualOdometer
 
-__all__ = [
-    "MISTAKES_FIT",
-    "MISTAKES_LOOP",
-    "MISTAKES_TUNE",
-    "check_fit",
-    "check_loop",
-    "check_tune",
-    "find_loop",
-    "fit_between",
-    "tune",
-]
-
-Function = Callable[..., Any]
+__all__ = ["check_fit", "check_loop", "check_tune"]
 
 
 # Exercise 1: a fit through two points.
 
 
-def fit_between(t: Array, points: Array) -> Array:
+def _fit_between(t: Array, points: Array) -> Array:
     """Coefficients (4, 2), rows are powers of tau, of the cubic through first and last point."""
     tau = (t - t[0]) / (t[-1] - t[0])
     line = points[0] + tau[:, None] * (points[-1] - points[0])
     bulge = tau * (1 - tau)
     shapes = np.stack([bulge, tau * bulge], 1)
     alpha, beta = np.linalg.lstsq(shapes, points - line, rcond=None)[0]
-    rows: Array = np.array([points[0], points[-1] - points[0] + alpha, beta - alpha, -beta])
-    return rows
+    return np.array([points[0], points[-1] - points[0] + alpha, beta - alpha, -beta])
 
 
 def _free(t: Array, points: Array) -> Array:
     tau = (t - t[0]) / (t[-1] - t[0])
-    return np.linalg.lstsq(tau[:, None] ** np.arange(4), points, rcond=None)[0]
+    c: Array = np.linalg.lstsq(tau[:, None] ** np.arange(4), points, rcond=None)[0]
+    return c
+
+
+def _straightened(t: Array, points: Array) -> Array:
+    c = _free(t, points)
+    c[1] += points[-1] - points[0] - (c.sum(0) - c[0])
+    c[0] = points[0]
+    return c
 
 
 def _start_only(t: Array, points: Array) -> Array:
@@ -59,161 +52,167 @@ def _start_only(t: Array, points: Array) -> Array:
 
 def _divided(t: Array, points: Array) -> Array:
     tau = (t - t[0]) / (t[-1] - t[0])
-    inner = slice(1, -1)
     line = points[0] + tau[:, None] * (points[-1] - points[0])
-    due = (points - line)[inner] / (tau * (1 - tau))[inner, None]
-    shapes = np.stack([np.ones(len(tau) - 2), tau[inner]], 1)
+    due = (points - line)[1:-1] / (tau * (1 - tau))[1:-1, None]
+    shapes = np.stack([np.ones(len(due)), tau[1:-1]], 1)
     alpha, beta = np.linalg.lstsq(shapes, due, rcond=None)[0]
     return np.stack([points[0], points[-1] - points[0] + alpha, beta - alpha, -beta])
 
 
-def _one_shape(t: Array, points: Array) -> Array:
-    tau = (t - t[0]) / (t[-1] - t[0])
-    bulge = tau * (1 - tau)
-    line = points[0] + tau[:, None] * (points[-1] - points[0])
-    alpha = bulge @ (points - line) / (bulge @ bulge)
-    return np.stack([points[0], points[-1] - points[0] + alpha, -alpha, np.zeros(2)])
+def _path(n: int) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        t = np.cumsum(np.round(rng.uniform(0.1, 1, n), 2)) + np.round(rng.uniform(-9, 9), 1)
+        return t, np.round(rng.normal(0, 1, (n, 2)), 2) + np.round(rng.normal(0, 9, 2), 1)
+
+    return draw
 
 
-def _in_powers_of_t(t: Array, points: Array) -> Array:
-    return fit_between(t, points) / (t[-1] - t[0]) ** np.arange(4)[:, None]
+_T = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 0.8])
 
-
-MISTAKES_FIT: dict[str, Function] = {
-    "no constraint: the curve must pass through the first and the last point": _free,
-    "the end is not held: only the first point is on the curve": _start_only,
-    "the equation was divided by tau (1 - tau): points near the ends count too much": _divided,
-    "one shape only: tau (1 - tau) and tau^2 (1 - tau) are both free": _one_shape,
-    "these are powers of t - t0: tau = (t - t0) / (t1 - t0)": _in_powers_of_t,
-    "tau must grow with t, not with the number of the point": (
-        lambda t, points: fit_between(np.arange(len(t), dtype=np.float64), points)
-    ),
-    "highest power first: row 0 is the constant": lambda t, points: fit_between(t, points)[::-1],
-    "this is the transpose: rows are powers, columns x and y": (
-        lambda t, points: fit_between(t, points).T
-    ),
-}
-
-
-def check_fit(student: Function) -> Report:
-    """Check ``student(t (n,), points (n, 2)) -> coefficients (4, 2)``.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    rng = np.random.default_rng(17)
-    t = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 0.8])
-    bend = np.stack([t, t**2 - t**3], 1)
-    cases = [
-        ("a cubic is reproduced", t, bend),
-        ("ends hold, the rest is least squares", t, bend + rng.normal(0, 0.02, bend.shape)),
-        ("far from the start of the path", t + 30.0, bend + rng.normal(0, 0.02, bend.shape) + 9),
-        ("many points", np.sort(rng.uniform(2, 5, 40)), rng.normal(0, 1, (40, 2))),
-    ]
-    return run_cases("fit_between", student, fit_between, cases, MISTAKES_FIT)
+check_fit = Check(
+    _fit_between,
+    "coefficients",
+    {
+        "a cubic is reproduced": (_T, np.stack([_T, _T**2 - _T**3], 1)),
+        "four points: the curve meets all": _path(4),
+        "ends hold, the rest is least squares": _path(7),
+        "many points": _path(40),
+    },
+    {
+        "no constraint: the curve must pass through the first and the last point": _free,
+        "a free fit was bent to its ends afterwards: that is not the best curve through them": (
+            _straightened
+        ),
+        "the end is not held: only the first point is on the curve": _start_only,
+        "the equation was divided by tau (1 - tau): points near the ends count too much": (
+            _divided
+        ),
+        "one shape only: tau (1 - tau) and tau^2 (1 - tau) are both free": (
+            "np.stack([bulge, tau * bulge], 1)",
+            "np.stack([bulge, 0 * bulge], 1)",
+        ),
+        "the sign of beta was lost in multiplying out: tau^2 (1 - tau) has -tau^3": (
+            "-beta])",
+            "beta])",
+        ),
+        "the sign of alpha was lost in multiplying out: tau (1 - tau) has -tau^2": (
+            "beta - alpha",
+            "beta + alpha",
+        ),
+        "these are powers of t - t0: tau = (t - t0) / (t1 - t0)": (
+            lambda t, points: _fit_between(t, points) / (t[-1] - t[0]) ** np.arange(4)[:, None]
+        ),
+        "tau must grow with t, not with the number of the point": (
+            "tau = (t - t[0]) / (t[-1] - t[0])",
+            "tau = np.linspace(0, 1, len(t))",
+        ),
+        "highest power first: row 0 is the constant": (
+            lambda t, points: _fit_between(t, points)[::-1]
+        ),
+        "this is the transpose: rows are powers, columns x and y": (
+            lambda t, points: _fit_between(t, points).T
+        ),
+        "the line alone came: the bulges are missing": (
+            "np.linalg.lstsq(shapes, points - line, rcond=None)[0]",
+            "np.zeros((2, 2))",
+        ),
+    },
+    tolerance=1e-7,
+)
 
 
 # Exercise 2: a loop inside one cubic.
 
 
-def _sigma_and_w(c: Array) -> tuple[float, float]:
-    """Solve a_1 + a_2 sigma + a_3 w = 0 and the same in y."""
-    sigma, w = np.linalg.solve(c[2:4].T, -c[1])
-    return float(sigma), float(w)
-
-
-def _roots(c: Array, disc: float, sigma: float, check: bool = True) -> Array:
-    root = np.sqrt(disc) if disc > 0 else np.nan
-    both = np.array([0.5 * (sigma - root), 0.5 * (sigma + root)])
-    inside = both[0] >= 0 and both[1] <= 1
-    return both if inside or not check else np.full(2, np.nan)
-
-
-def find_loop(c: Array) -> Any:
+def _find_loop(c: Array) -> tuple[float, float]:
     """Parameters t_a < t_b in [0, 1] where a cubic meets itself; NaN twice if it does not."""
-    sigma, w = _sigma_and_w(c)
-    return _roots(c, 4 * w - 3 * sigma**2, sigma)
+    if abs(np.linalg.det(c[2:])) < 1e-12:  # a line or a parabola has no loop
+        return np.nan, np.nan
+    sigma, w = np.linalg.solve(c[2:].T, -c[1])
+    root = np.sqrt(4 * w - 3 * sigma**2) if 4 * w > 3 * sigma**2 else np.nan
+    t_a, t_b = 0.5 * (sigma - root), 0.5 * (sigma + root)
+    return (t_a, t_b) if t_a >= 0 and t_b <= 1 else (np.nan, np.nan)
 
 
-def _wrong_sign(c: Array) -> Array:
-    sigma, w = np.linalg.solve(c[2:4].T, c[1])
-    return _roots(c, 4 * w - 3 * sigma**2, sigma)
-
-
-def _as_product(c: Array) -> Array:
-    sigma, w = _sigma_and_w(c)
-    return _roots(c, sigma**2 - 4 * w, sigma, check=False)
-
-
-def _unhalved(c: Array) -> Array:
-    return 2 * find_loop(c)
-
-
-def _anywhere(c: Array) -> Array:
-    sigma, w = _sigma_and_w(c)
-    return _roots(c, 4 * w - 3 * sigma**2, sigma, check=False)
-
-
-MISTAKES_LOOP: dict[str, Function] = {
-    "the right side lost its minus: a_2 sigma + a_3 w = -a_1": _wrong_sign,
-    "w is sigma^2 - t_a t_b, not the product: the root is of 4 w - 3 sigma^2": _as_product,
-    "twice too large: t = (sigma -+ root) / 2": _unhalved,
-    "a loop outside [0, 1] is no loop of this segment: return NaN twice": _anywhere,
-    "t_a is the earlier of the two": lambda c: find_loop(c)[::-1],
-    "these are sigma and w: the two parameters are due": lambda c: np.array(_sigma_and_w(c)),
-    "t_a and t_b differ: this is twice their mean": (
-        lambda c: np.full(2, 0.5 * _sigma_and_w(c)[0])
-    ),
-}
-
-
-def _from_handles(handles: Any) -> Array:
+def _handles(points: Any) -> Array:
     powers = [[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]]
-    return np.array(powers, float) @ np.array(handles, float)
+    c: Array = np.array(powers, float) @ np.array(points, float)
+    return c
 
 
-def check_loop(student: Function) -> Report:
-    """Check ``student(c (4, 2)) -> (t_a, t_b)``.
+def _with_loop(t_a: float, t_b: float) -> Any:
+    """Draw cubics that meet themselves at t_a and t_b."""
 
-    Parameters
-    ----------
-    student : callable
+    def draw(rng: np.random.Generator) -> Any:
+        high = np.round(rng.normal(0, 3, (2, 2)), 1) + 6 * np.eye(2)
+        high[:, 1] *= rng.choice([-1, 1])  # loops that turn left, and right
+        sigma, w = t_a + t_b, (t_a + t_b) ** 2 - t_a * t_b
+        return (np.array([rng.normal(size=2), -high[0] * sigma - high[1] * w, *high]),)
 
-    Returns
-    -------
-    Report
-        Printed too, one line a property.
-    """
-    loop = _from_handles([[0, 0], [3, 2], [-2, 2], [1, 0]])
-    half = np.stack([loop[0], 0.5 * loop[1], 0.25 * loop[2], 0.125 * loop[3]])
-    cases = [
-        ("a loop that is the same from both sides", loop),
-        ("another loop", _from_handles([[0, 0], [2.5, 2.4], [-1.6, 1.5], [1.2, 0.3]])),
-        ("an arc without a loop", _from_handles([[0, 0], [1, 2], [2.2, 2], [3, 0.2]])),
-        ("half of a loop: it does not close", half),
-        ("an S has no loop", _from_handles([[0, 0], [1, 1], [2, -1], [3.3, 0.2]])),
-    ]
-    return run_cases("find_loop", student, find_loop, cases, MISTAKES_LOOP)
+    return draw
+
+
+check_loop = Check(
+    _find_loop,
+    "t_a, t_b",
+    {
+        "a loop that is the same from both sides": (_handles([[0, 0], [3, 2], [-2, 2], [1, 0]]),),
+        "another loop": (_handles([[0, 0], [2.5, 2.4], [-1.6, 1.5], [1.2, 0.3]]),),
+        "an arc without a loop": (_handles([[0, 0], [1, 2], [2.2, 2], [3, 0.2]]),),
+        "an S has no loop": (_handles([[0, 0], [1, 1], [2, -1], [3.3, 0.2]]),),
+        "loops of any size": lambda rng: _with_loop(rng.uniform(0, 0.4), rng.uniform(0.5, 1))(rng),
+        "half of a loop: it does not close": _with_loop(0.3, 1.4),
+        "a loop that begins before the segment": _with_loop(-0.2, 0.6),
+        "a loop of millimetres": lambda rng: (1e-3 * _with_loop(0.2, 0.7)(rng)[0],),
+        "a loop that begins with the segment": ([[0, 0], [2, 0], [-8, 4], [8, -8]],),
+        "a loop that ends with the segment": ([[0, 0], [-2, 8], [-8, 4], [8, -8]],),
+        "a loop whose first leg was turned round": lambda rng: (
+            _with_loop(0.2, 0.7)(rng)[0] * [[1], [-1], [1], [1]],
+        ),
+        "a straight line": ([[0, 0], [1, 2], [0, 0], [0, 0]],),
+        "a parabola": ([[0, 0], [1, 0], [0, 1], [0, 0]],),
+    },
+    {
+        "the right side lost its minus: a_2 sigma + a_3 w = -a_1": ("-c[1]", "c[1]"),
+        "w is sigma^2 - t_a t_b, not the product: the root is of 4 w - 3 sigma^2": (
+            "np.sqrt(4 * w - 3 * sigma**2) if 4 * w > 3 * sigma**2",
+            "np.sqrt(sigma**2 - 4 * w) if sigma**2 > 4 * w",
+        ),
+        "twice too large: t = (sigma -+ root) / 2": (
+            "0.5 * (sigma - root), 0.5 * (sigma + root)",
+            "sigma - root, sigma + root",
+            "t_a >= 0 and t_b <= 1",
+            "t_a >= 0 and t_b <= 2",
+        ),
+        "a loop outside [0, 1] is no loop of this segment: return NaN twice": (
+            "t_a >= 0 and t_b <= 1",
+            "True",
+        ),
+        "a loop that begins before the segment does not close in it: t_a must not be negative": (
+            "t_a >= 0 and t_b <= 1",
+            "t_b <= 1",
+        ),
+        "a loop that ends after the segment does not close in it: t_b is at most 1": (
+            "t_a >= 0 and t_b <= 1",
+            "t_a >= 0",
+        ),
+        "t_a is the earlier of the two": lambda c: _find_loop(c)[::-1],
+        "these are sigma and w: the two parameters are due": (
+            lambda c: np.linalg.solve(c[2:].T, -c[1])
+        ),
+        "t_a and t_b differ: this is their mean twice": (
+            "0.5 * (sigma - root), 0.5 * (sigma + root)",
+            "0.5 * sigma, 0.5 * sigma",
+        ),
+    },
+    tolerance=1e-7,
+)
 
 
 # Exercise 3: gains for the way home.
 
-ASPECTS = (
-    "it comes home",
-    "it never leaves the path by more than 6 cm",
-    "it needs 40 s at most",
-    "it turns at full rate for less than a third of the time",
-    "it swings past no corner by more than 4 cm",
-)
 
-
-def tune() -> tuple[float, float, float]:
+def _tune() -> tuple[float, float, float]:
     """Return k_v (1/s), k_omega (1/s) and the look-ahead distance (m)."""
     return 1.0, 2.0, 0.15
 
@@ -230,10 +229,8 @@ def _stairs() -> PathMemory:
 
 
 @lru_cache(maxsize=64)
-def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[float, ...]:
-    """One figure for each of the aspects: 1 where it holds; -1 for gains that are none."""
-    if not (k_v > 0 and k_omega > 0 and lookahead > 0 and np.isfinite([k_v, k_omega]).all()):
-        return (-1.0,) * len(ASPECTS)
+def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[str, ...]:
+    """Say what is wrong with each aspect of the way home: nothing where it is well."""
     path, exact = _stairs(), VisualOdometer.simple(0.0, 0.0)
     law = ReturnLaw(k_v, k_omega, lookahead, max_speed=0.2, max_turn_rate=1.5)
     start = [*path.point_at(path.length), np.pi]
@@ -244,53 +241,48 @@ def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[float, ...]:
     # The stairs lie between two lines through their corners, x - y = 0 and x - y = 0.5.
     band = (home.truth[:, 0] - home.truth[:, 1]) / np.sqrt(2)
     past = max(-band.min(), band.max() - 0.5 / np.sqrt(2))
-    quick, calm = home.times[-1] <= 40.0, full < 1 / 3
-    holds = (bool(home.arrived), away <= 0.06, quick, calm, past <= 0.04)
-    return tuple(float(value) for value in holds)
+    seconds = home.times[-1]
+    left = f"it leaves the path by {100 * away:.0f} cm, 6 are allowed: "
+    return (
+        "" if home.arrived else "it does not come home within 90 s",
+        "" if away <= 0.06 else left + "the look-ahead distance is too long, or k_omega too small",
+        ""
+        if seconds <= 40.0
+        else f"it needs {seconds:.0f} s, 40 are allowed: v = k_v |P_f P_r|, and |P_f P_r| is "
+        "about the look-ahead distance",
+        ""
+        if full < 1 / 3
+        else f"it shakes: it turns at full rate for {100 * full:.0f} % of the time, a third is "
+        "allowed; k_omega is so large that the turn rate flies from limit to limit",
+        ""
+        if past <= 0.04
+        else f"it swings past a corner by {100 * past:.0f} cm, 4 are allowed: k_omega is too "
+        "small for the speed",
+    )
 
 
-def _aspect_of(gains: Function) -> Function:
-    """Turn a function that returns gains into one that returns how they do in one aspect."""
-
-    def judge(aspect: float) -> Any:
-        given = gains()
-        if given is None or given is Ellipsis:
-            return given
+def _aspect(gains: Function, aspect: int) -> Any:
+    given = gains()
+    if given is None or given is Ellipsis:
+        return None
+    try:
         k_v, k_omega, lookahead = (float(value) for value in given)
-        return _drive(k_v, k_omega, lookahead)[int(aspect)]
-
-    return judge
-
-
-MISTAKES_TUNE: dict[str, Function] = {
-    "gains and look-ahead distance must be positive numbers": lambda: (1.0, -2.0, 0.15),
-    "corners are cut: the look-ahead distance is too long, or k_omega too small": (
-        lambda: (1.0, 2.0, 0.5)
-    ),
-    "too slow: v = k_v |P_f P_r|, and |P_f P_r| is about the look-ahead distance": (
-        lambda: (0.3, 2.0, 0.15)
-    ),
-    "it shakes: k_omega is so large that the turn rate flies from limit to limit": (
-        lambda: (1.0, 60.0, 0.15)
-    ),
-    "it turns too lazily and swings past the corners: k_omega is too small for the speed": (
-        lambda: (1.0, 0.25, 0.15)
-    ),
-}
+    except (TypeError, ValueError):
+        return "three numbers are due: k_v, k_omega and the look-ahead distance"
+    if not all(np.isfinite(gain) and gain > 0 for gain in (k_v, k_omega, lookahead)):
+        return "gains and look-ahead distance must be positive numbers"
+    return _drive(k_v, k_omega, lookahead)[aspect]
 
 
-def check_tune(student: Function) -> Report:
-    """Check ``student() -> (k_v, k_omega, lookahead)`` by driving home with it.
-
-    Parameters
-    ----------
-    student : callable
-
-    Returns
-    -------
-    Report
-        Printed too, one line a property. Any gains that drive well pass.
-    """
-    properties = [Property(name, (number,), 1.0) for number, name in enumerate(ASPECTS)]
-    mistakes = [Mistake(text, _aspect_of(gains)) for text, gains in MISTAKES_TUNE.items()]
-    return run_checks("tune", _aspect_of(student), properties, mistakes)
+check_tune = Check(
+    _tune,
+    "what is to be said",
+    {
+        "it comes home": (0,),
+        "it never leaves the path by more than 6 cm": (1,),
+        "it needs 40 s at most": (2,),
+        "it turns at full rate for less than a third of the time": (3,),
+        "it swings past no corner by more than 4 cm": (4,),
+    },
+    use=_aspect,
+)

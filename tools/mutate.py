@@ -1,0 +1,357 @@
+"""Try every check with mutants of its own solution: each must be refused, or be equivalent.
+
+    python tools/mutate.py            the table of all exercises
+    python tools/mutate.py 02 09      of these chapters, with the mutants that pass
+
+A mutant is the solution of `notebooks/solutions/` with one thing changed: an operator, a
+comparison or its boundary, a constant, an index, a transpose, a sign, a wrap, a term, the order
+of arguments or results, a statement; or a solution that writes into its arguments or returns
+them. Mutants that change no answer are listed in `equivalent_mutants.txt`, each with a reason.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+import importlib
+import inspect
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import nbformat
+import numpy as np
+
+from slamlab.exercises import Check
+
+ROOT = Path(__file__).resolve().parents[1]
+EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
+SECONDS = 1.0  # of the processor: a mutant that runs longer counts as one that never ends
+OPERATORS: dict[type, tuple[type, ...]] = {
+    ast.Add: (ast.Sub,),
+    ast.Sub: (ast.Add,),
+    ast.Mult: (ast.Div,),
+    ast.Div: (ast.Mult,),
+    ast.FloorDiv: (ast.Div,),
+    ast.Mod: (ast.FloorDiv,),
+    ast.Pow: (ast.Mult,),
+    ast.BitAnd: (ast.BitOr,),
+    ast.BitOr: (ast.BitAnd,),
+    ast.And: (ast.Or,),
+    ast.Or: (ast.And,),
+    ast.Lt: (ast.LtE, ast.Gt),
+    ast.LtE: (ast.Lt, ast.GtE),
+    ast.Gt: (ast.GtE, ast.Lt),
+    ast.GtE: (ast.Gt, ast.LtE),
+    ast.Eq: (ast.NotEq,),
+    ast.NotEq: (ast.Eq,),
+    ast.Is: (ast.IsNot,),
+    ast.IsNot: (ast.Is,),
+}
+NAMES = [
+    ("sin", "cos"),
+    ("min", "max"),
+    ("argmin", "argmax"),
+    ("any", "all"),
+    ("sum", "mean"),
+    ("zeros", "ones"),
+    ("floor", "ceil"),
+    ("vstack", "hstack"),
+    ("exp", "log"),
+    ("sqrt", "square"),
+    ("hypot", "add"),
+]
+OTHER = {**dict(NAMES), **{b: a for a, b in NAMES}}
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A check, the cells before its solution, and the solution as a syntax tree."""
+
+    chapter: str
+    check: Check
+    before: str
+    tree: ast.Module
+
+    @property
+    def name(self) -> str:
+        """Chapter and exercise."""
+        return f"{self.chapter}.{self.check.name}"
+
+
+def solutions(chapters: list[str] | None = None) -> Iterator[Solution]:
+    """Find the solution of every check in the notebooks of solutions."""
+    for path in sorted((ROOT / "notebooks" / "solutions").glob("*.ipynb")):
+        chapter = path.name[:2]
+        if chapters and chapter not in chapters:
+            continue
+        module = importlib.import_module(f"slamlab.exercises.ch{path.stem}")
+        checks = {name: value for name, value in vars(module).items() if isinstance(value, Check)}
+        before = ""
+        for cell in nbformat.read(path, as_version=4).cells:
+            if cell.cell_type != "code":
+                continue
+            tree = ast.parse(cell.source)
+            calls = {
+                node.value.func.id: node.value.args[0].id
+                for node in tree.body
+                if isinstance(node, ast.Expr)
+                and isinstance(node.value, ast.Call)
+                and isinstance(node.value.func, ast.Name)
+                and node.value.args
+                and isinstance(node.value.args[0], ast.Name)
+            }
+            for called, name in calls.items():
+                if called in checks and name == checks[called].name:
+                    yield Solution(chapter, checks.pop(called), before, _defined(tree))
+            before += ast.unparse(_defined(tree)) + "\n"
+        if checks:
+            raise LookupError(f"{path.name}: no solution for {', '.join(checks)}")
+
+
+def _defined(tree: ast.Module) -> ast.Module:
+    """Leave out the cells' last lines, which call checks and show things."""
+    kinds = (ast.FunctionDef, ast.ClassDef, ast.Import, ast.ImportFrom, ast.Assign)
+    return ast.Module([node for node in tree.body if isinstance(node, kinds)], [])
+
+
+def mutants(solution: Solution) -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Yield what was changed, and the changed function."""
+    name, seen = solution.check.name, set()
+    scope: dict[str, Any] = {}
+    exec(compile(solution.before, "<before>", "exec"), scope)
+    for text, tree in _edits(solution.tree):
+        source = ast.unparse(tree)
+        if source in seen or source == ast.unparse(solution.tree):
+            continue
+        seen.add(source)
+        mine = dict(scope)
+        try:
+            exec(compile(source, "<mutant>", "exec"), mine)
+        except Exception:  # it cannot even be defined
+            continue
+        yield text, mine[name]
+    mine = dict(scope)
+    exec(compile(ast.unparse(solution.tree), "<solution>", "exec"), mine)
+    yield from _careless(solution.check, mine[name])
+
+
+def _careless(check: Check, function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
+    """Write into an argument after the work is done; hand the argument back as the result."""
+    for k, name in enumerate(inspect.signature(function).parameters):
+        arrays = [given[k] for _, given in check.inputs if k < len(given)]
+        if not any(isinstance(a, np.ndarray) and a.size for a in arrays):
+            continue
+
+        def writes(*given: Any, k: int = k) -> Any:
+            came = copy.deepcopy(function(*given))
+            if given[k].size:
+                given[k].flat[0] = 1 - given[k].flat[0]
+            return came
+
+        yield f"writes into {name}", writes
+        for part in range(len(check.returns)):
+            dues = [due[part] if len(check.returns) > 1 else due for due in check.due]
+            if not any(
+                np.shape(a) == np.shape(b) != () for a, b in zip(arrays, dues, strict=True)
+            ):
+                continue
+
+            def lends(*given: Any, k: int = k, part: int = part) -> Any:
+                came = function(*given)
+                parts = list(came) if len(check.returns) > 1 else [came]
+                if np.shape(parts[part]) == np.shape(given[k]):
+                    given[k][...] = parts[part]
+                    parts[part] = given[k]
+                return parts if len(parts) > 1 else parts[0]
+
+            yield f"works in {name} and returns it as {check.returns[part]}", lends
+
+
+def _edits(tree: ast.Module) -> Iterator[tuple[str, ast.Module]]:
+    """Yield trees with one change each."""
+    places = [
+        (number, node)
+        for number, node in enumerate(ast.walk(tree))
+        if not isinstance(node, (ast.expr_context, ast.operator, ast.alias))
+    ]
+    for number, node in places:
+        for change in _changes(node):
+            whole = copy.deepcopy(tree)
+            target = list(ast.walk(whole))[number]
+            before = ast.unparse(target)
+            new = change(target)
+            if new is not target:
+                _replace(whole, target, new)
+            after = "nothing" if isinstance(new, ast.Pass) else ast.unparse(new)
+            yield _line(before, after), ast.fix_missing_locations(whole)
+
+
+def _line(before: str, after: str) -> str:
+    return " ".join(f"{before}  ->  {after}".split("\n"))
+
+
+def _replace(whole: ast.AST, old: ast.AST, new: ast.AST) -> None:
+    for parent in ast.walk(whole):
+        for field, value in ast.iter_fields(parent):
+            if value is old:
+                setattr(parent, field, new)
+            elif isinstance(value, list):
+                setattr(parent, field, [new if entry is old else entry for entry in value])
+
+
+def _changes(node: ast.AST) -> Iterator[Callable[[Any], ast.AST]]:
+    if isinstance(node, (ast.BinOp, ast.AugAssign, ast.BoolOp)):
+        for other in OPERATORS.get(type(node.op), ()):
+            yield lambda n, other=other: _set(n, op=other())
+    if isinstance(node, ast.BinOp):
+        yield lambda n: n.left
+        yield lambda n: n.right
+        if isinstance(node.op, (ast.Sub, ast.Div, ast.MatMult, ast.Pow, ast.Mod)):
+            yield lambda n: _set(n, left=n.right, right=n.left)
+        if isinstance(node.op, ast.MatMult):
+            yield lambda n: _set(n, left=_transposed(n.left))
+            yield lambda n: _set(n, right=_transposed(n.right))
+    if isinstance(node, ast.BoolOp):
+        for k in range(len(node.values)):
+            yield lambda n, k=k: n.values[k]
+    if isinstance(node, ast.AugAssign):
+        yield lambda n: ast.Assign([n.target], n.value, lineno=n.lineno)
+    if isinstance(node, ast.UnaryOp):
+        yield lambda n: n.operand
+    if isinstance(node, ast.Compare):
+        for k, op in enumerate(node.ops):
+            for other in OPERATORS.get(type(op), ()):
+                yield lambda n, k=k, other=other: _set(
+                    n, ops=[*n.ops[:k], other(), *n.ops[k + 1 :]]
+                )
+            if len(node.ops) > 1:
+                yield lambda n, k=k: ast.Compare(
+                    n.comparators[k - 1] if k else n.left, [n.ops[k]], [n.comparators[k]]
+                )
+    if isinstance(node, ast.Constant):
+        yield from _constants(node.value)
+    if isinstance(node, ast.Attribute) and node.attr == "T":
+        yield lambda n: n.value
+    if isinstance(node, ast.Attribute) and node.attr in OTHER:
+        yield lambda n: _set(n, attr=OTHER[n.attr])
+    if isinstance(node, ast.Name) and node.id in OTHER:
+        yield lambda n: _set(n, id=OTHER[n.id])
+    if isinstance(node, ast.Call):
+        if node.args and not isinstance(node.args[0], (ast.List, ast.ListComp)):
+            yield lambda n: n.args[0]  # (a list is accepted as an array)
+        elif not node.args and isinstance(node.func, ast.Attribute):
+            yield lambda n: n.func.value
+        for k in range(1, len(node.args)):
+            yield lambda n, k=k: _set(
+                n, args=[*n.args[: k - 1], n.args[k], n.args[k - 1], *n.args[k + 1 :]]
+            )
+        for k in range(len(node.keywords)):
+            yield lambda n, k=k: _set(n, keywords=n.keywords[:k] + n.keywords[k + 1 :])
+    if isinstance(node, ast.Slice):
+        for field in ("lower", "upper", "step"):
+            if getattr(node, field) is not None:
+                yield lambda n, field=field: _set(n, **{field: None})
+    if isinstance(node, (ast.Tuple, ast.List)):
+        for k in range(1, len(node.elts)):
+            yield lambda n, k=k: _set(
+                n, elts=[*n.elts[: k - 1], n.elts[k], n.elts[k - 1], *n.elts[k + 1 :]]
+            )
+    if isinstance(node, (ast.IfExp,)):
+        yield lambda n: n.body
+        yield lambda n: n.orelse
+        yield lambda n: _set(n, body=n.orelse, orelse=n.body)
+    if isinstance(node, ast.If):
+        yield lambda n: _set(n, test=ast.UnaryOp(ast.Not(), n.test))
+        yield lambda n: _set(n, test=ast.Constant(True))
+        yield lambda n: _set(n, test=ast.Constant(False))
+    if isinstance(node, ast.arguments):
+        for k in range(1, len(node.args)):
+            yield lambda n, k=k: _set(
+                n, args=[*n.args[: k - 1], n.args[k], n.args[k - 1], *n.args[k + 1 :]]
+            )
+    if isinstance(
+        node, (ast.Assign, ast.AugAssign, ast.Return, ast.Expr, ast.Continue, ast.Break)
+    ):
+        if not _is_docstring(node):
+            yield lambda n: ast.Pass()
+
+
+def _constants(value: Any) -> Iterator[Callable[[Any], ast.AST]]:
+    if isinstance(value, bool):
+        yield lambda n: ast.Constant(not n.value)
+    elif isinstance(value, (int, float)):
+        for other in dict.fromkeys((value + 1, value - 1, -value, 0, 2 * value)):
+            if other != value:
+                yield lambda n, other=other: ast.Constant(other)
+    elif value in ("left", "right"):
+        yield lambda n: ast.Constant("left" if n.value == "right" else "right")
+
+
+def _is_docstring(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _transposed(node: ast.expr) -> ast.expr:
+    return ast.Attribute(node, "T", ast.Load())
+
+
+def _set(node: Any, **fields: Any) -> Any:
+    for field, value in fields.items():
+        setattr(node, field, value)
+    return node
+
+
+def refused(check: Check, function: Callable[..., Any]) -> bool:
+    """Say whether a check refuses a function, be it for never ending."""
+
+    def ring(*_: Any) -> None:
+        raise TimeoutError("it did not end")
+
+    old = signal.signal(signal.SIGVTALRM, ring)
+    signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
+    try:
+        return not check.passes(function)
+    except TimeoutError:
+        return True
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, old)
+
+
+def equivalent() -> dict[str, str]:
+    """Read the mutants that change no answer: lines ``exercise | mutant | reason``."""
+    lines = EQUIVALENT.read_text(encoding="utf-8").splitlines() if EQUIVALENT.exists() else []
+    rows = [line.split(" | ") for line in lines if line.strip() and not line.startswith("#")]
+    return {f"{name} | {text}": reason for name, text, reason in rows}
+
+
+def try_all(solution: Solution) -> tuple[int, list[str]]:
+    """Return how many mutants there are, and what was changed in those that pass."""
+    solution.check.due  # noqa: B018 (computed once, outside of the time of a mutant)
+    tried = [(text, refused(solution.check, wrong)) for text, wrong in mutants(solution)]
+    return len(tried), [text for text, out in tried if not out]
+
+
+def main(chapters: list[str]) -> int:
+    known, bad = equivalent(), 0
+    print(f"{'exercise':32s} mutants  refused  equivalent  passed  score")
+    for solution in solutions(chapters):
+        total, passed = try_all(solution)
+        same = [text for text in passed if f"{solution.name} | {text}" in known]
+        left = [text for text in passed if text not in same]
+        out = total - len(passed)
+        score = 100 * out / max(total - len(same), 1)
+        row = f"{total:7d} {out:8d} {len(same):11d} {len(left):7d}  {score:.0f} %"
+        print(f"{solution.name:32s} {row}")
+        for text in left:
+            print(f"{solution.name} | {text} | ")
+        bad += len(left)
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
