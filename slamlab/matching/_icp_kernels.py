@@ -11,13 +11,20 @@ from slamlab.matching._field_kernels import solve3
 @njit(cache=True)
 def thinned(points, spacing):  # type: ignore[no-untyped-def]
     """Rows of the first point of every square of that spacing, in their order."""
-    keys = np.empty(len(points), np.int64)
-    for k in range(len(points)):
-        keys[k] = int(np.floor(points[k, 0] / spacing)) * 2097152 + int(
-            np.floor(points[k, 1] / spacing)
-        )
-    order = np.argsort(keys, kind="mergesort")
     keep = np.zeros(len(points), np.bool_)
+    if len(points) == 0:
+        return np.flatnonzero(keep)
+    cells = np.floor(points / spacing).astype(np.int64)
+    c0, r0 = cells[:, 0].min(), cells[:, 1].min()
+    columns, rows = cells[:, 0].max() - c0 + 1, cells[:, 1].max() - r0 + 1
+    keys = (cells[:, 1] - r0) * columns + cells[:, 0] - c0
+    if rows <= 4096 and columns <= 4096:
+        seen = np.zeros(rows * columns, np.bool_)
+        for k in range(len(points)):
+            keep[k] = not seen[keys[k]]
+            seen[keys[k]] = True
+        return np.flatnonzero(keep)
+    order = np.argsort(keys, kind="mergesort")
     for n in range(len(order)):
         keep[order[n]] = n == 0 or keys[order[n]] != keys[order[n - 1]]
     return np.flatnonzero(keep)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped
-from slamlab.geometry import between, rotation, transform, wrap_angle
+from slamlab.geometry import between, wrap_angle
 from slamlab.matching._match import CAP, Match, capped_inverse, good_points
 
 __all__ = ["AdaptiveGate", "Outline", "match_icp", "normals", "thin"]
@@ -93,10 +93,18 @@ class Outline:
         return cls(points, normals, spread)
 
     def moved(self, pose: ArrayLike) -> Outline:
-        """Return the outline, given in the frame of `pose` (3,), in the frame of its parent."""
-        pose = as_array("pose", pose, (3,))
-        turned = self.normals @ rotation(pose[2]).T
-        return Outline(transform(pose, self.points), turned, self.spread)
+        """Return the outline, given in the frame of `pose`, in the frame of its parent.
+
+        Parameters
+        ----------
+        pose : array_like, shape (3,) or (k, 3)
+            One pose (m, m, rad), or one for each point.
+        """
+        pose = as_array("pose", pose, ("...", 3))
+        c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+        (x, y), (nx, ny) = self.points.T, self.normals.T
+        points = np.stack([c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]], -1)
+        return Outline(points, np.stack([c * nx - s * ny, s * nx + c * ny], -1), self.spread)
 
     @classmethod
     def joined(cls, outlines: Sequence[Outline]) -> Outline:

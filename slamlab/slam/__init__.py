@@ -20,10 +20,12 @@ from slamlab.slam.graph import (
 from slamlab.slam.grid_fast import GridFastSlam
 from slamlab.slam.hector import HectorSlam
 from slamlab.slam.incremental import IncrementalGraph
+from slamlab.slam.scan_graph import Closure, ScanGraphSlam
 from slamlab.slam.wall_slam import WallSlam
 
 __all__ = [
     "Certificate",
+    "Closure",
     "CompressedEKFSlam",
     "Confirmation",
     "EKFSlam",
@@ -33,6 +35,7 @@ __all__ = [
     "IncrementalGraph",
     "PoseGraph",
     "Result",
+    "ScanGraphSlam",
     "Scans",
     "WallSlam",
     "edge_error",

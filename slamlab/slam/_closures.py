@@ -1,0 +1,136 @@
+"""Back end of `ScanGraphSlam`: has the robot been here before, and is that to be believed.
+
+Candidates, verification, the rival test (Olson 2009), witnesses (pairwise consistency, Mangelson
+et al. 2018). Chapter 13 shows what each of them is for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from slamlab._checks import Array
+from slamlab.geometry import between, compose, rotation, transform
+from slamlab.matching import match_correlative, match_field, match_icp, thin
+from slamlab.slam._tracking import Keyframe, LocalMap
+
+STRIDE = 1.5  # a node is tried for closures every so many metres of travel
+LOOP = 20.0  # a closure joins places at least so far apart along the path (m)
+NEAR = 2.5  # and at most so far apart as believed (m), and more the longer nothing was closed:
+DRIFT, FARTHEST = 0.03, 12.0  # metres a metre since the last closure, and the limit
+BASE = 6.0  # the old place is drawn from the nodes within this travel (m)
+AROUND = 3  # scans before and after that are laid on it together with the node's own
+TURN, TURN_STEP = np.deg2rad(20), np.deg2rad(1.5)
+FIT = 0.6  # 1 - mean (1 - M)^2 of the merged scans must reach this
+ELSEWHERE, RIVAL = 0.8, 0.8  # best score more than so far away (m), as a part of the best
+SLIDE = 0.3  # point to line must not move the result farther than this (m)
+SPAN = 15.0  # witnesses lie within this travel of both ends (m)
+FLOOR = np.diag(np.square([0.03, 0.03, np.deg2rad(0.4)]))
+
+
+@dataclass(eq=False)
+class Closure:
+    """Node k was found to stand at z in the frame of the older node j.
+
+    Attributes
+    ----------
+    j, k : int
+        Nodes.
+    z : ndarray, shape (3,)
+        Pose of k seen from j (m, m, rad).
+    cov : ndarray, shape (3, 3)
+        Covariance of z.
+    rival : float
+        Score of the best place elsewhere as a part of the best; near 1 in a corridor.
+    fit : float
+        How well the scans lie on the old place, at most 1.
+    state : str
+        "waiting" for witnesses, "confirmed", or "rejected" by the solver.
+    """
+
+    j: int
+    k: int
+    z: Array
+    cov: Array
+    rival: float
+    fit: float
+    state: str = field(default="waiting")
+
+
+def candidate(k: int, poses: Array, travel: Array, since: float) -> tuple[int, float] | None:
+    """Nearest old node to node k, and how far to search (m); None if none is near."""
+    radius = min(NEAR + DRIFT * since, FARTHEST)
+    old = np.searchsorted(travel, travel[k] - LOOP)
+    if old == 0:
+        return None
+    distance = np.hypot(*(poses[:old, :2] - poses[k, :2]).T)
+    j = int(np.argmin(distance))
+    return (j, radius) if distance[j] < radius else None
+
+
+def verify(
+    j: int,
+    k: int,
+    radius: float,
+    nodes: list[Keyframe],
+    poses: Array,
+    travel: Array,
+    stretch: bool,
+) -> Closure | None:
+    """Lay the scans round node k upon the place round node j; None if that convinces nobody."""
+    first, last = np.searchsorted(travel, [travel[j] - BASE, travel[j] + BASE])
+    last = min(max(int(last), j + 1), k - AROUND)
+    base, base_poses = nodes[first:last], poses[first:last]
+    around = range(max(k - AROUND, 0), min(k + AROUND + 1, len(nodes)))
+    merged = [transform(between(poses[k], poses[n]), nodes[n].points) for n in around]
+    query = thin(np.concatenate(merged), 0.15)
+    ground = LocalMap(base, base_poses)
+    found = match_correlative(
+        ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, rival_distance=ELSEWHERE
+    )
+    if found is None or (found.rival > RIVAL and not stretch):
+        return None
+    climbed = match_field(ground.field, query, found.pose)
+    fit = 1 - climbed.residual**2
+    if fit < FIT or ground.n_walls < 3:
+        return None
+    match = match_icp(ground.outline, nodes[k].points, climbed.pose)
+    if match.score == 0 or np.hypot(*(match.pose - climbed.pose)[:2]) > SLIDE:
+        return None
+    cov = 4 * match.cov
+    if found.rival > RIVAL:
+        cov = cov + _along(climbed.cov, radius)
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(-poses[j, 2])
+    cov = turn @ cov @ turn.T + FLOOR
+    return Closure(j, k, between(poses[j], match.pose), 0.5 * (cov + cov.T), found.rival, fit)
+
+
+def _along(cov: Array, radius: float) -> Array:
+    """Spread of the window's width along the direction that holds least."""
+    _, vectors = np.linalg.eigh(cov[:2, :2])
+    out = np.zeros((3, 3))
+    out[:2, :2] = (0.5 * radius) ** 2 * np.outer(vectors[:, -1], vectors[:, -1])
+    return out
+
+
+def witnessed(one: Closure, others: list[Closure], poses: Array, travel: Array) -> bool:
+    """Whether at least two others near both ends, and half of all there, tell the same story."""
+    agree = near = 0
+    for other in others:
+        if other is one or other.state == "rejected":
+            continue
+        there, here = (abs(travel[a] - travel[b]) for a, b in ((other.j, one.j), (other.k, one.k)))
+        if there > SPAN or here > SPAN:
+            continue
+        near += 1
+        # z_a (+) x_ka,kb = x_ja,jb (+) z_b
+        by_one = compose(one.z, between(poses[one.k], poses[other.k]))
+        by_other = compose(between(poses[one.j], poses[other.j]), other.z)
+        dx, dy, turn = between(by_one, by_other)
+        path = there + here
+        agree += bool(
+            np.hypot(dx, dy) < 0.25 + 0.02 * path and abs(turn) < np.deg2rad(2 + 0.15 * path)
+        )
+    return agree >= 2 and 2 * agree >= near

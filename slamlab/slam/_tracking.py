@@ -1,0 +1,106 @@
+"""Front end of `ScanGraphSlam`: where is this scan among the last few keyframes.
+
+Climb a field of the last keyframes; if that fails, search; end with point to line, which has no
+bias. Chapter 14 measures what each step gains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slamlab._checks import Array
+from slamlab.geometry import between, wrap_angle
+from slamlab.matching import (
+    Match,
+    Outline,
+    PointField,
+    match_correlative,
+    match_field,
+    match_icp,
+    thin,
+)
+
+REACH = 30.0  # points farther away than this (m) are not matched
+SPACING = 0.1  # one point in every square of this side (m)
+FIELD = (0.1, 0.1)  # width and cell of the fields (m)
+BAD_FIT = 0.5  # root mean square of 1 - M from which on a climb is not believed
+LEAST_POINTS = 10
+BETTER = 0.8  # what a search finds must fit so much better than the climb from the guess
+# A match that is believed: so many points have a partner, their part of all, their mean weight.
+LEAST_PAIRS, LEAST_PART, LEAST_WEIGHT = 25, 0.2, 0.45
+# What a match is unsure of besides its noise: the reference is a set of points, not the wall (m,
+# m, rad).
+FLOOR = np.diag(np.square([0.01, 0.01, np.deg2rad(0.15)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """A scan that is kept: its thinned points and their outline, in the frame of the body."""
+
+    points: Array
+    outline: Outline
+
+    @classmethod
+    def of(cls, points: Array) -> Keyframe:
+        """Keep a scan of at least `LEAST_POINTS` thinned points (k, 2)."""
+        return cls(points, Outline.of(points))
+
+
+def scan_points(ranges: Array, lidar: object) -> Array:
+    """Thinned end points (k, 2) of a scan within `REACH`, in the frame of the body."""
+    points = lidar.points(np.where(ranges <= REACH, ranges, np.nan))  # type: ignore[attr-defined]
+    return thin(points, SPACING)
+
+
+class LocalMap:
+    """Some keyframes at their poses, as a field to climb and an outline to lie on."""
+
+    def __init__(self, keyframes: list[Keyframe], poses: Array) -> None:
+        sizes = [len(one.points) for one in keyframes]
+        all_of = Outline.joined([one.outline for one in keyframes])
+        self.outline = all_of.moved(np.repeat(poses, sizes, axis=0))
+        self.n_walls = int(np.isfinite(self.outline.normals[:, 0]).sum())
+        self.field = PointField(thin(self.outline.points, SPACING), *FIELD)
+
+
+def track(ground: LocalMap, points: Array, guess: Array, cov: Array) -> Match | None:
+    """Match a scan against a local map; None if it does not lie well where it can be.
+
+    `cov` (3, 3) is how unsure the guess is: how far the search looks and a match may lie.
+    """
+    window = 0.3 + 6 * float(np.sqrt(max(cov[0, 0], cov[1, 1])))
+    turn = min(np.deg2rad(10) + 6 * float(np.sqrt(cov[2, 2])), np.pi)
+    match = match_field(ground.field, points, guess)
+    if match.residual > BAD_FIT:
+        found = match_correlative(ground.field, points, guess, min(window, 3.0), turn)
+        if found is not None:
+            climbed = match_field(ground.field, points, found.pose)
+            if climbed.residual < BETTER * match.residual:
+                match = climbed
+    if ground.n_walls < 3:
+        return None
+    match = match_icp(ground.outline, points, match.pose)
+    dx, dy, dtheta = between(guess, match.pose)
+    possible = np.hypot(dx, dy) <= window and abs(dtheta) <= turn
+    return match if possible and _good(match, len(points)) else None
+
+
+def _good(match: Match, n: int) -> bool:
+    pairs = match.n_points
+    weight = match.score * n / max(pairs, 1)
+    return pairs >= LEAST_PAIRS and pairs >= LEAST_PART * n and weight >= LEAST_WEIGHT
+
+
+def fused(match: Match, guess: Array, cov: Array) -> tuple[Array, Array]:
+    """Match and guess as one pose and covariance.
+
+    Where walls hold the scan the match decides; along a corridor, where its covariance is wide,
+    the wheels do. Theirs is taken three times as wide: wheels have a bias, not only noise.
+    """
+    wide = 9.0 * cov + FLOOR
+    gain = wide @ np.linalg.inv(wide + match.cov)
+    off = match.pose - guess
+    off[2] = wrap_angle(off[2])
+    return guess + gain @ off, (np.eye(3) - gain) @ wide

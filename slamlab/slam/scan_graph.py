@@ -1,0 +1,292 @@
+"""From raw scans to a map: scan matching makes a chain, closures tie it, least squares bends it.
+
+Lu and Milios 1997; Grisetti et al. 2010; Olson 2009; Hess et al. 2016; Agarwal et al. 2013.
+P5 section 2.2. Chapters 13 and 14.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_choice, as_count, as_covariance, as_shaped
+from slamlab.geometry import between, compose, rotation
+from slamlab.matching import Match
+from slamlab.models import MotionModel, as_motion, as_scan_sensor
+from slamlab.robots import RelativePose
+from slamlab.slam._closures import AROUND, STRIDE, Closure, candidate, verify, witnessed
+from slamlab.slam._tracking import (
+    FLOOR,
+    LEAST_POINTS,
+    Keyframe,
+    LocalMap,
+    fused,
+    scan_points,
+    track,
+)
+from slamlab.slam.graph import PoseGraph
+
+__all__ = ["Closure", "ScanGraphSlam"]
+
+_NEW_NODE = (0.3, np.deg2rad(15))  # a scan becomes a node after so much motion (m, rad)
+_WIDTHS = (30.0, 10.0, 3.0)  # of the robust kernel, one after the other
+_FALSE = 60.0  # chi2 of a closure that is dropped after all
+
+
+class ScanGraphSlam:
+    """Pose graph of scans, built and closed while the robot drives.
+
+    Parameters
+    ----------
+    lidar : ScanSensor
+        How the beams lie.
+    pose : array_like, shape (3,), default (0, 0, 0)
+        Where the robot stands first (m, m, rad).
+    n_keyframes : int, default 20
+        A scan is matched against so many nodes before it.
+    motion : MotionModel, default RelativePose()
+        What the controls mean.
+    loops : bool, default True
+        Look for closures. Without them: the front end alone.
+    ambiguous : {"reject", "stretch"}
+        What to do with a closure that has a rival, as in a corridor: reject it, or keep it with a
+        covariance stretched along the direction that the walls do not hold.
+
+    Attributes
+    ----------
+    nodes : list of Keyframe
+        Scans of the graph.
+    closures : list of Closure
+        All that were verified; `state` tells which of them count.
+    lost : bool
+        Whether the last scan lay nowhere near the map: then the wheels are believed.
+    lost_scans : list of int
+        Numbers of all such scans.
+
+    Examples
+    --------
+    >>> from slamlab.sensors import Lidar
+    >>> from slamlab.worlds import rooms
+    >>> lidar = Lidar(180, max_range=20.0)
+    >>> slam = ScanGraphSlam(lidar, [2.0, 4.0, 0.0])
+    >>> match = slam.update(lidar.scan(rooms.office(), [2.0, 4.0, 0.0]))
+    >>> slam.predict([0.5, 0.0, 0.1], 1.0, np.diag([0.01, 0.01, 0.001]))
+    >>> match = slam.update(lidar.scan(rooms.office(), [2.4, 4.0, 0.0]))
+    >>> bool(np.abs(slam.pose - [2.4, 4.0, 0.0]).max() < 0.02), len(slam.nodes)
+    (True, 2)
+    """
+
+    measures = "ranges"
+
+    def __init__(
+        self,
+        lidar: object,
+        pose: ArrayLike = (0.0, 0.0, 0.0),
+        n_keyframes: int = 20,
+        motion: MotionModel = RelativePose(),  # noqa: B008
+        loops: bool = True,
+        ambiguous: str = "reject",
+    ) -> None:
+        self._lidar = as_scan_sensor("lidar", lidar)
+        self._pose = as_array("pose", pose, (3,)).astype(np.float64).copy()
+        self._motion = as_motion("motion", motion)
+        self._n_keyframes = as_count("n_keyframes", n_keyframes, 1)
+        self._loops = bool(loops)
+        self._stretch = as_choice("ambiguous", ambiguous, ["reject", "stretch"]) == "stretch"
+        self.nodes: list[Keyframe] = []
+        self.closures: list[Closure] = []
+        self.lost = False
+        self.lost_scans: list[int] = []
+        self._poses = np.zeros((0, 3))  # of the nodes
+        self._travel = np.zeros(0)  # metres driven to each node
+        self._chain: list[tuple[Array, Array]] = []  # (z, cov) from each node to the next
+        self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
+        self._cov = np.zeros((3, 3))  # of the pose in the world
+        self._ground: LocalMap | None = None  # the last keyframes, until there is a new one
+        self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
+        self._tried = self._tied = 0.0  # travel of the last trial, of the last closure
+
+    def __repr__(self) -> str:
+        count = sum(one.state == "confirmed" for one in self.closures)
+        state = ", lost" if self.lost else ""
+        return f"ScanGraphSlam({len(self.nodes)} nodes, {count} closures{state})"
+
+    @property
+    def pose(self) -> Array:
+        """Estimated pose (m, m, rad), shape (3,)."""
+        return self._pose.copy()
+
+    @property
+    def pose_cov(self) -> Array:
+        """Its covariance, shape (3, 3): along the chain since the graph was solved last."""
+        return self._cov.copy()
+
+    @property
+    def trajectory(self) -> Array:
+        """Best poses (T, 3) of all scans so far, as the closures have bent them."""
+        if not self._steps:
+            return np.zeros((0, 3))
+        # Row -1, before there was a node, is the world itself.
+        frames = np.vstack([self._poses, np.zeros(3)])
+        return compose(frames[[row for row, _ in self._steps]], [off for _, off in self._steps])
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
+        u = as_array("u", u, ("p",))
+        Q = as_covariance("control_cov", control_cov, len(u))
+        F, G = self._motion.jacobians(self._pose, u, dt)
+        self._pose = self._motion.step(self._pose, u, dt)
+        self._moved_cov = F @ self._moved_cov @ F.T + G @ Q @ G.T
+        self._cov = F @ self._cov @ F.T + G @ Q @ G.T
+
+    def update(self, ranges: ArrayLike, ids: None = None) -> Match:
+        """Match a scan to the nodes before it; make it a node if the robot has moved.
+
+        Parameters
+        ----------
+        ranges : array_like, shape (n_beams,)
+            (m); NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
+        ids : None
+            Scans have no names.
+
+        Returns
+        -------
+        Match
+            `score` 0: the scan matched nothing (too few points, or a bad fit).
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a range negative.
+        """
+        ranges = as_shaped("ranges", ranges, (self._lidar.n_beams,))
+        if (ranges < 0).any():
+            raise ValueError(f"ranges: expected distances, got {np.nanmin(ranges):g}")
+        points = scan_points(ranges, self._lidar)
+        match = self._matched(points)
+        if self._is_new(points):
+            self._add_node(Keyframe.of(points))
+            if self._loops:
+                self._try_closures(len(self.nodes) - 1 - AROUND)
+        row = len(self.nodes) - 1
+        off = between(self._poses[row], self._pose) if self.nodes else self._pose.copy()
+        self._steps.append((row, off))
+        return match
+
+    def _matched(self, points: Array) -> Match:
+        """Move the pose to where the scan lies among the last keyframes."""
+        nothing = Match(self.pose, self.pose_cov, 0.0, 0)
+        if len(points) < LEAST_POINTS or not self.nodes:
+            return nothing
+        if self._ground is None:
+            recent = slice(max(len(self.nodes) - self._n_keyframes, 0), None)
+            self._ground = LocalMap(self.nodes[recent], self._poses[recent])
+        match = track(self._ground, points, self._pose, self._moved_cov)
+        self.lost = match is None
+        if match is None:
+            self.lost_scans.append(len(self._steps))
+            return nothing
+        before = self._cov - self._moved_cov
+        self._pose, self._moved_cov = fused(match, self._pose, self._moved_cov)
+        self._cov = before + self._moved_cov
+        return match
+
+    def _is_new(self, points: Array) -> bool:
+        if len(points) < LEAST_POINTS:
+            return False
+        if not self.nodes:
+            return True
+        dx, dy, turn = between(self._poses[-1], self._pose)
+        return bool(np.hypot(dx, dy) >= _NEW_NODE[0] or abs(turn) >= _NEW_NODE[1])
+
+    def _add_node(self, node: Keyframe) -> None:
+        """Append a node at the present pose, and the edge of the chain that leads to it."""
+        length = 0.0
+        if self.nodes:
+            z = between(self._poses[-1], self._pose)
+            turn = np.eye(3)
+            turn[:2, :2] = rotation(-self._poses[-1, 2])
+            cov = turn @ self._moved_cov @ turn.T + FLOOR
+            self._chain.append((z, 0.5 * (cov + cov.T)))
+            length = self._travel[-1] + float(np.hypot(*z[:2]))
+        self.nodes.append(node)
+        self._poses = np.vstack([self._poses, self._pose])
+        self._travel = np.append(self._travel, length)
+        self._ground = None
+        self._moved_cov = np.zeros((3, 3))
+
+    # Closures.
+
+    def _try_closures(self, k: int) -> None:
+        """Look for an old place at node k; solve when what was found is witnessed."""
+        if k < 0 or self._travel[k] - self._tried < STRIDE:
+            return
+        self._tried = self._travel[k]
+        found = candidate(k, self._poses, self._travel, self._travel[k] - self._tied)
+        if found is None:
+            return
+        closure = verify(
+            found[0], k, found[1], self.nodes, self._poses, self._travel, self._stretch
+        )
+        if closure is None:
+            return
+        self.closures.append(closure)
+        if self._confirm():
+            self._tied = self._travel[k]
+            self._solve()
+
+    def _confirm(self) -> bool:
+        """Promote the closures that are witnessed by now; tell whether there are new ones."""
+        fresh = [
+            one
+            for one in self.closures
+            if one.state == "waiting" and witnessed(one, self.closures, self._poses, self._travel)
+        ]
+        for one in fresh:
+            one.state = "confirmed"
+        return bool(fresh)
+
+    def graph(self) -> PoseGraph:
+        """Return the pose graph: the chain, and the closures that count.
+
+        Raises
+        ------
+        ValueError
+            If there is no node yet.
+        """
+        if not self.nodes:
+            raise ValueError("graph: expected at least one scan, got none")
+        ties = [one for one in self.closures if one.state == "confirmed"]
+        n = len(self.nodes)
+        edges = [(k, k + 1) for k in range(n - 1)] + [(one.j, one.k) for one in ties]
+        z = [z for z, _ in self._chain] + [one.z for one in ties]
+        covs = [cov for _, cov in self._chain] + [one.cov for one in ties]
+        omega = np.linalg.inv(np.array(covs).reshape(-1, 3, 3))
+        omega = 0.5 * (omega + np.swapaxes(omega, 1, 2))
+        return PoseGraph(
+            self._poses, np.array(edges).reshape(-1, 2), np.reshape(z, (-1, 3)), omega
+        )
+
+    def _solve(self) -> None:
+        """Bend the chain; closures that still do not fit are dropped, and it is bent again."""
+        last = between(self._poses[-1], self._pose)
+        while True:
+            ties = [one for one in self.closures if one.state == "confirmed"]
+            graph = self.graph()
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                result = graph.optimize(
+                    "levenberg-marquardt", kernel="dcs", kernel_width=_WIDTHS, tolerance=1e-5
+                )
+            e = graph.residuals(result.poses)[len(self._chain) :]
+            chi2 = np.einsum("ni,nij,nj->n", e, graph.information[len(self._chain) :], e)
+            for one, misfit in zip(ties, chi2, strict=True):
+                if misfit > _FALSE:
+                    one.state = "rejected"
+            if (chi2 <= _FALSE).all():
+                break
+        self._poses, self._ground = result.poses, None
+        self._pose = compose(self._poses[-1], last)
+        self._cov = graph.marginal_cov(len(self._poses) - 1, result.poses) + self._moved_cov

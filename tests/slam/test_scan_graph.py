@@ -1,0 +1,242 @@
+"""From raw scans to a closed map: accuracy, closures that hold, and what is said when lost."""
+
+import os
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from slamlab.datasets import killian, read_carmen, read_relations
+from slamlab.evaluation import ate, relation_error, run
+from slamlab.geometry import between, compose, inverse
+from slamlab.logs import Log
+from slamlab.sensors import Lidar
+from slamlab.simulation import drifted
+from slamlab.slam import ScanGraphSlam
+from slamlab.slam._closures import Closure, candidate, witnessed
+from slamlab.worlds import WallWorld, rooms
+
+DATA = os.environ.get("SLAMLAB_DATA")
+needs_data = pytest.mark.skipif(DATA is None, reason="SLAMLAB_DATA is not set")
+LIDAR = Lidar(180, field_of_view=np.pi, max_range=8.0, sigma_range=0.01)
+
+
+def ring():
+    """A corridor of 2 m round a block, with boxes along its walls as chance has put them."""
+    rng = np.random.default_rng(5)
+    boxes = []
+    for low, high, y in ((0, 14, 0.0), (0, 14, 10.0), (2, 12, 2.0), (2, 12, 8.0)):
+        for x in rng.uniform(low + 0.3, high - 0.9, 5):
+            w, h = rng.uniform(0.2, 0.6), rng.uniform(0.2, 0.5)
+            down = y in (10.0, 2.0)
+            boxes.append(box(x, y - h if down else y, x + w, y if down else y + h))
+    return WallWorld.from_polygons(box(0, 0, 14, 10), box(2, 2, 12, 8), *boxes)
+
+
+def box(left, bottom, right, top):
+    return [[left, bottom], [right, bottom], [right, top], [left, top]]
+
+
+@cache
+def round_trip(seed=0, laps=1.6):
+    """A drive round the ring with drifting wheels: 0.3 m a step."""
+    corners = np.array([[1.2, 1.2], [12.8, 1.2], [12.8, 8.8], [1.2, 8.8]])
+    path = [corners[0]]
+    for k in range(int(4 * laps)):
+        a, b = corners[k % 4], corners[(k + 1) % 4]
+        n = int(np.hypot(*(b - a)) / 0.3)
+        path += [a + (b - a) * i / n for i in range(1, n + 1)]
+    path = np.array(path)
+    step = np.gradient(path, axis=0)
+    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    truth = np.column_stack([path, heading])
+    rng = np.random.default_rng(seed)
+    n = len(truth)
+    log = Log(
+        np.arange(n) * 1.0,
+        np.zeros((n, 3)),
+        np.r_[0.0, np.ones(n - 1)],
+        np.zeros((3, 3)),
+        ranges=LIDAR.scan(ring(), truth, rng),
+        scan=LIDAR,
+        truth=truth,
+    )
+    return drifted(log, rng, turn_bias=np.deg2rad(1.5), turn_noise=np.deg2rad(2.5))
+
+
+@cache
+def closed(loops=True):
+    log = round_trip()
+    return run(ScanGraphSlam(log.scan, log.truth[0], n_keyframes=5, loops=loops), log)
+
+
+def false_closures(slam, log, limit=1.0):
+    """Closures that count and are off by more than `limit` (m) or 15 degrees."""
+    rows = np.array([row for row, _ in slam._steps])
+    step = np.searchsorted(rows, np.arange(len(slam.nodes)))
+    out = []
+    for one in slam.closures:
+        due = between(log.truth[step[one.j]], log.truth[step[one.k]])
+        dx, dy, turn = between(due, one.z)
+        wrong = np.hypot(dx, dy) > limit or abs(turn) > np.deg2rad(15)
+        out += [one] if wrong and one.state == "confirmed" else []
+    return out
+
+
+def test_a_ring_is_closed_and_the_map_is_good_to_centimetres():
+    result = closed()
+    slam = result.system
+    assert ate(slam.trajectory, result.log.truth).rmse < 0.06
+    assert sum(one.state == "confirmed" for one in slam.closures) >= 3
+    assert false_closures(slam, result.log, 0.3) == []
+    assert slam.lost_scans == []
+
+
+def test_the_trajectory_is_that_of_every_step_and_the_graph_holds_it():
+    result = closed()
+    slam, graph = result.system, result.system.graph()
+    assert slam.trajectory.shape == (len(result.log), 3)
+    assert len(graph.poses) == len(slam.nodes)
+    confirmed = sum(one.state == "confirmed" for one in slam.closures)
+    assert len(graph.edges) == len(slam.nodes) - 1 + confirmed
+    assert graph.optimize().chi2 <= graph.chi2() + 1e-9
+    np.testing.assert_allclose(slam.trajectory[-1], slam.pose, atol=1e-9)
+    assert repr(slam) == f"ScanGraphSlam({len(slam.nodes)} nodes, {confirmed} closures)"
+
+
+def test_without_closures_it_is_the_front_end_alone():
+    result = closed(loops=False)
+    assert result.system.closures == []
+    assert ate(result.system.trajectory, result.log.truth).rmse < 0.3
+
+
+def test_the_answer_moves_with_the_start():
+    log, frame = round_trip()[:25], np.array([5.0, -3.0, 2.0])
+    here, there = (
+        run(ScanGraphSlam(log.scan, start), log).system
+        for start in (log.truth[0], compose(frame, log.truth[0]))
+    )
+    moved = compose(inverse(frame), there.trajectory)
+    assert np.abs(moved - here.trajectory)[:, :2].max() < 0.02
+
+
+def test_a_scan_that_fits_nowhere_is_reported_and_the_wheels_are_believed():
+    log = round_trip()[:12]
+    slam = ScanGraphSlam(log.scan, log.truth[0])
+    run(slam, log)
+    before = slam.pose
+    slam.predict([0.3, 0.0, 0.0], 1.0, np.diag([1e-4, 1e-4, 1e-5]))
+    noise = np.random.default_rng(0).uniform(0.3, 4.0, LIDAR.n_beams)
+    match = slam.update(noise)
+    assert slam.lost
+    assert slam.lost_scans == [12]
+    assert match.score == 0.0
+    np.testing.assert_allclose(slam.pose, compose(before, [0.3, 0.0, 0.0]), atol=1e-9)
+
+
+def test_lidar_alone_holds_at_ten_degrees_a_scan():
+    poses = np.column_stack(
+        [np.linspace(2, 4, 41), np.full(41, 4.0), np.deg2rad(10) * np.arange(41)]
+    )
+    lidar = Lidar(360, max_range=8.0, sigma_range=0.01)
+    ranges = lidar.scan(rooms.office(), poses, np.random.default_rng(0))
+    log = Log(
+        np.arange(41.0),
+        np.zeros((41, 3)),
+        np.r_[0.0, np.ones(40)],
+        np.diag(np.square([0.1, 0.1, 0.2])),
+        ranges=ranges,
+        scan=lidar,
+        truth=poses,
+    )
+    assert ate(run(ScanGraphSlam(lidar, poses[0]), log)).rmse < 0.01
+
+
+def straight(n=60):
+    poses = np.zeros((n, 3))
+    poses[:, 0] = np.arange(n)
+    return poses, np.arange(n) * 1.0
+
+
+def test_candidates_are_near_in_space_and_far_along_the_path():
+    poses, travel = straight()
+    assert candidate(59, poses, travel, 0.0) is None
+    poses[30:, 0] = 59 - np.arange(30, 60)
+    poses[30:, 1] = 1.0
+    j, radius = candidate(59, poses, travel, 0.0)
+    assert j == 0
+    assert radius == 2.5
+    assert candidate(35, poses, travel, 0.0) is None  # it was there 11 metres ago only
+    assert candidate(59, poses, travel, 1000.0)[1] == 12.0
+
+
+def closure(j, k, z, state="waiting"):
+    return Closure(j, k, np.asarray(z, float), np.eye(3) * 1e-3, 0.0, 1.0, state)
+
+
+def test_a_closure_counts_when_two_others_tell_the_same_story():
+    poses, travel = straight()
+    poses[30:] = poses[:30] + [0.0, 2.0, 0.0]  # drifted: in truth the same places again
+    same = [closure(j, j + 30, [0, 0, 0]) for j in (3, 6, 9)]
+    liar = closure(7, 37, [4.0, 0, 0])
+    everyone = [*same, liar]
+    assert all(witnessed(one, everyone, poses, travel) for one in same)
+    assert not witnessed(liar, everyone, poses, travel)
+    assert not witnessed(same[0], same[:2], poses, travel)
+
+
+@needs_data
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("name", "front", "most"), [("csail", 0.35, 0.12), ("freiburg-101", 0.07, 0.06)]
+)
+def test_real_logs_from_drifted_wheels(name, front, most, seed):
+    log = read_carmen(Path(DATA) / f"{name}-corrected.log.gz", corrected=True)
+    log = drifted(log, np.random.default_rng(seed))
+    alone = run(ScanGraphSlam(log.scan, log.truth[0], loops=False), log)
+    slam = run(ScanGraphSlam(log.scan, log.truth[0]), log).system
+    assert ate(alone).rmse < front
+    assert ate(slam.trajectory, log.truth).rmse < most
+    assert false_closures(slam, log) == []
+
+
+@needs_data
+@pytest.mark.slow
+def test_killian_court_keeps_the_relations_measured_by_hand():
+    data = killian()
+    slam = run(ScanGraphSlam(data.log.scan, data.log.truth[0]), data.log).system
+    relations = read_relations(Path(DATA) / "mit-killian.relations.gz")
+    error = relation_error(data.timestamps, slam.trajectory, relations)
+    assert error.mean < 0.045
+    assert np.rad2deg(error.rotation.mean()) < 0.35
+    count = sum(one.state == "confirmed" for one in slam.closures)
+    assert len(false_closures(slam, data.log, 2.0)) <= 0.01 * count
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: ScanGraphSlam("lidar"), "lidar"),
+        (lambda: ScanGraphSlam(LIDAR, [0, 0]), "pose"),
+        (lambda: ScanGraphSlam(LIDAR, n_keyframes=0), "n_keyframes"),
+        (lambda: ScanGraphSlam(LIDAR, motion="wheels"), "motion"),
+        (lambda: ScanGraphSlam(LIDAR, ambiguous="keep"), "ambiguous"),
+        (lambda: ScanGraphSlam(LIDAR).update(np.ones(5)), "ranges"),
+        (lambda: ScanGraphSlam(LIDAR).update(-np.ones(180)), "ranges"),
+        (lambda: ScanGraphSlam(LIDAR).graph(), "graph"),
+        (lambda: ScanGraphSlam(LIDAR).predict([0, 0], 1.0, np.eye(2)), "u"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_empty_scans_change_nothing_but_the_count_of_steps():
+    log = replace(round_trip()[:5], ranges=np.full((5, 180), np.nan))
+    slam = run(ScanGraphSlam(log.scan, log.truth[0]), log).system
+    assert slam.nodes == []
+    assert slam.trajectory.shape == (5, 3)
