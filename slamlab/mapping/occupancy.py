@@ -7,35 +7,18 @@ up as log odds. Chapter 00 shows one, chapter 08 builds it.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab.grids import Grid
+from slamlab.models import ScanSensor
 
-__all__ = ["BeamSensor", "OccupancyGrid"]
-
-_MOST_CELLS = 64_000_000  # half a gigabyte
-
-
-class BeamSensor(Protocol):
-    """What a map needs to know of a lidar; `slamlab.sensors.ScanGeometry` is one."""
-
-    @property
-    def beam_angles(self) -> Array:
-        """Directions of the beams in the frame of the body (rad), shape (n_beams,)."""
-
-    @property
-    def max_range(self) -> float:
-        """Range (m) from which a reading means "nothing met"."""
-
-    @property
-    def offset(self) -> float:
-        """Distance of the lidar ahead of the body centre (m)."""
+__all__ = ["OccupancyGrid"]
 
 
-class OccupancyGrid:
+class OccupancyGrid(Grid):
     """A map of square cells, each with the probability that it is occupied.
 
     Parameters
@@ -84,39 +67,15 @@ class OccupancyGrid:
         clamp: float = 0.97,
         grow: bool = True,
     ) -> None:
-        rows, columns = (as_count("shape", int(n), 1) for n in shape)
-        self.resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
-        self.origin = as_array("origin", origin, (2,)).copy()
+        super().__init__(shape, resolution, origin)
         below_one = float(np.nextafter(1.0, 0.0))
         self._hit = _log_odds(as_scalar("p_hit", p_hit, 0.5, below_one))
         self._miss = _log_odds(as_scalar("p_miss", p_miss, 1e-12, 0.5))
         self._limit = _log_odds(as_scalar("clamp", clamp, 0.5, below_one))
         self._grow = grow
-        self.log_odds = np.zeros((rows, columns))
+        self.log_odds = np.zeros(self.shape)
         self._scans = 0
-        self._mark = np.zeros((rows, columns), dtype=np.int64)
-
-    def __repr__(self) -> str:
-        """Return size and resolution."""
-        rows, columns = self.shape
-        return f"OccupancyGrid({rows} x {columns} cells of {self.resolution:g} m)"
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.log_odds.shape[0], self.log_odds.shape[1]
-
-    @property
-    def extent(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom and top of the sheet in the world (m)."""
-        left, bottom = self.origin
-        rows, columns = self.shape
-        return (
-            float(left),
-            float(left + columns * self.resolution),
-            float(bottom),
-            float(bottom + rows * self.resolution),
-        )
+        self._mark = np.zeros(self.shape, dtype=np.int64)
 
     @property
     def probability(self) -> Array:
@@ -135,7 +94,7 @@ class OccupancyGrid:
         self,
         pose: ArrayLike,
         ranges: ArrayLike,
-        lidar: BeamSensor,
+        lidar: ScanSensor,
         max_range: float = np.inf,
         free_missing: bool = True,
     ) -> None:
@@ -151,7 +110,7 @@ class OccupancyGrid:
         ranges : array_like, shape (n_beams,) or (n, n_beams)
             Measured ranges (m); inf, or ``lidar.max_range`` and more, is a beam that met nothing;
             NaN is a lost reading and says nothing.
-        lidar : BeamSensor
+        lidar : ScanSensor
             Knows `beam_angles`, `max_range` and `offset`.
         max_range : float, default inf
             Trust beams up to this distance (m): longer ones free the cells before it and hit none.
@@ -267,26 +226,14 @@ class OccupancyGrid:
             add_scan(self.log_odds, self._mark, self._scans, start, end, hit, evidence)
 
     def _make_room(self, points: Array) -> None:
-        """Enlarge the sheet until it holds all points (n, 2), a quarter more where it grows."""
-        rows, columns = self.shape
-        size = np.array([columns, rows])
-        cells = np.clip(np.floor((points - self.origin) / self.resolution), -1e12, 1e12)
-        before = np.maximum(-np.nanmin(cells, axis=0), 0).astype(int)
-        after = np.maximum(np.nanmax(cells, axis=0) + 1 - size, 0).astype(int)
-        if not (before.any() or after.any()):
-            return
-        spare = size // 4
-        before += np.where(before > 0, spare, 0)
-        after += np.where(after > 0, spare, 0)
-        grown = size + before + after
-        if float(grown[0]) * float(grown[1]) > _MOST_CELLS:
-            raise ValueError(
-                f"ranges: expected beams near the map, it would have to grow to {grown[1]} x "
-                f"{grown[0]} cells (give max_range, or grow=False)"
-            )
-        self.log_odds = np.pad(self.log_odds, ((before[1], after[1]), (before[0], after[0])))
-        self.origin = self.origin - before * self.resolution
-        self._mark = np.zeros(self.log_odds.shape, dtype=np.int64)
+        """Enlarge the sheet until it holds all points (n, 2)."""
+        try:
+            added = self.grow(points)
+        except ValueError as error:
+            raise ValueError(f"{error} (give max_range, or grow=False)") from None
+        if added is not None:
+            self.log_odds = np.pad(self.log_odds, added)
+            self._mark = np.zeros(self.shape, dtype=np.int64)
 
 
 def _log_odds(p: float) -> float:

@@ -6,15 +6,18 @@ Yamauchi 1997), where the body fits, and how to get there. Chapters 18 and 20.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_scalar, as_shaped
 from slamlab._compiling import njit
-from slamlab.mapping.occupancy import BeamSensor
+from slamlab.grids import Grid
+from slamlab.models import ScanSensor
 
-__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "SeenFloor"]
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "SeenFloor", "Ways"]
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 
@@ -22,13 +25,17 @@ UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 _WIDEST_WEDGE = np.deg2rad(12.5)
 # End points of neighbouring beams nearer than this many cells belong to one wall.
 _WALL_STEP = 3.0
+# So many scans must look through an occupied cell, by so many cells, to free it again.
+_DOUBTS, _THROUGH = 3, 1.5
 
 
-class SeenFloor:
+class SeenFloor(Grid):
     """A grid of cells that are unknown, free or occupied.
 
     A cell is free when its centre lies between two neighbouring beams and nearer than both their
-    ends; it is occupied when a beam ended in it, and stays so.
+    ends; it is occupied when a beam ended in it. Three scans that look through an occupied cell,
+    and none between that meets it, free it again: walls that a pose a little wrong has smeared
+    over a doorway do not close it for ever.
 
     Parameters
     ----------
@@ -36,14 +43,13 @@ class SeenFloor:
         Left, bottom, right, top of the sheet (m).
     resolution : float, default 0.05
         Side of a cell (m).
+    grow : bool, default False
+        Enlarge the sheet where a beam ends near its edge or beyond. If False, beams are cut there.
 
     Attributes
     ----------
     state : ndarray of uint8, shape (rows, columns)
         `UNKNOWN`, `FREE` or `OCCUPIED`; row 0 at the bottom.
-    resolution : float
-    origin : ndarray, shape (2,)
-        Lower left corner (m).
     shut : ndarray of bool, shape (rows, columns)
         Frontier cells that a scan from close by did not clear up: they are left alone.
 
@@ -62,47 +68,21 @@ class SeenFloor:
     [[1, 1, 2, 0]]
     """
 
-    def __init__(self, bounds: ArrayLike, resolution: float = 0.05) -> None:
-        left, bottom, right, top = as_array("bounds", bounds, (4,))
-        self.resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
-        if not (left < right and bottom < top):
-            raise ValueError(f"bounds: expected left < right and bottom < top, got {bounds!r}")
-        self.origin = np.array([left, bottom])
-        size = np.array([top - bottom, right - left]) / self.resolution
-        rows, columns = np.ceil(size - 1e-9).astype(int)
-        self.state = np.zeros((rows, columns), dtype=np.uint8)
-        self.shut = np.zeros((rows, columns), dtype=np.bool_)
-        self._asked: tuple[float, bytes] = (np.nan, b"")
-        self._fits: NDArray[np.bool_] = self.shut
-
-    def __repr__(self) -> str:
-        """Return size and resolution."""
-        rows, columns = self.state.shape
-        return f"SeenFloor({rows} x {columns} cells of {self.resolution:g} m)"
-
-    @property
-    def centres(self) -> Array:
-        """Centres of the cells (m), shape (rows, columns, 2)."""
-        rows, columns = self.state.shape
-        x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
-        return self.origin + self.resolution * np.stack([x, y], -1)
-
-    @property
-    def extent(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom and top (m), as matplotlib's `imshow` wants it."""
-        rows, columns = self.state.shape
-        left, bottom = (float(v) for v in self.origin)
-        width, height = columns * self.resolution, rows * self.resolution
-        return left, left + width, bottom, bottom + height
+    def __init__(self, bounds: ArrayLike, resolution: float = 0.05, grow: bool = False) -> None:
+        frame = Grid.over(bounds, resolution)
+        super().__init__(frame.shape, frame.resolution, frame.origin)
+        self._grows = bool(grow)
+        self.state = np.zeros(self.shape, dtype=np.uint8)
+        self.shut = np.zeros(self.shape, dtype=np.bool_)
+        self._doubt = np.zeros(self.shape, dtype=np.uint8)
 
     def cell(self, point: ArrayLike) -> tuple[int, int]:
         """Row and column of the cell of a point (2,), or of the nearest cell of the sheet."""
-        point = as_array("point", point, (2,))
-        column, row = np.floor((point - self.origin) / self.resolution).astype(int)
-        rows, columns = self.state.shape
+        row, column = self.cells(as_array("point", point, (2,)))
+        rows, columns = self.shape
         return int(np.clip(row, 0, rows - 1)), int(np.clip(column, 0, columns - 1))
 
-    def insert(self, pose: ArrayLike, ranges: ArrayLike, lidar: BeamSensor) -> None:
+    def insert(self, pose: ArrayLike, ranges: ArrayLike, lidar: ScanSensor) -> None:
         """Add what one scan shows.
 
         Parameters
@@ -112,7 +92,7 @@ class SeenFloor:
         ranges : array_like, shape (n_beams,)
             Measured ranges (m): inf, or ``lidar.max_range`` and more, met nothing up to there;
             NaN says nothing. Between beams more than 12.5 degrees apart nothing is known.
-        lidar : BeamSensor
+        lidar : ScanSensor
 
         Raises
         ------
@@ -132,14 +112,25 @@ class SeenFloor:
         angles, ranges = angles[order], ranges[order]
         met = ranges < lidar.max_range
         reach = np.minimum(ranges, lidar.max_range)
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        x = (pose[0] + lidar.offset * c - self.origin[0]) / self.resolution
-        y = (pose[1] + lidar.offset * s - self.origin[1]) / self.resolution
+        eye = pose[:2] + lidar.offset * np.array([np.cos(pose[2]), np.sin(pose[2])])
+        if self._grows:
+            beams = pose[2] + angles
+            self._make_room(eye + reach[:, None] * np.stack([np.cos(beams), np.sin(beams)], -1))
+        x, y = self.scaled(eye)
         # Endless beams are cut where they have left the sheet for certain.
-        longest = sum(self.state.shape) + np.hypot(x, y)
+        longest = sum(self.shape) + np.hypot(x, y)
         reach = np.minimum(reach / self.resolution, longest)
-        _mark_walls(self.state, x, y, pose[2], angles, reach, met)
-        _mark_free(self.state, x, y, pose[2], angles, reach)
+        _mark_walls(self.state, self._doubt, x, y, pose[2], angles, reach, met)
+        _mark_free(self.state, self._doubt, x, y, pose[2], angles, reach)
+
+    def _make_room(self, ends: Array) -> None:
+        """Enlarge the sheet beyond the ends (n, 2) of beams; endless ones do not count."""
+        ends = ends[np.isfinite(ends).all(-1)]
+        # Beyond the last floor that was seen there is a cell, and it is unknown.
+        added = self.grow(ends, margin=2) if len(ends) else None
+        if added is not None:
+            for name in ("state", "shut", "_doubt"):
+                setattr(self, name, np.pad(getattr(self, name), added))
 
     def frontier(self) -> NDArray[np.bool_]:
         """Free cells beside an unknown one, shape (rows, columns), without the `shut` ones."""
@@ -161,12 +152,6 @@ class SeenFloor:
         near = np.hypot(gap[..., 0], gap[..., 1]) <= radius
         self.shut[rows, columns] |= near & self.frontier()[rows, columns]
 
-    def centres_of(self, rows: slice, columns: slice) -> Array:
-        """Centres (m) of a part of the sheet, shape (rows, columns, 2)."""
-        row = np.arange(*rows.indices(self.state.shape[0])) + 0.5
-        column = np.arange(*columns.indices(self.state.shape[1])) + 0.5
-        return self.origin + self.resolution * np.stack(np.meshgrid(column, row), -1)
-
     def fits(self, radius: float) -> NDArray[np.bool_]:
         """Cells where a disc lies on seen free floor, shape (rows, columns).
 
@@ -176,18 +161,12 @@ class SeenFloor:
             Radius of the disc (m). Half the diagonal of a cell is kept in addition, for only the
             centres of cells were seen.
         """
-        # One question is asked several times of the same floor.
-        asked = (radius, self.state.tobytes())
-        if asked != self._asked:
-            free = np.pad(self.state == FREE, 1)
-            distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
-            self._fits = distance >= radius + self.resolution * np.sqrt(0.5)
-            self._fits.setflags(write=False)
-            self._asked = asked
-        return self._fits
+        free = np.pad(self.state == FREE, 1)
+        distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
+        return np.asarray(distance >= radius + self.resolution * np.sqrt(0.5))
 
-    def distances(self, start: ArrayLike, radius: float) -> tuple[Array, NDArray[np.int32]]:
-        """Lengths of the shortest ways of a disc from a point to all cells.
+    def ways(self, start: ArrayLike, radius: float) -> Ways:
+        """Shortest ways of a disc from a point to all cells.
 
         Parameters
         ----------
@@ -196,45 +175,14 @@ class SeenFloor:
             its radius where it fits takes its place.
         radius : float
             Radius of the disc (m).
-
-        Returns
-        -------
-        lengths : ndarray, shape (rows, columns)
-            In metres, by steps to the eight neighbours; inf where there is no way.
-        parents : ndarray of int, shape (rows, columns)
-            Flat index of the cell before, -1 at the start and where there is no way.
         """
         fits = self.fits(as_scalar("radius", radius, 0.0))
         begin = self._nearest(fits, as_array("start", start, (2,)), radius)
-        if begin is None:
-            return np.full(fits.shape, np.inf), np.full(fits.shape, -1, dtype=np.int32)
-        lengths, parents = _wavefront(fits, *begin)
-        return lengths * self.resolution, parents
-
-    def way(self, parents: NDArray[np.int32], goal: tuple[int, int], radius: float) -> Array:
-        """Corners of the way to a cell, shortened where a straight line fits.
-
-        Parameters
-        ----------
-        parents : ndarray of int, shape (rows, columns)
-            From `distances`.
-        goal : (int, int)
-            Row and column.
-        radius : float
-            As given to `distances`.
-
-        Returns
-        -------
-        ndarray, shape (k, 2)
-            Points to drive through, one after the other, the goal last (m).
-        """
-        columns = self.state.shape[1]
-        cells = [goal]
-        while (before := parents[cells[-1]]) >= 0:
-            cells.append((int(before) // columns, int(before) % columns))
-        cells.reverse()
-        corners = _corners(self.fits(radius), np.array(cells, dtype=np.int64))
-        return self.origin + self.resolution * (corners[:, ::-1] + 0.5)
+        lengths = np.full(fits.shape, np.inf)
+        parents = np.full(fits.shape, -1, dtype=np.int32)
+        if begin is not None:
+            _wavefront(fits, *begin, lengths, parents)
+        return Ways(self, lengths * self.resolution, parents, fits)
 
     def route(self, start: ArrayLike, goal: ArrayLike, radius: float) -> Array | None:
         """Way of a disc from one point to another over seen free floor.
@@ -251,9 +199,9 @@ class SeenFloor:
         ndarray, shape (k, 2), or None
             Points to drive through, the cell of the goal last; None if there is no way.
         """
-        lengths, parents = self.distances(start, radius)
+        ways = self.ways(start, radius)
         cell = self.cell(as_array("goal", goal, (2,)))
-        return self.way(parents, cell, radius) if np.isfinite(lengths[cell]) else None
+        return ways.to(cell) if np.isfinite(ways.lengths[cell]) else None
 
     def _nearest(
         self, mask: NDArray[np.bool_], point: Array, radius: float
@@ -265,8 +213,7 @@ class SeenFloor:
         rows, columns = np.nonzero(mask)
         if len(rows) == 0:
             return None
-        centres = self.origin + self.resolution * (np.stack([columns, rows], -1) + 0.5)
-        gap = np.hypot(*(centres - point).T)
+        gap = np.hypot(*(self.centres()[rows, columns] - point).T)
         best = int(np.argmin(gap))
         return (int(rows[best]), int(columns[best])) if gap[best] <= radius else None
 
@@ -290,16 +237,46 @@ class SeenFloor:
         """
         points = as_array("points", points, ("n", 2))
         out = np.zeros(len(points))
-        scaled = np.ascontiguousarray((points - self.origin) / self.resolution)
+        scaled = np.ascontiguousarray(self.scaled(points))
         _unseen(self.state, scaled, as_scalar("reach", reach, 0.0) / self.resolution, n_rays, out)
         return out * self.resolution**2
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """Shortest ways of a disc from one place to all cells of a floor.
+
+    Attributes
+    ----------
+    floor : SeenFloor
+    lengths : ndarray, shape (rows, columns)
+        In metres, by steps to the eight neighbours; inf where there is no way.
+    parents : ndarray of int, shape (rows, columns)
+        Flat index of the cell before, -1 at the start and where there is no way.
+    fits : ndarray of bool, shape (rows, columns)
+        Where the disc may stand.
+    """
+
+    floor: SeenFloor
+    lengths: Array
+    parents: NDArray[np.int32]
+    fits: NDArray[np.bool_]
+
+    def to(self, goal: tuple[int, int]) -> Array:
+        """Corners (k, 2) of the way to a cell (m), shortened where a straight line fits."""
+        columns = self.fits.shape[1]
+        cells = [goal]
+        while (before := self.parents[cells[-1]]) >= 0:
+            cells.append((int(before) // columns, int(before) % columns))
+        corners = _corners(self.fits, np.array(cells[::-1], dtype=np.int64))
+        return self.floor.origin + self.floor.resolution * (corners[:, ::-1] + 0.5)
 
 
 # Compiled loops; coordinates in cells.
 
 
 @njit(cache=True)
-def _mark_walls(state, x, y, heading, angles, reach, met):  # type: ignore[no-untyped-def]
+def _mark_walls(state, doubt, x, y, heading, angles, reach, met):  # type: ignore[no-untyped-def]
     """Mark the cells in which beams ended, and those between two ends that are neighbours."""
     n, rows, columns = len(angles), state.shape[0], state.shape[1]
     for i in range(n):
@@ -321,17 +298,17 @@ def _mark_walls(state, x, y, heading, angles, reach, met):  # type: ignore[no-un
             column = int(np.floor(x0 + u * (x1 - x0)))
             row = int(np.floor(y0 + u * (y1 - y0)))
             if 0 <= row < rows and 0 <= column < columns:
-                state[row, column] = OCCUPIED
+                state[row, column], doubt[row, column] = OCCUPIED, 0
 
 
 @njit(cache=True)
-def _mark_free(state, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
-    """Mark unknown cells whose centre lies nearer than the ends of both beams beside it."""
+def _mark_free(state, doubt, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
+    """Mark cells whose centre lies nearer than the ends of both beams beside it."""
     n, rows, columns = len(angles), state.shape[0], state.shape[1]
     far = reach.max() + 1.0
     for row in range(max(int(y - far), 0), int(min(y + far + 1, rows))):
         for column in range(max(int(x - far), 0), int(min(x + far + 1, columns))):
-            if state[row, column] != UNKNOWN:
+            if state[row, column] == FREE:
                 continue
             dx, dy = column + 0.5 - x, row + 0.5 - y
             angle = np.arctan2(dy, dx) - heading
@@ -341,18 +318,26 @@ def _mark_free(state, x, y, heading, angles, reach):  # type: ignore[no-untyped-
             wedge = angles[after] - angles[before]
             if wedge <= 0:
                 wedge += 2 * np.pi
-            near = np.hypot(dx, dy) <= min(reach[before], reach[after])
-            if near and wedge <= _WIDEST_WEDGE:
-                state[row, column] = FREE
+            distance, end = np.hypot(dx, dy), min(reach[before], reach[after])
+            if state[row, column] == UNKNOWN:
+                if distance <= end and wedge <= _WIDEST_WEDGE:
+                    state[row, column] = FREE
+            # Nothing as large as the cell hides between two beams less than a cell apart.
+            elif distance <= end - _THROUGH and distance * wedge <= 1.0:
+                doubt[row, column] += 1
+                if doubt[row, column] == _DOUBTS:
+                    state[row, column] = FREE
 
 
 @njit(cache=True)
-def _wavefront(fits, row, column):  # type: ignore[no-untyped-def]
-    """Lengths (cells) of the shortest eight-connected ways, and the cell before each."""
+def _wavefront(fits, row, column, lengths, parents):  # type: ignore[no-untyped-def]
+    """Lengths (cells) of the shortest eight-connected ways, and the cell before each.
+
+    SciPy's `dijkstra` gives the same lengths (a test holds that) and takes 5 to 18 times as long,
+    most of it to build its graph anew for every floor.
+    """
     rows, columns = fits.shape
     size = rows * columns
-    lengths = np.full((rows, columns), np.inf)
-    parents = np.full((rows, columns), -1, dtype=np.int32)
     queue, waiting = np.empty(size, dtype=np.int32), np.zeros(size, dtype=np.bool_)
     queue[0], head, count = row * columns + column, 0, 1
     lengths[row, column] = 0.0
@@ -376,7 +361,6 @@ def _wavefront(fits, row, column):  # type: ignore[no-untyped-def]
                         waiting[i * columns + j] = True
                         queue[(head + count) % size] = i * columns + j
                         count += 1
-    return lengths, parents
 
 
 @njit(cache=True)

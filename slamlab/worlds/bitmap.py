@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_count, as_scalar
-from slamlab.models import Bounds
+from slamlab.grids import Grid
 from slamlab.worlds._cast import cast_everywhere, cast_grid
 from slamlab.worlds._clearance import grid_clearance
 from slamlab.worlds._collide import hits_grid
@@ -24,7 +24,7 @@ from slamlab.worlds._world import checked_footprint, checked_motion
 __all__ = ["BitmapWorld"]
 
 
-class BitmapWorld:
+class BitmapWorld(Grid):
     """A room of square cells, occupied or free.
 
     What lies beyond the bitmap is empty for beams and forbidden for the robot: a beam that leaves
@@ -69,9 +69,7 @@ class BitmapWorld:
             )
         self.occupied: NDArray[np.bool_] = cells.astype(bool)
         self.occupied.setflags(write=False)
-        self.resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
-        self.origin = as_array("origin", origin, (2,)).astype(float)
-        self.origin.setflags(write=False)
+        super().__init__((cells.shape[0], cells.shape[1]), resolution, origin)
 
     @classmethod
     def from_file(
@@ -105,38 +103,6 @@ class BitmapWorld:
             raise ValueError(f"resolution: expected the side of a pixel of {path}, got None")
         return cls(image.occupied, resolution, image.origin if origin is None else origin)
 
-    def __repr__(self) -> str:
-        """Return size and resolution."""
-        rows, columns = self.occupied.shape
-        return f"BitmapWorld({rows} x {columns} cells of {self.resolution:g} m)"
-
-    @property
-    def bounds(self) -> Bounds:
-        """Left, bottom, right and top (m)."""
-        left, bottom = self.origin
-        rows, columns = self.occupied.shape
-        width, height = columns * self.resolution, rows * self.resolution
-        return float(left), float(bottom), float(left + width), float(bottom + height)
-
-    @property
-    def extent(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom and top (m), as matplotlib's `imshow` wants it."""
-        left, bottom, right, top = self.bounds
-        return left, right, bottom, top
-
-    def cells(self, points: ArrayLike) -> NDArray[np.intp]:
-        """Row and column of the cell of each point (..., 2); may lie outside the bitmap."""
-        points = as_array("points", points, ("...", 2))
-        cells = np.floor((points - self.origin) / self.resolution)
-        return np.clip(cells, -(2**40), 2**40).astype(np.intp)[..., ::-1]
-
-    def centres(self, stride: int = 1) -> Array:
-        """Centres (m) of every `stride`-th cell, shape (rows, columns, 2)."""
-        stride = as_count("stride", stride, 1)
-        rows, columns = (np.arange(0, n, stride) + 0.5 for n in self.occupied.shape)
-        x, y = np.meshgrid(columns, rows)
-        return self.origin + self.resolution * np.stack([x, y], -1)
-
     def is_free(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points lie in a free cell; no point beyond the bitmap does.
 
@@ -150,7 +116,7 @@ class BitmapWorld:
         ndarray of bool, shape (...)
         """
         cells = self.cells(points)
-        inside = np.asarray(((cells >= 0) & (cells < self.occupied.shape)).all(-1))
+        inside = self.holds(cells)
         row, column = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
         return np.asarray(inside & ~self.occupied[row, column])
 
@@ -168,7 +134,7 @@ class BitmapWorld:
             In metres; 0 in an occupied cell and beyond the bitmap, inf if no cell is occupied.
         """
         points = as_array("points", points, ("...", 2))
-        flat = np.ascontiguousarray(((points - self.origin) / self.resolution).reshape(-1, 2))
+        flat = np.ascontiguousarray(self.scaled(points).reshape(-1, 2))
         out = np.empty(len(flat))
         grid_clearance(*self._nearest_columns, flat, out)
         return out.reshape(points.shape[:-1]) * self.resolution

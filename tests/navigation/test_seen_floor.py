@@ -25,11 +25,11 @@ def test_free_cells_are_truly_free_and_the_rest_is_no_lie():
     floor = SeenFloor(ROOM.bounds)
     for pose in free_poses(ROOM, 12, np.random.default_rng(1), 0.25):
         floor.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
-    free = ROOM.is_free(floor.centres)
+    free = ROOM.is_free(floor.centres())
     claimed = floor.state == FREE
     assert claimed.sum() > 0.85 * free.sum()
     assert (claimed & ~free).sum() < 0.002 * claimed.sum()
-    walls = floor.centres[floor.state == OCCUPIED]
+    walls = floor.centres()[floor.state == OCCUPIED]
     assert ROOM.clearance(walls).max() < 0.08
 
 
@@ -41,7 +41,7 @@ def test_without_the_shorter_of_two_beams_free_cells_would_lie_behind_edges():
     longer = np.maximum(ranges, np.maximum(np.roll(ranges, 1), np.roll(ranges, -1)))
     bold = SeenFloor(ROOM.bounds)
     bold.insert(pose, longer, LIDAR)
-    lies = [((f.state == FREE) & ~ROOM.is_free(f.centres)).sum() for f in (floor, bold)]
+    lies = [((f.state == FREE) & ~ROOM.is_free(f.centres())).sum() for f in (floor, bold)]
     assert lies[0] <= 2 < 20 < lies[1]
 
 
@@ -76,7 +76,7 @@ def test_beams_beyond_the_range_free_only_up_to_it():
     floor = SeenFloor(ROOM.bounds)
     pose = np.array([0.9, 1.2, 0.0])
     floor.insert(pose, lidar.scan(ROOM, pose), lidar)
-    far = np.hypot(*(floor.centres - pose[:2]).transpose(2, 0, 1))
+    far = np.hypot(*(floor.centres() - pose[:2]).transpose(2, 0, 1))
     assert far[floor.state == FREE].max() <= 1.0
     assert (floor.state[far < 0.8] == FREE).all()
 
@@ -86,10 +86,47 @@ def test_a_narrow_view_and_an_offset_are_understood():
     floor = SeenFloor(ROOM.bounds)
     pose = np.array([1.5, 1.0, np.pi / 2])
     floor.insert(pose, lidar.scan(ROOM, pose), lidar)
-    free = floor.centres[floor.state == FREE] - [1.5, 1.1]
+    free = floor.centres()[floor.state == FREE] - [1.5, 1.1]
     angle = np.arctan2(free[:, 1], free[:, 0])
     assert len(free) > 100
     assert (np.abs(angle - np.pi / 2) <= np.pi / 4 + 1e-9).all()
+
+
+def test_a_wall_that_a_wrong_pose_put_into_a_doorway_is_looked_through_and_a_real_one_is_not():
+    beams = ScanGeometry(np.deg2rad(np.arange(-30.0, 31.0)))
+    floor = SeenFloor([0, 0, 3, 2], 0.05)
+    wrong, right, pose = np.full(61, 1.0), np.full(61, 2.0), [0.2, 1.0, 0.0]
+    wall = floor.cell([1.21, 1.0])
+    floor.insert(pose, wrong, beams)
+    for _ in range(2):
+        floor.insert(pose, right, beams)
+        assert floor.state[wall] == OCCUPIED, "twice might be noise"
+    floor.insert(pose, right, beams)
+    assert floor.state[wall] == FREE
+    assert floor.state[floor.cell([2.21, 1.0])] == OCCUPIED
+    # A post that every fourth scan meets stays.
+    for k in range(12):
+        floor.insert(pose, wrong if k % 3 == 0 else right, beams)
+        assert floor.state[wall] == (FREE if k < 0 else OCCUPIED)
+
+
+def test_a_sheet_that_may_grow_keeps_what_was_seen():
+    pose = free_poses(ROOM, 1, np.random.default_rng(3), 0.4)[0]
+    small = SeenFloor([*(pose[:2] - 0.1), *(pose[:2] + 0.1)], 0.05, grow=True)
+    small.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
+    # The same cells on a sheet that was large enough from the start.
+    low = np.rint((small.origin - ROOM.origin) / 0.05) * 0.05 + ROOM.origin
+    large = SeenFloor(small.bounds, 0.05)
+    large.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
+    np.testing.assert_array_equal(small.state, large.state)
+    assert np.abs(low - small.origin).max() <= 0.026
+    left, right, bottom, top = small.extent
+    assert left < 0 < 4 < right
+    assert bottom < 0 < 4 < top
+    before, shut = small.state.copy(), small.shut.copy()
+    small.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
+    np.testing.assert_array_equal(small.state, before)
+    assert small.shut.shape == shut.shape == small.shape
 
 
 def test_frontier_is_free_beside_unknown():
@@ -122,13 +159,14 @@ def test_way_lies_on_fitting_cells_and_distances_are_shortest():
         floor = SeenFloor([0, 0, 4, 3], 0.1)
         floor.state[...] = np.where(rng.random((30, 40)) < 0.15, OCCUPIED, FREE)
         floor.state[:3, :3] = FREE
-        lengths, parents = floor.distances([0.15, 0.15], 0.0)
+        ways = floor.ways([0.15, 0.15], 0.0)
+        lengths = ways.lengths
         reached = np.argwhere(np.isfinite(lengths))
         for row, column in reached[rng.integers(len(reached), size=6)]:
             goal = (int(row), int(column))
-            way = floor.way(parents, goal, 0.0)
+            way = ways.to(goal)
             legs = np.vstack([[0.15, 0.15], way])
-            np.testing.assert_allclose(way[-1], floor.centres[goal], atol=1e-12)
+            np.testing.assert_allclose(way[-1], floor.centres()[goal], atol=1e-12)
             assert np.hypot(*np.diff(legs, axis=0).T).sum() <= lengths[goal] + 0.15
             dense = np.concatenate(
                 [
@@ -157,7 +195,7 @@ def test_distances_agree_with_dijkstra_of_scipy():
     a, b, w = np.array(edges).T
     graph = coo_array((w, (a.astype(int), b.astype(int))), shape=(300, 300))
     due = dijkstra(graph, directed=False, indices=7 * 20 + 10).reshape(15, 20) * 0.1
-    lengths, _ = floor.distances([1.05, 0.75], 0.0)
+    lengths = floor.ways([1.05, 0.75], 0.0).lengths
     np.testing.assert_allclose(lengths[fits], due[fits], atol=1e-9)
 
 
@@ -167,8 +205,6 @@ def test_where_the_body_fits_follows_the_floor_and_the_radius():
     assert 0 < wide < narrow
     floor.state[6, 6] = OCCUPIED
     assert floor.fits(0.1).sum() < narrow
-    with pytest.raises(ValueError, match="read-only"):
-        floor.fits(0.1)[0, 0] = True
 
 
 def test_unseen_area_stops_at_walls_and_counts_the_unknown():
@@ -194,7 +230,7 @@ def test_unseen_area_stops_at_walls_and_counts_the_unknown():
             "distances",
         ),
         (lambda: SeenFloor([0, 0, 1, 1]).route([0, 0], [0], 0.1), "goal"),
-        (lambda: SeenFloor([0, 0, 1, 1]).distances([0, 0], -0.1), "radius"),
+        (lambda: SeenFloor([0, 0, 1, 1]).ways([0, 0], -0.1), "radius"),
         (lambda: SeenFloor([0, 0, 1, 1]).unseen_area([0, 0], 1.0), "points"),
     ],
 )
