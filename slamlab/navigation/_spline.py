@@ -44,6 +44,14 @@ class Spline:
         self.coefficients, self.tables = np.zeros((16, 4, 2)), np.zeros((16, _cubic.PIECES + 1))
         self.starts, self.boxes = np.zeros(17), np.zeros((32, 4))
 
+    def copy(self) -> Spline:
+        """Return a path of its own that may grow and be cut."""
+        other = Spline()
+        other.n, other.box_tests = self.n, self.box_tests
+        for name in ("coefficients", "tables", "starts", "boxes"):
+            setattr(other, name, getattr(self, name).copy())
+        return other
+
     def _double(self) -> None:
         more = np.zeros_like
         self.coefficients = np.concatenate([self.coefficients, more(self.coefficients)])

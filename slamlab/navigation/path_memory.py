@@ -283,7 +283,13 @@ class PathMemory:
         self._n = 0
         self._curve: Array | None = None
         self._slope: Array | None = None
-        self._shown = False
+
+    def __repr__(self) -> str:
+        """Return length, segments and tolerance."""
+        return (
+            f"PathMemory({self.length:.2f} m in {self.n_segments} segments, "
+            f"{len(self._loops)} loops cut out, tolerance {self.tolerance:g} m)"
+        )
 
     # Storing.
 
@@ -310,7 +316,6 @@ class PathMemory:
         if step <= self.min_step:
             return
         self.n_points += 1
-        self._hide_open_curve()
         curve, deviation = self._fit_with(point, step)
         # 1.4, 1.5: too far, so the curve without the newest point becomes a segment ...
         if deviation > self.tolerance - self.min_step and self._n > 2:
@@ -327,7 +332,6 @@ class PathMemory:
 
     def close(self) -> None:
         """Make a segment of the points since the last knot, and cut out the loops it closes."""
-        self._hide_open_curve()
         self._store_segment()
 
     def _step_to(self, point: Array) -> float:
@@ -361,18 +365,13 @@ class PathMemory:
         self._points[0], self._t[0], self._n = curve.sum(0), 0.0, 1
         self._curve = None
 
-    # The open segment's curve is at the end of the spline only while somebody asks for the path.
-
-    def _hide_open_curve(self) -> None:
-        if self._shown:
-            self._spline.cut(self._spline.n - 1, 0.0)
-            self._shown = False
-
     def _path(self) -> Spline:
-        if self._curve is not None and not self._shown:
-            self._spline.append(self._curve)
-            self._shown = True
-        return self._spline
+        """Return the path as it stands: what is stored and, at its end, the open curve."""
+        if self._curve is None:
+            return self._spline
+        whole = self._spline.copy()
+        whole.append(self._curve)
+        return whole
 
     # Asking.
 
@@ -399,7 +398,6 @@ class PathMemory:
         """
         if self.loop_accuracy is None:
             raise ValueError("loop_accuracy: expected a length to look for loops, got None")
-        self._hide_open_curve()
         if self._curve is None:
             return None
         found = self._spline.meeting(self._curve, self.loop_accuracy)
@@ -454,17 +452,17 @@ class PathMemory:
         return self._ask(s, derivative=True)
 
     def _ask(self, s: ArrayLike, derivative: bool) -> Array:
-        s, path = self._arc_lengths("s", s), self._path()
+        path = self._path()
+        s = self._arc_lengths("s", s, path.length)
         if path.n == 0:
             single = [1.0, 0.0] if derivative else self._points[0]
             return np.broadcast_to(single, (*s.shape, 2)).copy()
         return path.points(s.reshape(-1), derivative).reshape(*s.shape, 2)
 
-    def _arc_lengths(self, name: str, s: ArrayLike) -> Array:
+    def _arc_lengths(self, name: str, s: ArrayLike, length: float) -> Array:
         s = as_array(name, s)
         if self._n == 0:
             raise ValueError("add: expected at least one point in the memory, got none yet")
-        length = self.length
         room = 1e-9 * (1.0 + length)
         if s.size and not (s.min() >= -room and s.max() <= length + room):
             raise ValueError(
@@ -499,14 +497,14 @@ class PathMemory:
             If nothing is stored, a shape is wrong, or a window lies outside the path or is empty.
         """
         point = as_array("point", point, ("...", 2))
-        low = self._arc_lengths("low", low)
-        high = self._arc_lengths("high", self.length if high is None else high)
+        path = self._path()
+        low = self._arc_lengths("low", low, path.length)
+        high = self._arc_lengths("high", path.length if high is None else high, path.length)
         shape = np.broadcast_shapes(point.shape[:-1], low.shape, high.shape)
         low, high = (np.broadcast_to(v, shape).reshape(-1).copy() for v in (low, high))
         if (low > high).any():
             raise ValueError("low: expected a window with low <= high, got low above high")
         flat = np.broadcast_to(point, (*shape, 2)).reshape(-1, 2).astype(np.float64)
-        path = self._path()
         if path.n == 0:
             s, distance = np.zeros(len(flat)), np.hypot(*(flat - self._points[0]).T)
         else:
@@ -517,7 +515,6 @@ class PathMemory:
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write everything, the open segment included, to an npz file (no pickle)."""
-        self._hide_open_curve()
         n, accuracy = self._spline.n, self.loop_accuracy
         loops = [(loop.s, loop.length, *loop.place) for loop in self._loops]
         np.savez(
