@@ -6,6 +6,7 @@ The protocols of the whole house, declared once. Whoever derives from `MotionMod
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -22,6 +23,7 @@ __all__ = [
     "Pilot",
     "ScanSensor",
     "Smoother",
+    "View",
     "World",
     "as_estimator",
     "as_motion",
@@ -199,11 +201,35 @@ class Smoother(Protocol):
         """Best poses (T, 3) of all steps so far; a copy."""
 
 
+@dataclass(frozen=True, eq=False)
+class View:
+    """What a pilot may know when it gives its next command; of a batch, M robots side by side.
+
+    Attributes
+    ----------
+    time, dt : float
+        Now, and how long the command will last (s).
+    pose, pose_cov : ndarray, shapes (3,) and (3, 3), or (M, 3) and (M, 3, 3)
+        What the robot believes; the truth is not here.
+    measurement : ndarray or None
+        The newest one: ranges (n_beams,) or landmarks (k, 2); None without a sensor.
+    hit : ndarray of bool, shape () or (M,)
+        Whether the last command ended at an obstacle.
+    """
+
+    time: float
+    dt: float
+    pose: Array
+    pose_cov: Array
+    measurement: Any
+    hit: NDArray[np.bool_]
+
+
 @runtime_checkable
 class Pilot(Protocol):
     """Who decides where to drive. It sees what the robot believes, never the truth."""
 
-    def command(self, view: Any) -> Any:
+    def command(self, view: View) -> Array | None:
         """Return the next control u (p,), or None when there is nothing left to do."""
 
 

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 from slamlab.exercises._report import Array, Check, Function
-from slamlab.navigation import PathMemory, ReturnLaw, return_to_start
-from slamlab.robots import Unicycle
+from slamlab.localization import DeadReckoning
+from slamlab.navigation import Homer, PathMemory, ReturnLaw
+from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer
+from slamlab.simulation import record
 
 __all__ = ["check_fit", "check_loop", "check_tune"]
 
@@ -234,17 +236,21 @@ def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[str, ...]:
     path, exact = _stairs(), VisualOdometer.simple(0.0, 0.0)
     law = ReturnLaw(k_v, k_omega, lookahead, max_speed=0.2, max_turn_rate=1.5)
     start = [*path.point_at(path.length), np.pi]
+    pilot, belief = Homer(path, law), DeadReckoning(RelativePose(), start)
     rng = np.random.default_rng(0)
-    home = return_to_start(path, start, law, Unicycle(), exact, rng, max_time=90.0)
-    away = path.nearest(home.truth[:, :2])[1].max()
-    full = np.mean(np.abs(home.controls[:, 1]) > 1.49)
+    home = record(
+        None, Unicycle(), None, pilot, belief, rng, start=start, odometer=exact, max_time=90.0
+    )
+    truth = home.notes["believed"]  # the odometer is exact
+    away = path.nearest(truth[:, :2])[1].max()
+    full = np.mean(np.abs(home.notes["command"][1:, 1]) > 1.49)
     # The stairs lie between two lines through their corners, x - y = 0 and x - y = 0.5.
-    band = (home.truth[:, 0] - home.truth[:, 1]) / np.sqrt(2)
+    band = (truth[:, 0] - truth[:, 1]) / np.sqrt(2)
     past = max(-band.min(), band.max() - 0.5 / np.sqrt(2))
     seconds = home.times[-1]
     left = f"it leaves the path by {100 * away:.0f} cm, 6 are allowed: "
     return (
-        "" if home.arrived else "it does not come home within 90 s",
+        "" if pilot.arrived else "it does not come home within 90 s",
         "" if away <= 0.06 else left + "the look-ahead distance is too long, or k_omega too small",
         ""
         if seconds <= 40.0

@@ -1,8 +1,8 @@
-"""Where the robot goes: routes, paths remembered and followed, exploration."""
+"""Where the robot goes: pilots, who see what the robot believes, and what they plan with."""
 
-from slamlab.navigation.drive import YOUBOT_BODY, Belief, Body, Drive, drive_round
-from slamlab.navigation.explore import Exploration, explore
-from slamlab.navigation.follow import RegulatedPurePursuit, Return, ReturnLaw, return_to_start
+from slamlab.navigation.drive import YOUBOT_BODY, Body, RoomDriver
+from slamlab.navigation.explore import Explorer
+from slamlab.navigation.follow import Homer, RegulatedPurePursuit, ReturnLaw
 from slamlab.navigation.path_memory import Cubic, Loop, PathMemory, fit_cubic
 from slamlab.navigation.seen_floor import SeenFloor
 from slamlab.navigation.strategies import (
@@ -11,16 +11,15 @@ from slamlab.navigation.strategies import (
     NearestFrontier,
     Quadrants,
     RandomFraction,
+    Situation,
     Strategy,
-    View,
 )
 
 __all__ = [
-    "Belief",
     "Body",
     "Cubic",
-    "Drive",
-    "Exploration",
+    "Explorer",
+    "Homer",
     "InformationGain",
     "LongestBeam",
     "Loop",
@@ -29,14 +28,11 @@ __all__ = [
     "Quadrants",
     "RandomFraction",
     "RegulatedPurePursuit",
-    "Return",
     "ReturnLaw",
+    "RoomDriver",
     "SeenFloor",
+    "Situation",
     "Strategy",
-    "View",
     "YOUBOT_BODY",
-    "drive_round",
-    "explore",
     "fit_cubic",
-    "return_to_start",
 ]

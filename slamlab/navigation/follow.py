@@ -1,4 +1,4 @@
-"""Driving home along a path memory: P3's return law, regulated pure pursuit, the whole return.
+"""Driving home along a path memory: two laws, and the pilot that obeys one.
 
 P3 section 1, steps 2.1 to 2.4. The way is looked up only towards the start, so that a path which
 comes near itself cannot tempt the robot to another branch. Chapter 17 drives it home.
@@ -12,34 +12,20 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_covariance, as_rng, as_scalar
-from slamlab.geometry import compose, wrap_angle
+from slamlab._checks import Array, as_array, as_scalar
+from slamlab.geometry import wrap_angle
+from slamlab.models import View
 from slamlab.navigation.path_memory import PathMemory
 
-__all__ = ["Law", "RegulatedPurePursuit", "Return", "ReturnLaw", "return_to_start"]
+__all__ = ["Homer", "Law", "RegulatedPurePursuit", "ReturnLaw"]
 
 
 class Law(Protocol):
-    """What `return_to_start` needs: a control for where the robot thinks it is."""
+    """What a `Homer` needs: a control for where the robot thinks it is."""
 
     def command(self, path: PathMemory, pose: ArrayLike, s: ArrayLike) -> tuple[Array, Array]:
         """Return controls (..., 2) or (..., 3) and how far it is still along the path (...)."""
         ...
-
-
-class _Motion(Protocol):
-    def sample(
-        self,
-        pose: ArrayLike,
-        u: ArrayLike,
-        dt: float,
-        control_cov: ArrayLike,
-        rng: np.random.Generator,
-    ) -> Array: ...
-
-
-class _Odometer(Protocol):
-    def measure(self, before: ArrayLike, after: ArrayLike, rng: np.random.Generator) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -200,127 +186,67 @@ def _polar(pose: Array, target: Array, backwards: bool) -> tuple[Array, Array]:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Return:
-    """Drives home, T steps.
-
-    Attributes
-    ----------
-    times : ndarray, shape (T,)
-        Seconds.
-    truth, estimates : ndarray, shape (T, ..., 3)
-        Where the robots were and where they thought they were. Who has arrived stands still.
-    s : ndarray, shape (T, ...)
-        How far it still was along the path when the step was planned (m).
-    controls : ndarray, shape (T - 1, ..., 2 or 3)
-    arrived : ndarray of bool, shape (...)
-        Who reached the start within the time.
-    """
-
-    times: Array
-    truth: Array
-    estimates: Array
-    s: Array
-    controls: Array
-    arrived: np.ndarray
-
-
-def return_to_start(
-    path: PathMemory,
-    pose: ArrayLike,
-    law: Law,
-    motion: _Motion,
-    odometer: _Odometer,
-    rng: np.random.Generator,
-    *,
-    estimate: ArrayLike | None = None,
-    control_cov: ArrayLike | None = None,
-    turn_first: bool = False,
-    dt: float = 0.1,
-    stop: float = 0.02,
-    max_time: float = 300.0,
-) -> Return:
-    """Drive back along a remembered path by odometry alone, P3 steps 2.1 to 2.4.
+class Homer:
+    """Drives back along a remembered path, P3 steps 2.1 to 2.4; a pilot for `simulation.record`.
 
     Parameters
     ----------
     path : PathMemory
         In the frame in which the robot believes to be.
-    pose : array_like, shape (..., 3)
-        True poses at the far end; a batch is a batch of runs with noise of their own.
     law : ReturnLaw or RegulatedPurePursuit
         Or anything with their `command`.
-    motion : Unicycle, Mecanum
-        Or anything with their `sample`; it must take the law's controls.
-    odometer : VisualOdometer
-        Or anything with its `measure`.
-    rng : numpy.random.Generator
-    estimate : array_like, shape (..., 3), optional
-        Where the robots believe to be; the truth without it.
-    control_cov : array_like, optional
-        Covariance of what the wheels do beside the command; exact wheels without it.
     turn_first : bool, default False
         Turn on the spot until the front looks along the path before driving.
-    dt : float, default 0.1
-        Length of a step (s): the visual odometer's ten a second.
     stop : float, default 0.02
         Arc length (m) before the start at which the robot stops.
-    max_time : float, default 300.0
-        After this (s) a robot that is not home is lost.
 
-    Returns
-    -------
-    Return
+    Attributes
+    ----------
+    s : ndarray, shape (...)
+        How far it still is along the path (m), for each robot of a batch.
 
     Raises
     ------
     ValueError
-        If a shape is wrong, a number is not finite or out of range, or nothing is stored.
+        If a number is out of range.
     """
-    rng = as_rng("rng", rng)
-    dt = as_scalar("dt", dt, low=1e-6, high=1e6)
-    stop = as_scalar("stop", stop, low=1e-6, high=1e6)
-    steps = int(np.ceil(as_scalar("max_time", max_time, low=dt, high=1e9) / dt))
-    truth = as_array("pose", pose, ("...", 3)).copy()
-    believed = truth if estimate is None else as_array("estimate", estimate, ("...", 3))
-    believed = np.broadcast_to(believed, truth.shape).copy()
-    s = np.full(truth.shape[:-1], path.length)
-    u, _ = law.command(path, believed, s)
-    turning = np.full(truth.shape[:-1], bool(turn_first))
-    slip = np.zeros((u.shape[-1],) * 2) if control_cov is None else control_cov
-    slip = as_covariance("control_cov", slip, u.shape[-1])
-    track: list[tuple[Array, Array, Array]] = [(truth, believed, s)]
-    controls: list[Array] = []
-    for _ in range(steps):
-        u, s = law.command(path, believed, s)
-        if turning.any():
-            u, turning = _turn(path, believed, s, u, turning, law, dt)
+
+    s: Array
+
+    def __init__(
+        self, path: PathMemory, law: Law, *, turn_first: bool = False, stop: float = 0.02
+    ) -> None:
+        self._path, self._law = path, law
+        self._turn_first, self._stop = bool(turn_first), as_scalar("stop", stop, 1e-6, 1e6)
+        self._turning: np.ndarray | None = None
+
+    def __repr__(self) -> str:
+        """Return law and path."""
+        return f"Homer({self._law}, {self._path})"
+
+    @property
+    def arrived(self) -> np.ndarray:
+        """Who has no path left, shape (...)."""
+        return np.asarray(self.s <= self._stop)
+
+    def command(self, view: View) -> Array | None:
+        """Return the next controls (..., 2 or 3), zero for who is home; None when all are."""
+        if self._turning is None:
+            self._turning = np.full(view.pose.shape[:-1], self._turn_first)
+            self.s = np.full(view.pose.shape[:-1], self._path.length)
+        u, self.s = self._law.command(self._path, view.pose, self.s)
+        if self._turning.any():
+            off = _off_the_path(self._path, view.pose, self.s)
+            self._turning = self._turning & (np.abs(off) > 0.05)
+            rate = float(getattr(self._law, "max_turn_rate", 1.0))
+            spot = np.zeros_like(u)
+            spot[..., -1] = np.clip(off / view.dt, -rate, rate)
+            u = np.where(self._turning[..., None], spot, u)
         # 2.4: home is where no path is left.
-        home = s <= stop
-        if home.all():
-            break
-        u = np.where(home[..., None], 0.0, u)
-        after = motion.sample(truth, u, dt, slip, rng)
-        measured = odometer.measure(truth, after, rng)
-        still = home[..., None]
-        truth = np.where(still, truth, after)
-        believed = np.where(still, believed, compose(believed, measured))
-        track.append((truth, believed, s))
-        controls.append(u)
-    truths, estimates, ss = (np.array(column) for column in zip(*track, strict=True))
-    driven = np.stack(controls) if controls else np.zeros((0, *u.shape))
-    times: Array = np.arange(len(track), dtype=np.float64) * dt
-    return Return(times, truths, estimates, ss, driven, s <= stop)
+        return None if self.arrived.all() else np.where(self.arrived[..., None], 0.0, u)
 
 
-def _turn(
-    path: PathMemory, pose: Array, s: Array, u: Array, turning: np.ndarray, law: Law, dt: float
-) -> tuple[Array, np.ndarray]:
-    """Turn on the spot, until the front looks along the path, in place of the law's control."""
-    rate = float(getattr(law, "max_turn_rate", 1.0))
+def _off_the_path(path: PathMemory, pose: Array, s: Array) -> Array:
+    """Angle (...) from the front to the direction of the path, homewards (rad)."""
     tangent = -path.tangent_at(s)
-    off = wrap_angle(np.arctan2(tangent[..., 1], tangent[..., 0]) - pose[..., 2])
-    turning = turning & (np.abs(off) > 0.05)
-    spot = np.zeros_like(u)
-    spot[..., -1] = np.clip(off / dt, -rate, rate)
-    return np.where(turning[..., None], spot, u), turning
+    return wrap_angle(np.arctan2(tangent[..., 1], tangent[..., 0]) - pose[..., 2])

@@ -15,7 +15,6 @@ from scipy import ndimage
 
 from slamlab._checks import Array, as_scalar
 from slamlab.navigation.seen_floor import SeenFloor
-from slamlab.robots.square import SquareRobot
 from slamlab.sensors.lidar import Lidar
 
 __all__ = [
@@ -24,13 +23,13 @@ __all__ = [
     "NearestFrontier",
     "Quadrants",
     "RandomFraction",
+    "Situation",
     "Strategy",
-    "View",
 ]
 
 
 @dataclass(frozen=True)
-class View:
+class Situation:
     """What a strategy may know when it chooses.
 
     Attributes
@@ -40,9 +39,12 @@ class View:
     ranges : ndarray, shape (n_beams,)
         The scan taken here (m).
     lidar : Lidar
-    robot : SquareRobot
     floor : SeenFloor
         Everything seen so far, this scan included.
+    body_length : float
+        Of the robot (m).
+    body_radius : float
+        Radius (m) of the disc that needs room on a way: where it fits, the body does.
     refused : bool
         Whether the last choice could not even be begun.
     came_from : float or None
@@ -52,8 +54,9 @@ class View:
     pose: Array
     ranges: Array
     lidar: Lidar
-    robot: SquareRobot
     floor: SeenFloor
+    body_length: float
+    body_radius: float
     refused: bool = False
     came_from: float | None = None
 
@@ -73,20 +76,15 @@ class View:
         way = distance * np.array([np.cos(direction), np.sin(direction)])
         return (self.pose[:2] + way)[None]
 
-    @property
-    def body_radius(self) -> float:
-        """Radius (m) of the disc that may stand and turn anywhere, two centimetres to spare."""
-        return self.robot.circumradius + 0.02
-
 
 class Strategy(Protocol):
-    """Chooses where to go. Anything with this method can be given to `explore`.
+    """Chooses where to go. Anything with this method can be given to an `Explorer`.
 
-    A strategy that wants the robot home again returns ``view.floor.route(view.pose[:2], home,
-    view.body_radius)`` when it has seen enough.
+    A strategy that wants the robot home again returns ``now.floor.route(now.pose[:2], home,
+    now.body_radius)`` when it has seen enough.
     """
 
-    def choose(self, view: View, rng: np.random.Generator) -> Array | None:
+    def choose(self, now: Situation, rng: np.random.Generator) -> Array | None:
         """Return points (k, 2) to drive through one after the other (m), None to stop."""
 
 
@@ -110,11 +108,11 @@ class LongestBeam:
     def __init__(self, fraction: float = 0.5) -> None:
         self.fraction = as_scalar("fraction", fraction, float(np.finfo(float).tiny), 1.0)
 
-    def choose(self, view: View, rng: np.random.Generator) -> Array:
+    def choose(self, now: Situation, rng: np.random.Generator) -> Array:
         """See `Strategy`; after a refusal a random direction is tried."""
-        directions, lengths = view.beams
-        beam = _any_open(view, lengths, rng) if view.refused else int(np.argmax(lengths))
-        return view.ahead(directions[beam], self.fraction * lengths[beam])
+        directions, lengths = now.beams
+        beam = _any_open(now, lengths, rng) if now.refused else int(np.argmax(lengths))
+        return now.ahead(directions[beam], self.fraction * lengths[beam])
 
 
 class RandomFraction:
@@ -131,11 +129,11 @@ class RandomFraction:
     def __init__(self, as_printed: bool = False) -> None:
         self.as_printed = bool(as_printed)
 
-    def choose(self, view: View, rng: np.random.Generator) -> Array:
+    def choose(self, now: Situation, rng: np.random.Generator) -> Array:
         """See `Strategy`; after a refusal a random direction is tried."""
-        directions, lengths = view.beams
-        beam = _any_open(view, lengths, rng) if view.refused else int(np.argmax(lengths))
-        return view.ahead(directions[beam], _part(lengths[beam], self.as_printed, rng))
+        directions, lengths = now.beams
+        beam = _any_open(now, lengths, rng) if now.refused else int(np.argmax(lengths))
+        return now.ahead(directions[beam], _part(lengths[beam], self.as_printed, rng))
 
 
 class Quadrants:
@@ -162,20 +160,20 @@ class Quadrants:
         high = np.array([90.0, 180.0, 270.0, 360.0])
         return (degrees >= low[:, None] - 1e-9) & (degrees < high[:, None] - 1e-9)
 
-    def choose(self, view: View, rng: np.random.Generator) -> Array:
+    def choose(self, now: Situation, rng: np.random.Generator) -> Array:
         """See `Strategy`; after a refusal a random direction is tried."""
-        directions, lengths = view.beams
-        inside = self.quarters(view.lidar.beam_angles)
+        directions, lengths = now.beams
+        inside = self.quarters(now.lidar.beam_angles)
         best = np.argmax(np.where(inside, lengths, -1.0), axis=1)[inside.any(axis=1)]
-        best = best[lengths[best] > view.robot.side]
-        if view.came_from is not None and len(best):
-            onward = best[np.cos(directions[best] - view.came_from) < np.sqrt(0.5)]
+        best = best[lengths[best] > now.body_length]
+        if now.came_from is not None and len(best):
+            onward = best[np.cos(directions[best] - now.came_from) < np.sqrt(0.5)]
             best = onward if len(onward) else best
-        if view.refused or len(best) == 0:
-            beam = _any_open(view, lengths, rng)
+        if now.refused or len(best) == 0:
+            beam = _any_open(now, lengths, rng)
         else:
             beam = int(rng.choice(best))
-        return view.ahead(directions[beam], _part(lengths[beam], self.as_printed, rng))
+        return now.ahead(directions[beam], _part(lengths[beam], self.as_printed, rng))
 
 
 class NearestFrontier:
@@ -195,26 +193,26 @@ class NearestFrontier:
     def __init__(self, smallest: int = 3) -> None:
         self.smallest = int(as_scalar("smallest", smallest, 1, 1e9))
 
-    def choose(self, view: View, rng: np.random.Generator) -> Array | None:
+    def choose(self, now: Situation, rng: np.random.Generator) -> Array | None:
         """See `Strategy`; None when no frontier can be reached any more."""
-        floor, radius = view.floor, view.body_radius
-        _shut_stale(view)
+        floor, radius = now.floor, now.body_radius
+        _shut_stale(now)
         frontier = _large_parts(floor.frontier(), self.smallest)
-        lengths, parents = floor.distances(view.pose[:2], radius)
-        reachable = np.isfinite(lengths)
+        ways = floor.ways(now.pose[:2], radius)
+        lengths, reachable = ways.lengths, np.isfinite(ways.lengths)
         if not frontier.any() or not reachable.any():
             return None
         # For every frontier cell the nearest cell where the robot can stand.
         gap, (row, column) = ndimage.distance_transform_edt(~reachable, return_indices=True)
         cost = np.where(frontier, lengths[row, column] + gap * floor.resolution, np.inf)
-        cost[gap * floor.resolution > min(view.lidar.max_range, 2.0)] = np.inf
+        cost[gap * floor.resolution > min(now.lidar.max_range, 2.0)] = np.inf
         best = np.unravel_index(np.argmin(cost), cost.shape)
         if not np.isfinite(cost[best]):
             return None
         goal = int(row[best]), int(column[best])
         # One visit a frontier: what it does not clear up is no way on.
         floor.shut |= frontier & (row == goal[0]) & (column == goal[1])
-        return floor.way(parents, goal, radius)
+        return ways.to(goal)
 
 
 class InformationGain:
@@ -240,28 +238,29 @@ class InformationGain:
         self.reach = as_scalar("reach", reach, 0.0, 1e6)
         self.smallest = as_scalar("smallest", smallest, 0.0, 1e6)
 
-    def choose(self, view: View, rng: np.random.Generator) -> Array | None:
+    def choose(self, now: Situation, rng: np.random.Generator) -> Array | None:
         """See `Strategy`; None when no place would show enough."""
-        floor, radius = view.floor, view.body_radius
-        _shut_stale(view)
-        lengths, parents = floor.distances(view.pose[:2], radius)
+        floor, radius = now.floor, now.body_radius
+        _shut_stale(now)
+        ways = floor.ways(now.pose[:2], radius)
+        lengths = ways.lengths
         # Candidates: every fourth reachable cell that has frontier around it.
         stand = np.isfinite(lengths)
         near = ndimage.distance_transform_edt(~floor.frontier()) * floor.resolution
-        stand &= near <= min(self.reach, view.lidar.max_range)
+        stand &= near <= min(self.reach, now.lidar.max_range)
         stand &= (np.add.outer(*map(np.arange, stand.shape)) % 4 == 0) & floor.frontier().any()
         rows, columns = np.nonzero(stand)
         if len(rows) == 0:
             return None
-        points = floor.centres[rows, columns]
-        gain = floor.unseen_area(points, min(self.reach, view.lidar.max_range))
-        gain[np.hypot(*(points - view.pose[:2]).T) < radius] = 0.0
+        points = floor.centres()[rows, columns]
+        gain = floor.unseen_area(points, min(self.reach, now.lidar.max_range))
+        gain[np.hypot(*(points - now.pose[:2]).T) < radius] = 0.0
         value = np.where(gain >= self.smallest, gain, 0.0)
         value = value * np.exp(-self.decay * lengths[rows, columns])
         best = int(np.argmax(value))
         if value[best] <= 0.0:
             return None
-        return floor.way(parents, (int(rows[best]), int(columns[best])), radius)
+        return ways.to((int(rows[best]), int(columns[best])))
 
 
 def _part(length: float, as_printed: bool, rng: np.random.Generator) -> float:
@@ -269,9 +268,9 @@ def _part(length: float, as_printed: bool, rng: np.random.Generator) -> float:
     return length / rng.uniform(0.1, 2.0) if as_printed else length * rng.uniform(0.5, 1.0)
 
 
-def _any_open(view: View, lengths: Array, rng: np.random.Generator) -> int:
+def _any_open(now: Situation, lengths: Array, rng: np.random.Generator) -> int:
     """Draw a beam longer than the robot, or any beam if there is none."""
-    open_beams = np.flatnonzero(lengths > view.robot.side)
+    open_beams = np.flatnonzero(lengths > now.body_length)
     return int(rng.choice(open_beams)) if len(open_beams) else int(rng.integers(len(lengths)))
 
 
@@ -284,6 +283,6 @@ def _large_parts(mask: NDArray[np.bool_], smallest: int) -> NDArray[np.bool_]:
     return keep[labels]
 
 
-def _shut_stale(view: View) -> None:
+def _shut_stale(now: Situation) -> None:
     """Leave alone what a scan from right here has not cleared up."""
-    view.floor.shut_near(view.pose[:2], view.body_radius + 3 * view.floor.resolution)
+    now.floor.shut_near(now.pose[:2], now.body_radius + 3 * now.floor.resolution)

@@ -94,11 +94,13 @@ class WallSlam:
     >>> slam = WallSlam(YOUBOT, lidar, [0, 0, 0])
     >>> wall = WallWorld([[[2.3, -3], [2.3, 3]]])
     >>> scan = Lidar(181, np.pi / 2, offset=0.3).scan(wall, [0, 0, 0])
-    >>> slam.observe(scan).ids, slam.observe(scan).ids
+    >>> slam.update(scan).ids, slam.update(scan).ids
     ((0,), (0,))
     >>> (slam.filter.landmarks.round(3) + 0.0).tolist()
     [[2.3, 0.0]]
     """
+
+    measures = "ranges"
 
     def __init__(
         self,
@@ -152,13 +154,15 @@ class WallSlam:
         """Stage 1 of P1: move the pose, as `EKFSlam.predict`."""
         self.filter.predict(u, dt, control_cov)
 
-    def observe(self, ranges: ArrayLike) -> Sighting:
+    def update(self, measurement: ArrayLike, ids: Any = None) -> Sighting:
         """Stages 2 and 3 of P1: correct by the walls known already, add the others.
 
         Parameters
         ----------
-        ranges : array_like, shape (n_beams,)
-            One scan (m); NaN or inf is a beam without return.
+        measurement : array_like, shape (n_beams,)
+            One scan, ranges (m); NaN or inf is a beam without return.
+        ids : None
+            Walls have no names that a scan could tell.
 
         Returns
         -------
@@ -169,7 +173,7 @@ class WallSlam:
         ValueError
             If the shape is wrong or a range is negative. The filter is then as it was.
         """
-        points = self._lidar.points(ranges) - [self._lidar.offset, 0.0]
+        points = self._lidar.points(measurement) - [self._lidar.offset, 0.0]
         walls = extract_walls(points, self._sigma)
         covs = walls.covs + _EXTRACTION_COV
         ids = self._associate(walls, covs)

@@ -5,11 +5,13 @@ import pytest
 
 from slamlab.filters import kalman
 from slamlab.gaussian import Gaussian
-from slamlab.navigation import PathMemory, ReturnLaw, return_to_start
+from slamlab.localization import DeadReckoning
+from slamlab.navigation import Homer, PathMemory, ReturnLaw
 from slamlab.navigation._boxes import TESTS, search
 from slamlab.navigation._spline import Spline
-from slamlab.robots import Unicycle
+from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer
+from slamlab.simulation import record
 
 DT = 0.1
 CORNERS = 0.5 * np.array([[0, 0], [1, 0], [1, 1], [2, 1], [2, 2], [1, 2], [1, 3], [0, 3]])
@@ -114,10 +116,10 @@ def test_what_the_error_at_the_far_end_alone_costs():
         for point in np.concatenate([np.linspace([0, 0], [0, 0.5], 40),
                                      np.linspace([0, 0.5], [-0.5, 0.5], 40)]):  # fmt: skip
             memory.add(point)
-        home = return_to_start(
-            memory, [*truth, np.pi + a], ReturnLaw(backwards=True), Unicycle(),
-            VisualOdometer.simple(0, 0), np.random.default_rng(0),
-            estimate=[*believed, np.pi], stop=0.001,
+        home = record(
+            None, Unicycle(), None, Homer(memory, ReturnLaw(backwards=True), stop=0.001),
+            DeadReckoning(RelativePose(), [*believed, np.pi]), np.random.default_rng(0),
+            start=[*truth, np.pi + a], odometer=VisualOdometer.simple(0, 0),
         )  # fmt: skip
         assert np.hypot(*(home.truth[-1, :2] - end)) < 0.005
 

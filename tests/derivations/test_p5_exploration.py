@@ -7,18 +7,19 @@ the thesis line by line and set against geometry worked out here.
 import numpy as np
 import pytest
 
-from slamlab.navigation import Quadrants, explore
+from slamlab.navigation import Explorer, Quadrants
 from slamlab.printed.p5 import (
     can_move_as_printed,
     displacement_as_printed,
     forward_is_open_as_printed,
     turn_as_printed,
 )
-from slamlab.robots import SquareRobot
+from slamlab.robots import SquareRobot, Unicycle
 from slamlab.sensors import (
     Lidar,
     turn_between,
 )
+from slamlab.simulation import Truth, record
 from slamlab.worlds import free_poses, rooms
 
 N, ROBOT, LIDAR, ROOM = 120, SquareRobot(0.30), Lidar(120), rooms.thesis_room()
@@ -166,15 +167,15 @@ def test_160_to_270_counts_the_beams_behind_twice():
 def test_the_two_trials_end_without_collision_only_with_the_mended_guard():
     for room in (rooms.thesis_room(), rooms.thesis_room_two()):
         starts = free_poses(room, 4, np.random.default_rng(5), ROBOT.circumradius + 0.03)
-        counts = {
-            guard: [
-                explore(
-                    room, ROBOT, LIDAR, Quadrants(), start, np.random.default_rng(k),
-                    guard=guard, max_moves=25, max_path=8.0,
-                ).collisions[-1]
-                for k, start in enumerate(starts)
-            ]
-            for guard in ("swept", forward_is_open_as_printed)
-        }  # fmt: skip
-        assert sum(counts["swept"]) == 0
-        assert np.mean(np.array(counts[forward_is_open_as_printed]) > 0) >= 0.75
+        hits = {}
+        for guard in ("swept", forward_is_open_as_printed):
+            for k, start in enumerate(starts):
+                rng = np.random.default_rng(k)
+                limits = {"guard": guard, "max_moves": 25, "max_path": 8.0}
+                log = record(
+                    room, Unicycle(), LIDAR, Explorer(ROBOT, LIDAR, Quadrants(), rng, **limits),
+                    Truth(), rng, start=start, dt=1.0, footprint=ROBOT.footprint,
+                )  # fmt: skip
+                hits.setdefault(guard, []).append(log.notes["hit"].any())
+        assert not any(hits["swept"])
+        assert np.mean(hits[forward_is_open_as_printed]) >= 0.75

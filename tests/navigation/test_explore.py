@@ -1,24 +1,28 @@
 """Exploration: coverage, collisions, the record, the protocol; P5's faults beside their repair."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from slamlab.evaluation.tours import collisions, coverage, path_length, revisits
+from slamlab.geometry import compose
 from slamlab.navigation import (
+    Explorer,
     InformationGain,
     LongestBeam,
     NearestFrontier,
     Quadrants,
     RandomFraction,
     SeenFloor,
-    View,
-    explore,
+    Situation,
 )
-from slamlab.navigation.explore import _revisits
 from slamlab.printed.p5 import forward_is_open_as_printed
-from slamlab.robots import SquareRobot
+from slamlab.robots import SquareRobot, Unicycle
 from slamlab.sensors import Lidar
-from slamlab.worlds import BitmapWorld, free_poses, rooms
+from slamlab.simulation import Truth, record
+from slamlab.worlds import free_poses, rooms
 
 ROBOT, LIDAR = SquareRobot(0.30), Lidar(120)
 ROOM, ROOM_TWO = rooms.thesis_room(), rooms.thesis_room_two()
@@ -35,8 +39,37 @@ def starts(world, n, seed=1):
     return free_poses(world, n, np.random.default_rng(seed), ROBOT.circumradius + 0.03)
 
 
+def explore(world, robot, lidar, strategy, start, rng, belief=None, **settings):
+    """One exploration and what is to be said about it."""
+    pilot = Explorer(robot, lidar, strategy, rng, **settings)
+    log = record(
+        world,
+        Unicycle(),
+        lidar,
+        pilot,
+        Truth() if belief is None else belief,
+        rng,
+        start=start,
+        dt=1.0,
+        footprint=robot.footprint,
+        max_time=3000,
+    )
+    return SimpleNamespace(
+        log=log,
+        poses=log.truth,
+        ranges=log.ranges,
+        path_length=path_length(log),
+        coverage=coverage(log, world),
+        collisions=collisions(log),
+        revisits=revisits(log, robot.side),
+        finished=pilot.finished,
+        refused=pilot.refused,
+        floor=pilot.floor,
+    )
+
+
 def runs(world, strategy, n=6, **settings):
-    settings = {"max_path": 12.0, "until": 0.99, "max_moves": 60, **settings}
+    settings = {"max_path": 12.0, "max_moves": 60, "bounds": world.bounds, **settings}
     return [
         explore(world, ROBOT, LIDAR, strategy, pose, np.random.default_rng(k), **settings)
         for k, pose in enumerate(starts(world, n))
@@ -45,7 +78,8 @@ def runs(world, strategy, n=6, **settings):
 
 def view_of(ranges, **more):
     floor = SeenFloor([-5, -5, 5, 5])
-    return View(np.zeros(3), np.asarray(ranges, float), Lidar(len(ranges)), ROBOT, floor, **more)
+    lidar, body = Lidar(len(ranges)), (ROBOT.side, ROBOT.circumradius + 0.02)
+    return Situation(np.zeros(3), np.asarray(ranges, float), lidar, floor, *body, **more)
 
 
 def bearing(point):
@@ -94,9 +128,7 @@ def test_can_move_as_printed_collides_in_most_runs(stride):
 
 def test_the_run_may_end_at_the_first_collision():
     settings = {"guard": "none", "n": 3, "stride": np.inf}
-    on, ended = (
-        runs(ROOM, LongestBeam(1.0), stop_at_collision=s, **settings) for s in (False, True)
-    )
+    on, ended = (runs(ROOM, LongestBeam(1.0), stop_at_hit=s, **settings) for s in (False, True))
     assert all(
         run.collisions[-1] == 1 and len(run.poses) <= len(other.poses)
         for run, other in zip(ended, on, strict=True)
@@ -119,12 +151,13 @@ def test_frontiers_see_the_room_on_a_shorter_way_than_the_longest_beam():
     frontier, longest = runs(ROOM, NearestFrontier(), n=8), runs(ROOM, LongestBeam(), n=8)
     assert all(run.finished for run in frontier)
     assert min(run.coverage[-1] for run in frontier) >= 0.985
-    assert np.mean([run.path_length[-1] for run in frontier]) < 9
+    enough = [int(np.argmax(run.coverage >= 0.985)) for run in frontier]
+    assert np.mean([run.path_length[n] for run, n in zip(frontier, enough, strict=True)]) < 9
+    again = [
+        revisits(run.log[: n + 1], ROBOT.side) for run, n in zip(frontier, enough, strict=True)
+    ]
     assert np.mean([run.coverage[-1] for run in longest]) < 0.95
-    assert (
-        np.mean([run.revisits for run in longest])
-        > 10 * np.mean([run.revisits for run in frontier]) + 5
-    )
+    assert np.mean([run.revisits for run in longest]) > 10 * np.mean(again) + 5
 
 
 def test_a_frontier_explorer_stops_by_itself_when_nothing_is_left():
@@ -259,48 +292,80 @@ def test_any_object_with_choose_is_a_strategy_and_can_come_home():
     assert np.hypot(*(run.poses[-1, :2] - [0.6, 0.6])) < 0.1
 
 
-def test_coverage_at_reads_the_record():
-    run = runs(ROOM, NearestFrontier(), n=1)[0]
-    at = run.coverage_at([0.0, run.path_length[-1], 1e6])
-    assert run.coverage[0] <= at[0] < at[1] == at[2] == run.coverage[-1]
+def test_the_map_grows_with_what_is_seen_and_gives_the_same_tour():
+    given = runs(ROOM, NearestFrontier(), n=3)
+    grown = runs(ROOM, NearestFrontier(), n=3, bounds=None)
+    for a, b in zip(given, grown, strict=True):
+        assert b.finished
+        assert b.collisions[-1] == 0
+        assert b.coverage[-1] > 0.98
+        assert b.path_length[-1] < 2.0 * a.path_length[-1] + 2.0
+        left, right, bottom, top = b.floor.extent
+        assert left < 0 < 4 < right
+        assert bottom < 0 < 4 < top
 
 
-def test_revisits_count_entries_into_squares_left_before():
-    line = np.array([[0.15, 0.15], [1.35, 0.15]])
-    assert _revisits(line, 0.3) == 0
-    there_and_back = np.vstack([line, line[:1]])
-    assert _revisits(there_and_back, 0.3) == 4
-    assert _revisits(line[:1], 0.3) == 0
+class Lost(Truth):
+    """Believes to be somewhere else: everything moved and turned, and noise on top."""
+
+    def __init__(self, frame, sigma):
+        super().__init__()
+        self.frame, self.sigma, self.rng = frame, sigma, np.random.default_rng(5)
+
+    def update(self, measurement, ids=None):
+        noise = self.sigma * self.rng.standard_normal(3) * [1, 1, 0.3]
+        super().update(compose(self.frame, measurement) + noise)
 
 
-SOLID = BitmapWorld(np.ones((40, 40)), 0.1)
+def test_the_pilot_sees_the_belief_only_so_a_moved_frame_changes_nothing():
+    """A robot that starts with a wrong idea of where north is explores the same way."""
+    start, frame = [2.0, 2.0, 0.0], np.array([30.0, -20.0, np.pi / 2])
+    here, there = (
+        explore(ROOM, ROBOT, LIDAR, NearestFrontier(), start, np.random.default_rng(0), belief)
+        for belief in (Truth(), Lost(frame, 0.0))
+    )
+    believed = there.log.notes["believed"]
+    np.testing.assert_allclose(believed[:, :2], compose(frame, there.poses)[:, :2], atol=1e-9)
+    assert there.finished
+    assert there.coverage[-1] > 0.98
+    assert abs(there.path_length[-1] - here.path_length[-1]) < 4.0
+
+
+def test_a_belief_that_trembles_is_good_enough():
+    for seed in range(3):
+        start = starts(ROOM, 3)[seed]
+        belief = Lost(np.zeros(3), 0.01)
+        run = explore(
+            ROOM, ROBOT, LIDAR, NearestFrontier(), start, np.random.default_rng(seed), belief
+        )
+        assert run.collisions[-1] == 0
+        assert run.coverage[-1] > 0.95
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"start": [0.02, 0.02, 0.0]}, "start"),
-        ({"start": [0.15, 2.0, 0.0]}, "start: expected a pose at which the robot touches no"),
-        ({"start": [1.0, 1.0]}, "start"),
-        ({"world": SOLID}, "world: expected free floor"),
         ({"rng": 3}, "rng"),
         ({"strategy": "frontier"}, "strategy"),
         ({"guard": "printed"}, "guard: expected one of 'swept', 'none', got"),
         ({"margin": -0.1}, "margin"),
         ({"stride": 0.0}, "stride"),
-        ({"until": 1.5}, "until"),
         ({"max_moves": -1}, "max_moves"),
         ({"max_path": -1.0}, "max_path"),
         ({"resolution": 0.0}, "resolution"),
+        ({"bounds": [0, 0, 0, 1]}, "bounds"),
     ],
 )
 def test_bad_input_is_named(change, message):
     call = {
-        "world": ROOM, "robot": ROBOT, "lidar": LIDAR, "strategy": NearestFrontier(),
-        "start": [2.0, 2.0, 0.0], "rng": np.random.default_rng(0), **change,
-    }  # fmt: skip
+        "robot": ROBOT,
+        "lidar": LIDAR,
+        "strategy": NearestFrontier(),
+        "rng": np.random.default_rng(0),
+        **change,
+    }
     with pytest.raises(ValueError, match=message):
-        explore(**call)
+        Explorer(**call)
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from slamlab.navigation.follow import RegulatedPurePursuit, ReturnLaw, return_to_start
-from slamlab.navigation.path_memory import PathMemory
-from slamlab.robots import YOUBOT, Unicycle
+from slamlab.localization import DeadReckoning
+from slamlab.navigation import Homer, PathMemory, RegulatedPurePursuit, ReturnLaw
+from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.sensors.visual_odometer import VisualOdometer
+from slamlab.simulation import record
 
 EXACT = VisualOdometer.simple(0.0, 0.0)
 NOISY = VisualOdometer.simple(0.001, 0.004)
@@ -15,6 +16,25 @@ NOISY = VisualOdometer.simple(0.001, 0.004)
 
 def rng(seed=0):
     return np.random.default_rng(seed)
+
+
+def go_home(path, pose, law, motion, odometer, rng, *, estimate=None, turn_first=False, stop=0.02,
+            **options):  # fmt: skip
+    """Home by odometry alone: the log, the pilot; `s` is how far it still was at each step."""
+    pilot = Homer(path, law, turn_first=turn_first, stop=stop)
+    believed = DeadReckoning(RelativePose(), pose if estimate is None else estimate)
+    log = record(
+        None, motion, None, pilot, believed, rng, start=pose, odometer=odometer, **options
+    )
+    return log, pilot
+
+
+def way_left(path, log, law):
+    """How far it still was along the path at each step, (T, ...)."""
+    s = [np.full(log.truth.shape[1:-1], path.length)]
+    for pose in log.notes["believed"]:
+        s.append(law.command(path, pose, s[-1])[1])
+    return np.array(s[1:])
 
 
 def memory_of(*corners, tolerance=0.02, step=0.02):
@@ -50,24 +70,25 @@ def far_end(path):
 @pytest.mark.parametrize("path", [STAIRS, HAIRPIN], ids=["stairs", "hairpin"])
 def test_every_law_comes_home_along_the_path(name, path):
     law, motion, turn = HOMES[name]
-    home = return_to_start(path, far_end(path), law, motion, EXACT, rng(), turn_first=turn)
-    assert home.arrived
+    home, pilot = go_home(path, far_end(path), law, motion, EXACT, rng(), turn_first=turn)
+    assert pilot.arrived
     assert np.hypot(*home.truth[-1, :2]) < 0.05
     # In a U-turn narrower than the look-ahead distance it swings out.
     assert path.nearest(home.truth[:, :2])[1].max() < (0.06 if path is STAIRS else 0.15)
-    assert_allclose(home.estimates, home.truth, atol=1e-9)
+    assert_allclose(home.notes["believed"], home.truth, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", HOMES)
 def test_the_way_left_never_grows_and_no_stretch_is_skipped(name):
     law, motion, turn = HOMES[name]
     poses = np.tile(far_end(HAIRPIN), (100, 1))
-    home = return_to_start(HAIRPIN, poses, law, motion, NOISY, rng(1), turn_first=turn)
-    assert home.arrived.all(), "no run is lost"
-    assert (np.diff(home.s, axis=0) <= 0).all()
+    home, pilot = go_home(HAIRPIN, poses, law, motion, NOISY, rng(1), turn_first=turn)
+    assert pilot.arrived.all(), "no run is lost"
+    left = way_left(HAIRPIN, home, law)
+    assert (np.diff(left, axis=0) <= 0).all()
     # 0.02 m a step, more where it cuts a corner; never from one branch to the other.
-    assert np.diff(home.s, axis=0).min() > -0.3
-    farthest = home.estimates[..., 0].max(0)
+    assert np.diff(left, axis=0).min() > -0.3
+    farthest = home.notes["believed"][..., 0].max(0)
     assert (farthest > 1.8).all(), "every run drives round the far end of the hairpin"
 
 
@@ -113,11 +134,11 @@ def test_a_mecanum_robot_heads_for_the_point_whatever_its_heading():
 def test_speed_limits_hold(name):
     law, motion, turn = HOMES[name]
     poses = far_end(STAIRS) + rng(2).normal(0, [0.1, 0.1, 0.8], (50, 3))
-    home = return_to_start(STAIRS, poses, law, motion, NOISY, rng(3), turn_first=turn)
-    speed = np.linalg.norm(home.controls[..., :-1], axis=-1)
+    home, pilot = go_home(STAIRS, poses, law, motion, NOISY, rng(3), turn_first=turn)
+    speed = np.linalg.norm(home.notes["command"][..., :-1], axis=-1)
     assert speed.max() <= law.max_speed + 1e-12
-    assert np.abs(home.controls[..., -1]).max() <= law.max_turn_rate + 1e-12
-    assert home.arrived.all()
+    assert np.abs(home.notes["command"][..., -1]).max() <= law.max_turn_rate + 1e-12
+    assert pilot.arrived.all()
 
 
 def test_pure_pursuit_slows_down_in_bends_and_before_home():
@@ -136,10 +157,10 @@ def test_pure_pursuit_slows_down_in_bends_and_before_home():
 
 
 def test_turning_first_turns_on_the_spot():
-    home = return_to_start(
+    home, pilot = go_home(
         STAIRS, far_end(STAIRS), ReturnLaw(), Unicycle(), EXACT, rng(), turn_first=True
     )
-    spot = home.controls[:, 0] == 0
+    spot = home.notes["command"][1:, 0] == 0
     assert 15 < spot.sum() < 30, "180 degrees at 1.5 rad/s take 21 steps"
     assert spot[:15].all()
 
@@ -148,39 +169,37 @@ def test_the_error_at_the_far_end_comes_home_as_a_rigid_motion():
     """Perfect odometry on the way back: end = F' + R(error of heading) (start - F)."""
     believed = far_end(STAIRS)
     truth = believed + [0.25, 0.05, np.radians(7)]
-    home = return_to_start(
+    home, pilot = go_home(
         STAIRS, truth, ReturnLaw(backwards=True), Unicycle(), EXACT, rng(), estimate=believed
     )
     turn = np.radians(7)
     R = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    due = truth[:2] + R @ (home.estimates[-1, :2] - believed[:2])
+    due = truth[:2] + R @ (home.notes["believed"][-1, :2] - believed[:2])
     assert_allclose(home.truth[-1, :2], due, atol=1e-9)
-    assert (
-        np.abs(home.truth[-1, :2] - (truth[:2] + home.estimates[-1, :2] - believed[:2])).max()
-        > 0.05
-    )
+    unturned = truth[:2] + home.notes["believed"][-1, :2] - believed[:2]
+    assert np.abs(home.truth[-1, :2] - unturned).max() > 0.05
 
 
 def test_arrived_robots_stand_still_and_the_lost_are_reported():
     poses = np.stack([far_end(STAIRS)] * 3)
-    home = return_to_start(
+    home, pilot = go_home(
         STAIRS, poses, ReturnLaw(backwards=True), Unicycle(), NOISY, rng(4), max_time=3.0
     )
-    assert not home.arrived.any()
+    assert not pilot.arrived.any()
     assert len(home.times) == 31
-    start = return_to_start(STAIRS, [0.0, 0, 0], ReturnLaw(), Unicycle(), EXACT, rng(), stop=3.0)
-    assert start.arrived
-    assert start.controls.shape == (0, 2)
+    start, pilot = go_home(STAIRS, [0.0, 0, 0], ReturnLaw(), Unicycle(), EXACT, rng(), stop=3.0)
+    assert pilot.arrived
+    assert len(start) == 1
 
 
 def test_slipping_wheels_are_seen_by_the_odometer():
     slip = np.diag([0.05, 0.2]) ** 2
-    home = return_to_start(
+    home, pilot = go_home(
         STAIRS, far_end(STAIRS), ReturnLaw(backwards=True), Unicycle(), EXACT, rng(5),
         control_cov=slip,
     )  # fmt: skip
-    assert home.arrived
-    assert_allclose(home.estimates, home.truth, atol=1e-9)
+    assert pilot.arrived
+    assert_allclose(home.notes["believed"], home.truth, atol=1e-9)
     assert np.hypot(*home.truth[-1, :2]) < 0.05
 
 
@@ -203,20 +222,11 @@ def test_bad_laws_are_named(make, message):
         make()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"rng": 3}, "rng: expected a numpy"),
-        ({"dt": 0.0}, "dt"),
-        ({"stop": 0.0}, "stop"),
-        ({"max_time": 0.0}, "max_time"),
-        ({"pose": [0, 0]}, "pose"),
-        ({"estimate": [0, 0]}, "estimate"),
-        ({"control_cov": np.eye(3)}, "control_cov"),
-    ],
-)
-def test_a_bad_return_is_named(change, message):
-    call = {"pose": far_end(STAIRS), "rng": rng(), "law": ReturnLaw(), "path": STAIRS}
-    call |= {"motion": Unicycle(), "odometer": EXACT}
-    with pytest.raises(ValueError, match=message):
-        return_to_start(**(call | change))
+def test_a_pilot_names_a_stop_that_is_none():
+    with pytest.raises(ValueError, match="stop"):
+        Homer(STAIRS, ReturnLaw(), stop=0.0)
+
+
+def test_the_pilot_says_who_it_is():
+    assert "ReturnLaw" in repr(Homer(STAIRS, ReturnLaw()))
+    assert repr(STAIRS).startswith("PathMemory(2.0")

@@ -1,6 +1,7 @@
 """Hector SLAM: centimetres on slow turns, a flag when it is lost, and what it refuses."""
 
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,33 +11,35 @@ import pytest
 from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.geometry import compose, inverse
-from slamlab.logs import Log
-from slamlab.navigation import drive_round
+from slamlab.navigation import YOUBOT_BODY, RoomDriver
+from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
-from slamlab.simulation import drifted
+from slamlab.simulation import Truth, drifted, record
 from slamlab.slam import HectorSlam
 from slamlab.worlds import rooms
 
 DATA = os.environ.get("SLAMLAB_DATA")
 needs_data = pytest.mark.skipif(DATA is None, reason="SLAMLAB_DATA is not set")
 LIDAR = Lidar(360, max_range=20.0, sigma_range=0.01)
+LIDAR_AHEAD = Lidar(360, offset=0.3, max_range=8.0, sigma_range=0.01)
 
 
 @cache
 def office_drive(max_turn):
     """A round trip through the office, 5 scans a second; the log says nothing of the motion."""
-    start = [2.0, 4.0, 0.0]
-    drive = drive_round(rooms.office(), start, np.random.default_rng(1), max_turn=max_turn)
-    n = len(drive.poses)
-    return Log(
-        0.2 * np.arange(n),
-        np.zeros((n, 3)),
-        np.r_[0, np.full(n - 1, 0.2)],
-        np.zeros((3, 3)),
-        ranges=drive.ranges,
-        scan=drive.lidar,
-        truth=drive.poses,
+    pilot = RoomDriver(YOUBOT_BODY, LIDAR_AHEAD, max_turn=max_turn)
+    log = record(
+        rooms.office(),
+        YOUBOT,
+        LIDAR_AHEAD,
+        pilot,
+        Truth(),
+        np.random.default_rng(1),
+        start=[2.0, 4.0, 0.0],
+        dt=0.2,
+        footprint=YOUBOT_BODY.footprint,
     )
+    return replace(log, u=np.zeros_like(log.u))
 
 
 def scans(poses, seed=0):

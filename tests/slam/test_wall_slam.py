@@ -48,7 +48,7 @@ def run(seed, every=6, slam=None):
         dead = YOUBOT.step(dead, measured, DT)
         slam.predict(measured, DT, V)
         if k % every == 0:
-            slam.observe(RANGES[k + 1] + SIGMA_RANGE * rng.standard_normal(RANGES.shape[1]))
+            slam.update(RANGES[k + 1] + SIGMA_RANGE * rng.standard_normal(RANGES.shape[1]))
         error = slam.pose - POSES[k + 1]
         error[2] = wrap_angle(error[2])
         errors.append(np.hypot(*error[:2]))
@@ -123,7 +123,7 @@ def test_a_second_wall_in_the_gate_leaves_the_sighting_out():
     slam = WallSlam(YOUBOT, NOISY, [0, 0, 0])
     slam.filter.update(twins, ids=["a", "b"], covs=np.diag([0.05, 0.05]) ** 2)
     scan = CLEAN.scan(WallWorld([[[2.31, -3], [2.31, 3]]]), [0, 0, 0])
-    sighting = slam.observe(scan)
+    sighting = slam.update(scan)
     assert sighting.ids == (None,)
     assert slam.filter.ids == ("a", "b")
 
@@ -139,18 +139,18 @@ def test_a_line_through_the_lidar_keeps_its_name_and_its_covariance():
 
 def test_a_wall_seen_once_is_forgotten():
     slam = WallSlam(YOUBOT, NOISY, [0, 0, 0], patience=10, confirm=3)
-    slam.observe(CLEAN.scan(WallWorld([[[2.0, -1], [2.0, 1]]]), [0, 0, 0]))
+    slam.update(CLEAN.scan(WallWorld([[[2.0, -1], [2.0, 1]]]), [0, 0, 0]))
     assert slam.filter.n_landmarks == 1
     assert len(slam.segments) == 0, "once is not often enough"
     for _ in range(10):
         slam.predict([0.1, 0, 0], DT, V)
-    slam.observe(np.full(181, np.inf))
+    slam.update(np.full(181, np.inf))
     assert slam.filter.n_landmarks == 0
 
 
 def test_a_short_piece_starts_no_wall():
     slam = WallSlam(YOUBOT, NOISY, [0, 0, 0])
-    sighting = slam.observe(CLEAN.scan(WallWorld([[[1.0, -0.29], [1.0, 0.29]]]), [0, 0, 0]))
+    sighting = slam.update(CLEAN.scan(WallWorld([[[1.0, -0.29], [1.0, 0.29]]]), [0, 0, 0]))
     assert len(sighting.walls) == 1
     assert sighting.ids == (None,)
 
@@ -173,10 +173,10 @@ def test_bad_parameters_are_named(arguments, message):
 
 def test_a_bad_scan_leaves_the_filter_as_it_was():
     slam = WallSlam(YOUBOT, NOISY, [0, 0, 0])
-    slam.observe(RANGES[0])
+    slam.update(RANGES[0])
     before = slam.filter.mean.copy()
     with pytest.raises(ValueError, match="ranges"):
-        slam.observe(RANGES[0][:-1])
+        slam.update(RANGES[0][:-1])
     with pytest.raises(ValueError, match="ranges"):
-        slam.observe(-RANGES[0])
+        slam.update(-RANGES[0])
     np.testing.assert_array_equal(slam.filter.mean, before)

@@ -1,0 +1,343 @@
+"""The one closed loop: the pilot sees the belief, the world moves the robot, all is written down.
+
+Truth is on one side: where the robot is, what it meets, what its sensors really measure. The
+belief is on the other, and the pilot sees nothing else. Chapters 09, 17, 18 and 20.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_covariance, as_rng, as_scalar
+from slamlab.gaussian import root
+from slamlab.geometry import wrap_angle
+from slamlab.logs import Log
+from slamlab.models import Estimator, MotionModel, Pilot, View, World, as_estimator, as_motion
+from slamlab.sensors import Lidar, RangeBearing
+from slamlab.worlds import LandmarkWorld
+
+__all__ = ["Odometer", "Script", "Truth", "record"]
+
+_DIGITS = 9  # poses and ranges in whole nanometres: no run hangs on the last bit of a machine
+_PIECE = 0.01  # no part of the body moves farther (m) in one piece of an arc
+
+
+class Odometer(Protocol):
+    """What measures the motion itself; `sensors.VisualOdometer` is one."""
+
+    def measure(self, before: ArrayLike, after: ArrayLike, rng: np.random.Generator) -> Array:
+        """Measure the motions (..., 3) between true poses."""
+
+    def cov(self, increment: ArrayLike) -> Array:
+        """Covariance (..., 3, 3) of measured motions."""
+
+
+class Truth:
+    """The estimator that is told where it is: for lessons about driving, not about knowing."""
+
+    measures = "truth"
+
+    def __init__(self) -> None:
+        self._pose = np.zeros(3)
+
+    def __repr__(self) -> str:
+        """Return the pose."""
+        return f"Truth({np.round(self._pose, 3).tolist()})"
+
+    @property
+    def pose(self) -> Array:
+        """True pose (..., 3), a copy."""
+        return self._pose.copy()
+
+    @property
+    def pose_cov(self) -> Array:
+        """Zeros (..., 3, 3)."""
+        return np.zeros((*self._pose.shape, 3))
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Wait for the truth."""
+
+    def update(self, measurement: ArrayLike, ids: Any = None) -> None:
+        """Take in the true pose (..., 3)."""
+        self._pose = as_array("measurement", measurement, ("...", 3)).copy()
+
+
+class Script:
+    """The pilot that reads its controls (T, p) from a list and looks at nothing."""
+
+    def __init__(self, controls: ArrayLike) -> None:
+        self._controls = as_array("controls", controls, ("T", "p"))
+        self._next = 0
+
+    def __repr__(self) -> str:
+        """Return how many controls are left."""
+        return f"Script({len(self._controls) - self._next} controls to go)"
+
+    def command(self, view: View) -> Array | None:
+        """Return the next control (p,), None after the last."""
+        if self._next == len(self._controls):
+            return None
+        self._next += 1
+        return self._controls[self._next - 1]
+
+
+def record(
+    world: World | LandmarkWorld | None,
+    robot: MotionModel,
+    sensor: Lidar | RangeBearing | None,
+    pilot: Pilot,
+    belief: Estimator,
+    rng: np.random.Generator,
+    *,
+    start: ArrayLike,
+    dt: float = 0.1,
+    control_cov: ArrayLike | None = None,
+    odometer: Odometer | None = None,
+    footprint: ArrayLike | None = None,
+    max_time: float = 300.0,
+) -> Log:
+    """Let a pilot drive a robot through a world, and write a log.
+
+    In every step the pilot sees the belief and the newest measurement and gives a command; the
+    robot executes it with noise, unless it stands; a body that meets an obstacle stops at the
+    contact, and its wheels with it; then the sensors measure and the belief is brought up to date.
+
+    Parameters
+    ----------
+    world : World, LandmarkWorld or None
+        Where it happens; None is an open floor with nothing on it.
+    robot : MotionModel
+        How the robot really moves.
+    sensor : Lidar, RangeBearing or None
+        Measures after every step; None measures nothing.
+    pilot : Pilot
+        Gives the controls that `robot` takes.
+    belief : Estimator
+        Where the robot believes to be: SLAM, localization, dead reckoning, or `Truth`. It begins
+        where its maker put it, right or wrong.
+    rng : numpy.random.Generator
+        For the noise of motion and sensors.
+    start : array_like, shape (3,) or (M, 3)
+        True pose (m, m, rad); a batch is M runs side by side, with noise of their own, for
+        pilots and beliefs that take one, and without a lidar.
+    dt : float, default 0.1
+        Length of a step (s).
+    control_cov : array_like, shape (p, p), optional
+        Covariance of the control executed around the command; exact wheels without it.
+    odometer : Odometer, optional
+        Measures the motion. Then ``log.u`` are measured motions (dx, dy, dtheta), for a belief
+        with `robots.RelativePose` as its motion model; without it they are the commands.
+    footprint : array_like, shape (k, 2), optional
+        Corners of the body (m): what collides. A point passes through everything.
+    max_time : float, default 300.0
+        The drive ends after so many seconds.
+
+    Returns
+    -------
+    Log
+        With the truth. The first step has dt = 0: the measurement at the start. Its notes are
+        ``"believed"`` (T, ..., 3), where the robot took itself to be after the step; ``"command"``
+        and ``"driven"`` (T, ..., p), what the pilot wanted and what came of it; ``"hit"``
+        (T, ...), whether the body met an obstacle.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not what it should be, or the body collides at the start.
+
+    Examples
+    --------
+    >>> from slamlab.localization import DeadReckoning
+    >>> from slamlab.robots import Unicycle
+    >>> pilot, belief = Script([[1.0, 0.0]] * 3), DeadReckoning(Unicycle(), [0, 0, 0])
+    >>> rng = np.random.default_rng(0)
+    >>> log = record(None, Unicycle(), None, pilot, belief, rng, start=[5, 0, 0], dt=0.5)
+    >>> log.truth[:, 0].tolist(), log.notes["believed"][:, 0].tolist()
+    ([5.0, 5.5, 6.0, 6.5], [0.0, 0.5, 1.0, 1.5])
+    """
+    scene = _Scene(world, as_motion("robot", robot), sensor, as_rng("rng", rng), footprint)
+    as_estimator("belief", belief)
+    dt = as_scalar("dt", dt, 1e-6, 1e6)
+    steps = int(np.ceil(as_scalar("max_time", max_time, 0, 1e9) / dt - 1e-9))
+    truth = scene.placed(as_array("start", start, ("...", 3)))
+    hit = np.zeros(truth.shape[:-1], bool)
+    rows: list[dict[str, Any]] = []
+    measured = scene.measure(truth)
+    _inform(belief, measured)
+    first = {**measured, "believed": belief.pose, "hit": hit}
+    for k in range(steps):
+        newest = measured.get("ranges", measured.get("looks"))
+        view = View(k * dt, dt, belief.pose, belief.pose_cov, newest, hit)
+        u = pilot.command(view)
+        if u is None:
+            break
+        u = as_array("pilot's command", u, (*hit.shape, "p"))
+        moved = scene.move(truth, u, dt, control_cov)
+        control, cov, hit = moved.u, moved.cov, moved.hit
+        if odometer is not None:
+            control, cov = _odometry(odometer, truth, moved.pose, scene.rng)
+        belief.predict(control, dt, cov)
+        truth = moved.pose
+        measured = scene.measure(truth)
+        _inform(belief, measured)
+        said = {"believed": belief.pose, "hit": hit, "command": u, "driven": moved.driven}
+        rows.append({**measured, **said, "u": control, "cov": cov})
+    return _log(first, rows, dt, world, sensor)
+
+
+class _Moved(NamedTuple):
+    """Where a robot came, what its wheels did and report, and whether it met something."""
+
+    pose: Array
+    driven: Array
+    u: Array
+    cov: Array
+    hit: NDArray[np.bool_]
+
+
+class _Scene:
+    """The true side: a world, a body and its sensors."""
+
+    def __init__(
+        self,
+        world: World | LandmarkWorld | None,
+        robot: MotionModel,
+        sensor: Lidar | RangeBearing | None,
+        rng: np.random.Generator,
+        footprint: ArrayLike | None,
+    ) -> None:
+        self.robot, self.sensor, self.rng = robot, sensor, rng
+        self.landmarks = world.points if isinstance(world, LandmarkWorld) else None
+        self.obstacles = None if isinstance(world, LandmarkWorld) else world
+        if isinstance(sensor, Lidar) and self.obstacles is None:
+            raise ValueError(f"world: expected one with obstacles for a lidar, got {world}")
+        if sensor is not None and not isinstance(sensor, Lidar) and self.landmarks is None:
+            raise ValueError(f"world: expected a LandmarkWorld for {sensor}, got {world}")
+        self.body = None if footprint is None else as_array("footprint", footprint, ("k", 2))
+
+    def placed(self, start: Array) -> Array:
+        """Return the start, if the body is free there."""
+        body, obstacles = self.body, self.obstacles
+        if body is not None and obstacles is not None and obstacles.collides(body, start).any():
+            raise ValueError(
+                f"start: expected a pose at which the robot touches no obstacle, got {start}"
+            )
+        if start.ndim > 1 and isinstance(self.sensor, Lidar):
+            raise ValueError(f"start: expected one robot (3,) with a lidar, got {start.shape}")
+        return np.round(start, _DIGITS)
+
+    def move(self, pose: Array, u: Array, dt: float, control_cov: ArrayLike | None) -> _Moved:
+        """Execute a command with noise, as far as the world lets the body go."""
+        p = u.shape[-1]
+        V = np.zeros((p, p)) if control_cov is None else control_cov
+        V = as_covariance("control_cov", V, p)
+        moving = u.any(-1, keepdims=True)
+        executed = u + moving * (self.rng.standard_normal(u.shape) @ root(V).T)
+        free = np.ones(pose.shape[:-1])
+        hit = self._hits(pose, executed, dt, free)
+        if hit.any():
+            low, high = np.zeros_like(free), free
+            for _ in range(12):
+                middle = 0.5 * (low + high)
+                stopped = self._hits(pose, executed, dt, middle)
+                low, high = np.where(stopped, low, middle), np.where(stopped, middle, high)
+            free = np.where(hit, low, 1.0)
+        driven = executed * free[..., None]
+        there = np.round(self.robot.step(pose, driven, dt), _DIGITS)
+        return _Moved(there, driven, u * free[..., None], V, hit)
+
+    def _hits(self, pose: Array, u: Array, dt: float, part: Array) -> NDArray[np.bool_]:
+        """Whether the body meets something on the first part (...) of a step.
+
+        A drive straight on or a turn on the spot is swept exactly. An arc is cut into pieces of a
+        centimetre at most, each swept as a turn and then a drive: off by its bulge, far below a
+        millimetre.
+        """
+        if self.body is None or self.obstacles is None:
+            return np.zeros(pose.shape[:-1], bool)
+        end = self.robot.step(pose, u * part[..., None], dt)
+        far, turn = np.hypot(*(end - pose)[..., :2].T), np.abs(wrap_angle(end - pose)[..., 2].T)
+        radius = float(np.hypot(*self.body.T).max())
+        arc = float(np.max(np.where((far > 1e-9) & (turn > 1e-9), far + radius * turn, 0.0)))
+        n = 1 + int(arc / _PIECE)
+        cuts = np.array(
+            [
+                pose,
+                *(self.robot.step(pose, u * part[..., None], dt * k / n) for k in range(1, n + 1)),
+            ]
+        )
+        turned = np.concatenate([cuts[:-1, ..., :2], cuts[1:, ..., 2:]], -1)
+        sweep = self.obstacles.sweep_collides
+        hits = sweep(self.body, cuts[:-1], turned) | sweep(self.body, turned, cuts[1:])
+        return np.asarray(hits.any(0))
+
+    def measure(self, truth: Array) -> dict[str, Any]:
+        """Return the true pose and what the sensor says there: ranges, or looks and ids."""
+        if isinstance(self.sensor, Lidar) and self.obstacles is not None:
+            ranges = self.sensor.scan(self.obstacles, truth, self.rng)
+            return {"truth": truth, "ranges": np.round(ranges, _DIGITS)}
+        if isinstance(self.sensor, RangeBearing) and self.landmarks is not None:
+            z, ids = self.sensor.measure(truth, self.landmarks, self.rng)
+            return {"truth": truth, "looks": z, "ids": ids}
+        return {"truth": truth}
+
+
+def _inform(belief: Estimator, measured: dict[str, Any]) -> None:
+    """Give a belief what it measures."""
+    if belief.measures == "nothing":
+        return
+    if belief.measures not in measured:
+        raise ValueError(
+            f"belief: expected one that measures {' or '.join(measured)}, which is what the "
+            f"sensor gives, got one that measures {belief.measures}"
+        )
+    if belief.measures == "looks":
+        belief.update(measured["looks"], measured["ids"])
+    else:
+        belief.update(measured[belief.measures])
+
+
+def _odometry(
+    odometer: Odometer, before: Array, after: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Measured motions (..., 3), exact for who stands, and their mean covariance (3, 3)."""
+    moving = (before != after).any(-1, keepdims=True)
+    motion = np.where(moving, odometer.measure(before, after, rng), 0.0)
+    cov = odometer.cov(motion) * moving[..., None]
+    return motion, cov.reshape(-1, 3, 3).mean(0)
+
+
+def _log(
+    first: dict[str, Any],
+    rows: list[dict[str, Any]],
+    dt: float,
+    world: Any,
+    sensor: Any,
+) -> Log:
+    """Columns of rows; the first step moved nothing."""
+    if rows:
+        nothing = {
+            name: np.zeros_like(rows[0][name]) for name in ("command", "driven", "u", "cov")
+        }
+    else:
+        still = np.zeros((*first["hit"].shape, 1))
+        nothing = {"command": still, "driven": still, "u": still, "cov": np.zeros((1, 1))}
+    rows = [first | nothing, *rows]
+    column: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
+    steps: Array = np.arange(len(rows), dtype=float)
+    return Log(
+        dt * steps,
+        np.array(column["u"]),
+        np.where(steps > 0, dt, 0.0),
+        np.array(column["cov"]),
+        looks=column.get("looks"),
+        ids=column.get("ids"),
+        ranges=column.get("ranges"),
+        scan=sensor if "ranges" in column else None,
+        truth=np.array(column["truth"]),
+        landmarks=world.points if isinstance(world, LandmarkWorld) else None,
+        notes={name: np.array(column[name]) for name in ("believed", "command", "driven", "hit")},
+    )
