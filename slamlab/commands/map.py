@@ -1,0 +1,230 @@
+"""Make a map of a lidar log: CARMEN (.log, .gz), ROS bag (1 or 2), or this library's .npz.
+
+Written into the folder: map.yaml and map.pgm (as ROS' map_server reads them), map.png,
+trajectory.tum, graph.g2o (scan-graph only) and index.html, a report with a replay of the drive.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slamlab.commands import _page
+from slamlab.datasets import read_carmen, read_rosbag, write_tum
+from slamlab.evaluation import Run
+from slamlab.evaluation import run as run_system
+from slamlab.localization import DeadReckoning
+from slamlab.logs import Log
+from slamlab.mapping import OccupancyGrid
+from slamlab.robots import RelativePose
+from slamlab.slam import HectorSlam, ScanGraphSlam
+
+_MOST_STEPS, _MOST_BEAMS = 500, 90  # of the replay: the page stays below some megabytes
+_TRUSTED = 30.0  # beams count for the map up to this range (m)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what the command takes."""
+    parser.add_argument("log", type=Path, help="CARMEN log, ROS bag (file or folder) or .npz")
+    parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", default=Path("map"))
+    parser.add_argument(
+        "--method", choices=["scan-graph", "hector", "odometry"], default="scan-graph"
+    )
+    parser.add_argument(
+        "--resolution", type=float, default=0.05, metavar="M", help="cell of the map (m)"
+    )
+    parser.add_argument(
+        "--field-of-view", type=float, default=180.0, metavar="DEG", help="of FLASER scans"
+    )
+    parser.add_argument("--scan-topic", help="of a bag with several lidars")
+    parser.add_argument("--odometry-topic", help="of a bag with several odometries")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Read, run, report, write."""
+    with np.errstate(all="ignore"):  # numbers of astronomic size end in a sentence
+        log = read_log(options)
+        start = time.perf_counter()
+        result = run_system(system_for(options.method, log), log, progress=_wants_bar())
+        rows = report(options.method, result, time.perf_counter() - start)
+        grid = draw_map(result, options.resolution)
+    for name, value in rows:
+        print(f"{name:24s} {value}")
+    write(options.output, options.log.name, result, grid, rows)
+    print(f"{'written to':24s} {options.output}")
+
+
+def read_log(options: argparse.Namespace) -> Log:
+    """Read the log by its kind; ValueError if it has no scans or other controls."""
+    path: Path = options.log
+    if path.is_dir() or path.suffix in (".bag", ".db3", ".mcap"):
+        log = read_rosbag(path, options.scan_topic, options.odometry_topic)
+    elif path.suffix == ".npz":
+        log = Log.load(path)
+    else:
+        log = read_carmen(path, field_of_view=np.deg2rad(options.field_of_view))
+    if log.ranges is None or len(log) == 0:
+        raise ValueError(f"{path.name}: expected a log with scans, it has none")
+    if log.u.ndim != 2 or log.u.shape[1] != 3:
+        raise ValueError(
+            f"{path.name}: expected motions (dx, dy, dtheta) from scan to scan, "
+            f"got controls of shape {log.u.shape}"
+        )
+    return log
+
+
+def system_for(method: str, log: Log) -> Any:
+    """Return the system that makes the map."""
+    if method == "odometry":
+        return DeadReckoning(RelativePose(), np.zeros(3))
+    return (HectorSlam if method == "hector" else ScanGraphSlam)(log.scan)
+
+
+def report(method: str, result: Run, seconds: float) -> list[tuple[str, str]]:
+    """List names and values of what came of it."""
+    log, system, path = result.log, result.system, result.trajectory
+    driven = float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
+    rows = [
+        (
+            "scans",
+            f"{len(log)}, {log.ranges.shape[1]} beams each" if log.ranges is not None else "",
+        ),
+        ("method", method),
+        ("driven", f"{driven:.1f} m"),
+        ("seconds", f"{seconds:.1f}, {1e3 * seconds / len(log):.1f} ms a scan"),
+    ]
+    if isinstance(system, ScanGraphSlam):
+        counts = {state: 0 for state in ("confirmed", "waiting", "rejected")}
+        for one in system.closures:
+            counts[one.state] += 1
+        rows.append(("nodes", f"{len(system.nodes)}"))
+        rows.append(("closures", ", ".join(f"{n} {state}" for state, n in counts.items())))
+        rows.append(("lost", _scans(system.lost_scans, len(log))))
+    if isinstance(system, HectorSlam):
+        at = system.lost_at
+        told = "never" if at is None else f"from scan {at} on: do not trust the map after it"
+        rows.append(("lost", told))
+    return rows
+
+
+def _scans(lost: list[int], total: int) -> str:
+    if not lost:
+        return "never"
+    some = ", ".join(str(k) for k in lost[:8]) + (", ..." if len(lost) > 8 else "")
+    doubt = ": do not trust the map" if len(lost) > 0.05 * total else ""
+    return f"{len(lost)} scans lay nowhere, the wheels are believed there ({some}){doubt}"
+
+
+def draw_map(result: Run, resolution: float) -> OccupancyGrid:
+    """Occupancy map of all scans from the best poses."""
+    log, path = result.log, result.trajectory
+    corner = path[0, :2] - 5.0
+    cells = max(int(10.0 / resolution), 1)
+    grid = OccupancyGrid((cells, cells), resolution, corner)
+    assert log.ranges is not None
+    assert log.scan is not None
+    grid.insert(path, log.ranges, log.scan, max_range=_TRUSTED, free_missing=False)
+    return grid
+
+
+def write(
+    folder: Path, name: str, result: Run, grid: OccupancyGrid, rows: list[tuple[str, str]]
+) -> None:
+    """Write into `folder` what `result`, `grid` and the `rows` of the report on `name` say."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path, system = result.trajectory, result.system
+    grid.save_ros(folder / "map.yaml")
+    write_tum(folder / "trajectory.tum", result.times, path)
+    parts = [_page.table(rows)]
+    if _has("matplotlib"):
+        png = drawing(result, grid)
+        (folder / "map.png").write_bytes(png)
+        alt = "The map with the path; closures that count join the places that they tie."
+        parts.append(_page.picture(png, alt))
+    if isinstance(system, ScanGraphSlam) and system.nodes:
+        system.graph().write_g2o(folder / "graph.g2o")
+        parts += _closure_table(system)
+    if _has("anywidget"):
+        parts += _replay(result)
+    (folder / "index.html").write_text(_page.page(f"Map of {name}", *parts), encoding="utf-8")
+
+
+def drawing(result: Run, grid: OccupancyGrid) -> bytes:
+    """Draw map, path and closures."""
+    from matplotlib.figure import Figure
+
+    from slamlab import plots
+
+    figure = Figure(figsize=(8, 7), layout="constrained")
+    ax = figure.add_subplot()
+    ax.imshow(grid.to_image(), cmap="gray", vmin=0, vmax=254, extent=grid.extent)
+    plots.path(ax, result.trajectory, "estimate", label="path")
+    system = result.system
+    if isinstance(system, ScanGraphSlam) and system.nodes:
+        poses = system.graph().poses
+        for one in system.closures:
+            if one.state == "confirmed":
+                ax.plot(*poses[[one.j, one.k], :2].T, color="#009E73", lw=1)
+    ax.set_aspect("equal")
+    ax.set_xlabel("x (m)")
+    ax.set_ylabel("y (m)")
+    data = BytesIO()
+    figure.savefig(data, format="png", dpi=150)
+    return data.getvalue()
+
+
+def _closure_table(system: ScanGraphSlam) -> list[str]:
+    """Show the closures that fit worst, with what is left of their error."""
+    ties = [one for one in system.closures if one.state == "confirmed"]
+    if not ties:
+        return [_page.paragraph("No place was recognised: the map is that of the front end.")]
+    graph = system.graph()
+    e = graph.residuals()[-len(ties) :]
+    chi2 = np.einsum("ni,nij,nj->n", e, graph.information[-len(ties) :], e)
+    rows: list[list[object]] = [["node", "old node", "left (m)", "left (deg)", "chi2", "rival"]]
+    for i in np.argsort(-chi2)[:20]:
+        left, turn = f"{np.hypot(*e[i, :2]):.3f}", f"{np.rad2deg(abs(e[i, 2])):.2f}"
+        one = ties[i]
+        rows.append([one.k, one.j, left, turn, f"{chi2[i]:.1f}", f"{one.rival:.2f}"])
+    return [_page.paragraph("The closures that fit worst:"), _page.table(rows)]
+
+
+def _replay(result: Run) -> list[str]:
+    """Show the drive as an interactive figure that needs nothing beside the page."""
+    from slamlab.widgets import Replay
+
+    log, path = result.log, result.trajectory
+    assert log.ranges is not None
+    assert log.scan is not None
+    steps = np.unique(np.linspace(0, len(path) - 1, _MOST_STEPS).astype(int))
+    beams = np.unique(np.linspace(0, log.scan.n_beams - 1, _MOST_BEAMS).astype(int))
+    ranges = np.where(log.ranges <= _TRUSTED, log.ranges, np.nan)
+    points = log.scan.points(ranges[steps], path[steps])[:, beams]
+    figure = Replay(estimate=path[steps], scans=points, accumulate_scans=True, title="The drive")
+    script = str(figure._esm).replace("export default { render };", "")
+    payload = json.dumps(figure.payload).replace("</", "<\\/")
+    return [
+        f"<style>{figure._css}</style><div id='replay'></div>",
+        f"<script type='module'>{script}\n"
+        f"const state = {{ payload: {payload}, step: 0 }};\n"
+        "const model = { get: (k) => state[k], set: (k, v) => { state[k] = v; },\n"
+        "  save_changes() {}, on() {}, off() {} };\n"
+        "render({ model, el: document.getElementById('replay') });</script>",
+    ]
+
+
+def _wants_bar() -> bool:
+    return sys.stderr.isatty() and _has("tqdm")
+
+
+def _has(name: str) -> bool:
+    from importlib.util import find_spec
+
+    return find_spec(name) is not None

@@ -1,0 +1,136 @@
+"""ROS bags: laser scans and odometry of robots that run ROS 1 or 2, read without ROS.
+
+Messages read: sensor_msgs/LaserScan and nav_msgs/Odometry. Needs the extra `maps` (rosbags).
+Chapter 14.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slamlab._checks import Array
+from slamlab.geometry import between
+from slamlab.logs import Log, ScanGeometry
+
+__all__ = ["read_rosbag"]
+
+_SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
+# Without wheels a step may be anything that a robot does between two scans.
+_ANYTHING = np.diag(np.square([0.2, 0.1, 0.2]))
+
+
+def read_rosbag(
+    path: str | Path, scan_topic: str | None = None, odometry_topic: str | None = None
+) -> Log:
+    """Read a bag: a ``.bag`` file of ROS 1, or a folder or file (.db3, .mcap) of ROS 2.
+
+    The lidar is taken to look ahead from the middle of the body, as the frames of the bag are not
+    read.
+
+    Parameters
+    ----------
+    path : str or Path
+    scan_topic, odometry_topic : str, optional
+        Which topics; needed only where there are several of a kind.
+
+    Returns
+    -------
+    Log
+        A step a scan. `u` is the odometry's motion from scan to scan, for `robots.RelativePose`,
+        between its messages by interpolation; zero, with a wide covariance, without odometry.
+
+    Raises
+    ------
+    ImportError
+        If rosbags is not installed.
+    ValueError
+        If the bag is damaged, holds no scan, or several topics and none was named.
+    FileNotFoundError
+        If there is no such file.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+    except ImportError as error:
+        raise ImportError("ROS bags need `pip install slamlab-course[maps]`") from error
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file or folder")
+    try:
+        with AnyReader([path]) as bag:
+            scans = _messages(bag, _SCAN, scan_topic, path)
+            odometry = _messages(bag, _ODOMETRY, odometry_topic, path)
+    except (ValueError, FileNotFoundError):
+        raise
+    except Exception as error:  # what the reader makes of damaged bytes has many names
+        raise ValueError(f"{path.name}: the bag cannot be read ({error})") from error
+    if not scans:
+        raise ValueError(f"{path.name}: expected at least one LaserScan, got none")
+    return _log(scans, odometry, path.name)
+
+
+def _messages(bag: Any, kind: str, topic: str | None, path: Path) -> list[tuple[float, Any]]:
+    """Time stamps (s) and messages of one topic, in their order."""
+    there = [one for one in bag.connections if one.msgtype == kind]
+    names = sorted({one.topic for one in there})
+    if topic is not None and topic not in names:
+        raise ValueError(f"{path.name}: expected the topic {topic}, there are {names}")
+    if topic is None and len(names) > 1:
+        raise ValueError(f"{path.name}: expected the name of one of the topics {names}")
+    chosen = [one for one in there if topic in (None, one.topic)]
+    if not chosen:
+        return []
+    found = []
+    for connection, _, raw in bag.messages(connections=chosen):
+        message = bag.deserialize(raw, connection.msgtype)
+        stamp = message.header.stamp
+        found.append((stamp.sec + 1e-9 * stamp.nanosec, message))
+    return sorted(found, key=lambda one: one[0])
+
+
+def _log(scans: list[tuple[float, Any]], odometry: list[tuple[float, Any]], name: str) -> Log:
+    first = scans[0][1]
+    n = len(first.ranges)
+    angles = first.angle_min + first.angle_increment * np.arange(n)
+    for time, scan in scans:
+        if len(scan.ranges) != n or abs(scan.angle_min - first.angle_min) > 1e-6:
+            raise ValueError(
+                f"{name}: the scan at {time:.3f} s: expected {n} beams as in the first one, "
+                f"got {len(scan.ranges)}"
+            )
+    ranges = np.array([scan.ranges for _, scan in scans], dtype=np.float64)
+    # REP 117: -inf is too near to measure, NaN an error, +inf nothing in reach.
+    ranges[(ranges < float(first.range_min)) | (ranges < 0)] = np.nan
+    ranges[ranges > float(first.range_max)] = np.inf
+    times = np.array([time for time, _ in scans])
+    u, cov = _motion(times, odometry)
+    dt = np.diff(times, prepend=times[:1])
+    scan = ScanGeometry(angles, float(first.range_max))
+    return Log(times, u, dt, cov, ranges=ranges, scan=scan)
+
+
+def _motion(times: Array, odometry: list[tuple[float, Any]]) -> tuple[Array, Array]:
+    """Motion (n, 3) up to each scan and its covariances (n, 3, 3)."""
+    u = np.zeros((len(times), 3))
+    if len(odometry) < 2:
+        return u, np.tile(_ANYTHING, (len(times), 1, 1))
+    moments = np.array([time for time, _ in odometry])
+    poses = np.array([_pose(message.pose.pose) for _, message in odometry])
+    heading = np.unwrap(poses[:, 2])
+    at = [np.interp(times, moments, column) for column in (poses[:, 0], poses[:, 1], heading)]
+    path = np.stack(at, axis=-1)
+    u[1:] = between(path[:-1], path[1:])
+    # As for CARMEN logs: 10 % of each motion, and 1 cm and 0.5 degrees besides.
+    length = np.hypot(u[:, 0], u[:, 1])
+    cov = np.zeros((len(u), 3, 3))
+    cov[:, 0, 0] = cov[:, 1, 1] = (0.1 * length) ** 2 + 0.01**2
+    cov[:, 2, 2] = (0.1 * u[:, 2]) ** 2 + np.deg2rad(0.5) ** 2
+    return u, cov
+
+
+def _pose(pose: Any) -> tuple[float, float, float]:
+    q = pose.orientation
+    yaw = np.arctan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y**2 + q.z**2))
+    return float(pose.position.x), float(pose.position.y), float(yaw)

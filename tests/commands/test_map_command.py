@@ -1,0 +1,153 @@
+"""``python -m slamlab map``: a log in, a map out; damage ends in a sentence."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from slamlab.commands import main
+from slamlab.datasets import read_tum
+from slamlab.evaluation import ate
+from slamlab.geometry import compose
+from slamlab.logs import Log
+from slamlab.sensors import Lidar
+from slamlab.slam import PoseGraph
+from slamlab.worlds import BitmapWorld, rooms
+
+LIDAR = Lidar(180, field_of_view=np.pi, max_range=20.0, sigma_range=0.01)
+N = 30
+
+
+def path():
+    x = np.linspace(1.0, 8.0, N)
+    return np.column_stack([x, 4.0 + 0.2 * np.sin(x), 0.2 * np.cos(x)])
+
+
+def ranges():
+    return LIDAR.scan(rooms.office(), path(), np.random.default_rng(0))
+
+
+def motions(rng=None):
+    from slamlab.geometry import between
+
+    u = np.zeros((N, 3))
+    u[1:] = between(path()[:-1], path()[1:]) * (1.05 if rng is None else 1.0)
+    return u
+
+
+@pytest.fixture
+def npz(tmp_path):
+    file = tmp_path / "drive.npz"
+    dt = np.r_[0.0, np.ones(N - 1)]
+    cov = np.diag(np.square([0.05, 0.02, 0.02]))
+    Log(np.arange(N), motions(), dt, cov, ranges=ranges(), scan=LIDAR).save(file)
+    return file
+
+
+@pytest.fixture
+def carmen(tmp_path):
+    odometry, lines = np.array([0.0, 0.0, 0.0]), []
+    for k, (u, scan) in enumerate(zip(motions(), ranges(), strict=True)):
+        odometry = compose(odometry, u)
+        pose = " ".join(f"{v:.6f}" for v in odometry)
+        readings = " ".join(f"{min(r, 81.91):.3f}" for r in scan)
+        lines.append(f"FLASER 180 {readings} {pose} {pose} {k}.0 robot {k}.0")
+    file = tmp_path / "drive.log"
+    file.write_text("\n".join(lines) + "\n")
+    return file
+
+
+def said(capsys):
+    lines = capsys.readouterr().out.splitlines()
+    return {line[:24].strip(): line[25:] for line in lines}
+
+
+def moved_path():
+    from slamlab.geometry import between
+
+    return between(path()[0], path())
+
+
+@pytest.mark.parametrize("kind", ["npz", "carmen"])
+def test_a_log_becomes_a_map(kind, request, tmp_path, capsys):
+    folder = tmp_path / "out"
+    file = request.getfixturevalue(kind)
+    assert main(["map", str(file), "-o", str(folder)]) == 0
+    told = said(capsys)
+    assert told["method"] == "scan-graph"
+    assert told["lost"] == "never"
+    times, poses = read_tum(folder / "trajectory.tum")
+    assert len(times) == N
+    assert ate(poses, moved_path()).rmse < 0.03
+    world = BitmapWorld.from_file(folder / "map.yaml")
+    assert world.resolution == pytest.approx(0.05)
+    assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert len(PoseGraph.read_g2o(folder / "graph.g2o").poses) <= N
+    page = (folder / "index.html").read_text()
+    assert "id='replay'" in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+
+
+@pytest.mark.parametrize("method", ["hector", "odometry"])
+def test_other_methods(method, npz, tmp_path, capsys):
+    assert main(["map", str(npz), "-o", str(tmp_path / "out"), "--method", method]) == 0
+    assert said(capsys)["method"] == method
+    _, poses = read_tum(tmp_path / "out" / "trajectory.tum")
+    limit = 0.05 if method == "hector" else 1.0
+    assert ate(poses, moved_path()).rmse < limit
+
+
+def test_the_page_is_the_same_whatever_the_name(npz, tmp_path):
+    odd = npz.rename(tmp_path / "<b>&.npz")
+    assert main(["map", str(odd), "-o", str(tmp_path / "out")]) == 0
+    assert "<b>&" not in (tmp_path / "out" / "index.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda f: f.unlink(), "No such file"),
+        (lambda f: f.write_bytes(b""), "expected at least one FLASER"),
+        (lambda f: f.write_text("HELLO 1 2 3\n"), "expected a CARMEN tag"),
+        (lambda f: f.write_bytes(gzip.compress(f.read_bytes())[:-200]), "cannot unpack"),
+    ],
+)
+def test_damage_ends_in_a_sentence(make, message, carmen, tmp_path, capsys):
+    make(carmen)
+    assert main(["map", str(carmen), "-o", str(tmp_path / "out")]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("slamlab map: ")
+    assert message in error
+    assert len(error.splitlines()) == 1
+
+
+def test_a_log_without_scans_or_with_other_controls(tmp_path, capsys):
+    file = tmp_path / "drive.npz"
+    Log([0.0], [[0, 0, 0]], 0.0, np.eye(3)).save(file)
+    assert main(["map", str(file), "-o", str(tmp_path / "out")]) == 1
+    assert "expected a log with scans" in capsys.readouterr().err
+    Log([0.0], [[0, 0]], 0.0, np.eye(2), ranges=ranges()[:1], scan=LIDAR).save(file)
+    assert main(["map", str(file), "-o", str(tmp_path / "out")]) == 1
+    assert "expected motions" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["npz", "carmen"])
+def test_damaged_logs_give_a_map_or_a_sentence(kind, request, tmp_path, capsys):
+    """Bytes are flipped, cut out and doubled: never a traceback."""
+    whole = bytearray(request.getfixturevalue(kind).read_bytes())
+    file = tmp_path / f"damaged.{'npz' if kind == 'npz' else 'log'}"
+    rng = np.random.default_rng(3)
+    for trial in range(12):
+        data = bytearray(whole)
+        if trial % 3 == 0:
+            for at in rng.integers(0, len(data), 4):
+                data[at] = rng.integers(32, 127)
+        elif trial % 3 == 1:
+            data = data[: rng.integers(1, len(data))]
+        else:
+            at, length = rng.integers(0, len(data)), rng.integers(1, 300)
+            data[at : at + length] = data[at // 2 : at // 2 + 2 * length]
+        file.write_bytes(data)
+        code = main(["map", str(file), "-o", str(tmp_path / "out"), "--method", "odometry"])
+        assert code in (0, 1)
+        assert "Traceback" not in capsys.readouterr().err
