@@ -23,7 +23,7 @@ CORE = {"slamlab", "numpy", "scipy", "numba"}  # what every import of a core roo
 COURSE = {"plots", "widgets", "exercises"}  # rooms that need an extra
 # What a core room may ask for inside a function, where it says which extra is missing.
 LATE = {
-    "commands": {"importlib", "pkgutil", "matplotlib"},
+    "commands": {"importlib", "pkgutil", "matplotlib", "sys"},
     "datasets": {"rosbags"},
     "evaluation": {"joblib", "tqdm", "dask", "importlib"},
     "localization": {"tqdm"},

@@ -176,6 +176,8 @@ class Check:
     use : callable, optional
         ``use(function, *arguments)`` gives what is compared, if not ``function(*arguments)``.
         It may give a sentence: an empty one where all is well, else what the student reads.
+    edges : sequence of str
+        Properties on the edge of what is asked: to raise there is told, and not counted.
     """
 
     def __init__(
@@ -188,11 +190,13 @@ class Check:
         tolerance: float = 1e-9,
         draws: int = 6,
         use: Function | None = None,
+        edges: Sequence[str] = (),
     ) -> None:
         self.reference, self.mistakes, self.tolerance = reference, mistakes, tolerance
         self.name = reference.__name__.lstrip("_")
         self.returns = tuple(part.strip() for part in returns.split(","))
         self._use, self._properties, self._draws = use, properties, draws
+        self._edges = frozenset(edges)
         self._parameters = list(inspect.signature(reference).parameters.values())
         names = ", ".join(p.name for p in self._parameters)
         self.__doc__ = f"Check ``{self.name}({names}) -> {returns}``; returns a `Report`."
@@ -225,10 +229,10 @@ class Check:
         return [self._look(self.reference, arguments).came for _, arguments in self.inputs]
 
     def passes(self, student: Function) -> bool:
-        """Say whether a function passes, stopping at the first failure."""
+        """Say whether a function passes, edges too, stopping at the first failure."""
         for (_, arguments), due in zip(self.inputs, self.due, strict=True):
             seen = self._look(student, arguments)
-            if not self._holds(seen, due) or seen.changed or seen.shared:
+            if not _holds(seen, due, self.tolerance) or seen.changed or seen.shared:
                 return False
         return True
 
@@ -239,16 +243,24 @@ class Check:
     def judge(self, observations: Sequence[Observation]) -> Report:
         """Compare what was observed with what is due, and name the mistake."""
         names = dict.fromkeys(name for name, _ in self.inputs)
-        held = [self._holds(s, due) for s, due in zip(observations, self.due, strict=True)]
+        pairs = zip(self.inputs, observations, self.due, strict=True)
+        held = [
+            _holds(seen, due, self.tolerance) or bool(seen.raised and name in self._edges)
+            for (name, _), seen, due in pairs
+        ]
         rows = []
         for name in names:
             mine = [k for k, (of, _) in enumerate(self.inputs) if of == name]
             bad = next((k for k in mine if not held[k]), None)
-            lines = () if bad is None else self._lines(bad, observations[bad])
+            edge = next((k for k in mine if observations[k].raised), None)  # only told
+            worst = edge if bad is None else bad
+            lines = () if worst is None else self._lines(worst, observations[worst])
             rows.append(Row(name, bad is None, lines))
         nothing = all(s.came is None and not s.raised for s in observations)
         own = tuple(_own_lines(observations))
-        rows.append(Row(OWN, not own and not nothing, own))
+        if not any(held):
+            own = (*own, "counted as soon as something else holds")
+        rows.append(Row(OWN, not own, own))
         if nothing and not any(held):
             stub = any(s.stub for s in observations)
             return Report(self.name, tuple(rows), (NOTHING_YET if stub else NO_RETURN,))
@@ -281,14 +293,12 @@ class Check:
         shared = [n for n, a in zip(names, given, strict=True) if overlap(came, a)]
         if shared and function is not self.reference and not self._use:
             ours = copy.deepcopy(arguments)
-            lent = self.reference(*ours)
+            with np.errstate(all="ignore"):
+                lent = self.reference(*ours)
             pairs = zip(names, ours, strict=True)
             shared = [n for n, a in pairs if n in shared and not overlap(lent, a)]
         came = None if came is Ellipsis else plain(came)
         return Observation(came, "", stub, tuple(changed), tuple(shared))
-
-    def _holds(self, seen: Observation, due: Any) -> bool:
-        return not seen.raised and agree(seen.came, due, self.tolerance)
 
     def _lines(self, k: int, seen: Observation) -> tuple[str, ...]:
         arguments = self.inputs[k][1]
@@ -363,6 +373,10 @@ def _edited(reference: Function, edits: tuple[str, ...]) -> Function:
     exec(compile(source, f"<{reference.__name__}>", "exec"), scope)
     wrong: Function = scope[reference.__name__]
     return wrong
+
+
+def _holds(seen: Observation, due: Any, tolerance: float) -> bool:
+    return not seen.raised and agree(seen.came, due, tolerance)
 
 
 def _is_stub(function: Function) -> bool:

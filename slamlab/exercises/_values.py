@@ -32,9 +32,12 @@ def leaves(value: Any) -> Iterator[np.ndarray]:
         yield from leaves((value.mean, value.cov))
 
 
-def overlap(a: Any, b: Any) -> bool:
+def overlap(result: Any, argument: Any) -> bool:
+    """Say whether a result is an argument itself, all of it and not a view of a part."""
     return any(
-        x.size and y.size and np.may_share_memory(x, y) for x in leaves(a) for y in leaves(b)
+        x.size == y.size > 0 and np.may_share_memory(x, y)
+        for x in leaves(result)
+        for y in leaves(argument)
     )
 
 

@@ -117,6 +117,7 @@ check_nearest = Check(
             lambda *given: _nearest(*given) + (_nearest(*given) >= 0)
         ),
     },
+    edges=("no landmarks yet",),
 )
 
 
@@ -291,4 +292,5 @@ check_best_first = Check(
         ),
     },
     draws=12,
+    edges=("no landmarks yet", "no measurements"),
 )

@@ -208,6 +208,7 @@ check_loop = Check(
         ),
     },
     tolerance=1e-7,
+    edges=("a straight line", "a parabola"),
 )
 
 

@@ -1,0 +1,202 @@
+"""Answers that readers might give: no wrong one passes or is named wrongly, no right one fails.
+
+The mistakes that the checks list are wrong answers too: `test_checks` tries each of them.
+"""
+
+import numpy as np
+import pytest
+from test_checks import CHECKS
+
+from slamlab.exercises._general import NEARLY
+from slamlab.geometry import compose
+
+HALF = np.pi / 2
+
+
+def answer(check, *edits):
+    """The reference with pieces of its source replaced."""
+    return CHECKS[check].mistaken(edits)
+
+
+def forward_jacobian(pose, landmark, h=1e-7):
+    reference = CHECKS["ch03.check_range_bearing"].reference
+    columns = [
+        (reference(pose + h * axis, landmark) - reference(pose, landmark)) / h
+        for axis in np.eye(3)
+    ]
+    return np.array(columns).T
+
+
+def by_arctan(z, predicted):
+    d = z[1] - predicted[1]
+    return [z[0] - predicted[0], np.arctan2(np.sin(d), np.cos(d))]
+
+
+def by_matrices(start, odometry):
+    c, s = np.cos(start[2]), np.sin(start[2])
+    T, poses = np.array([[c, -s, start[0]], [s, c, start[1]], [0, 0, 1]]), [list(start)]
+    for x, y, turn in odometry.tolist():
+        c, s = np.cos(turn), np.sin(turn)
+        T = T @ np.array([[c, -s, x], [s, c, y], [0, 0, 1]])
+        poses.append([T[0, 2], T[1, 2], np.arctan2(T[1, 0], T[0, 0])])
+    return poses
+
+
+def walk(weights, u):
+    chosen, total, i, M = [], weights[0], 0, len(weights)
+    for tooth in range(M):
+        while total <= (tooth + u) / M and i < M - 1:
+            i += 1
+            total += weights[i]
+        chosen.append(i)
+    return chosen
+
+
+def two_sensors_one_by_one(mean, cov, z, H, R):
+    root = np.linalg.inv(np.linalg.cholesky(R))
+    z, H = root @ z, root @ H
+    for value, row in zip(z, H, strict=True):
+        gain = cov @ row / (row @ cov @ row + 1)
+        mean, cov = mean + gain * (value - row @ mean), cov - np.outer(gain, row @ cov)
+    return mean, cov
+
+
+def by_least_squares(before, after):
+    misfit = [np.sum((before - np.roll(after, m)) ** 2) for m in range(len(before))]
+    turn = np.argmin(misfit) * 2 * np.pi / len(before)
+    return turn - 2 * np.pi * (turn > np.pi)
+
+
+RIGHT = {
+    "ch00.check_dead_reckoning": [by_matrices],
+    "ch02.check_predict": [lambda m, P, F, Q: (F.dot(m), np.einsum("ij,jk,lk->il", F, P, F) + Q)],
+    "ch02.check_update": [two_sensors_one_by_one],
+    "ch02.check_joseph": [
+        lambda P, K, H, R: P - K @ H @ P - P @ H.T @ K.T + K @ (H @ P @ H.T + R) @ K.T
+    ],
+    "ch03.check_innovation": [by_arctan],
+    "ch03.check_jacobian": [forward_jacobian],
+    "ch04.check_effective_sample_size": [lambda w: sum(w) ** 2 / sum(w * w)],
+    "ch04.check_resample": [walk],
+    "ch19.check_turn": [
+        lambda before, after: float(
+            np.angle(
+                np.exp(
+                    2j
+                    * np.pi
+                    / len(before)
+                    * np.argmin(
+                        [np.sum((before - np.roll(after, m)) ** 2) for m in range(len(before))]
+                    )
+                )
+            )
+        )
+    ],
+}
+
+# Wrong answers that no check lists as they are, and a piece of what is to be said ("" for
+# nothing: the first entry that differs has to do).
+WRONG = [
+    ("ch00.check_dead_reckoning", lambda s, o: np.zeros((len(o) + 1, 3)), "is zero"),
+    (
+        "ch00.check_dead_reckoning",
+        lambda s, o: np.array([s] + [compose(s, m) for m in o]),
+        "start",
+    ),
+    (
+        "ch00.check_edge_error",
+        lambda i, j, z: 2 * answer("ch00.check_edge_error")(i, j, z),
+        "twice",
+    ),
+    ("ch01.check_predict", lambda b, *p: b, "`belief` came back unchanged"),
+    ("ch01.check_update", lambda b, *p: print(end=""), "`return` is missing"),
+    ("ch02.check_predict", lambda m, P, F, Q: (F @ P @ F.T + Q, F @ m), "exchanged"),
+    ("ch02.check_predict", lambda m, P, F, Q: F @ m, "only `mean` came"),
+    (
+        "ch02.check_predict",
+        answer("ch02.check_predict", "F @ cov", "F @ (2 * cov)"),
+        "`cov` counts twice",
+    ),
+    ("ch02.check_update", answer("ch02.check_update", "np.eye(len(mean))", "np.eye(len(z))"), ""),
+    ("ch02.check_update", answer("ch02.check_update", "+ R", "+ R / 2"), "counted twice"),
+    ("ch02.check_joseph", lambda P, K, H, R: np.linalg.inv(P), ""),
+    ("ch03.check_range_bearing", lambda p, m: [1, 2, 3], "shape"),
+    ("ch03.check_innovation", lambda z, p: z + p, ""),
+    ("ch03.check_jacobian", lambda p, m: forward_jacobian(p, m, 2e-4), "almost right"),
+    ("ch04.check_effective_sample_size", lambda w: 1.0, ""),
+    ("ch04.check_resample", lambda w, u: walk(w, u)[::-1], "reverse order"),
+    ("ch04.check_weights", lambda w, log: np.exp(log) / np.exp(log).sum(), ""),
+    ("ch05.check_wheels", lambda *a: -answer("ch05.check_wheels")(*a), "sign of `speeds`"),
+    (
+        "ch05.check_noise",
+        lambda t, dt, V: answer("ch05.check_noise")(np.deg2rad(t), dt, V),
+        "degrees",
+    ),
+    ("ch09.check_add_landmark", lambda P, *a: answer("ch09.check_add_landmark")(P, *a)[:-1], ""),
+    (
+        "ch10.check_predict_cov",
+        answer("ch10.check_predict_cov", "F.T + Q", "F.T - Q"),
+        "`Q` counts with the wrong sign",
+    ),
+    ("ch11.check_joint", lambda y, S: -answer("ch11.check_joint")(y, S), "sign"),
+    ("ch12.check_proposal", lambda x, *a: answer("ch12.check_proposal")(x, *a)[::-1], "exchanged"),
+    ("ch19.check_turn", lambda a, b: answer("ch19.check_turn")(b, a), ""),
+]
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_a_right_answer_written_differently_passes(name):
+    for student in RIGHT[name]:
+        report = CHECKS[name](student)
+        assert report.passed, report
+
+
+@pytest.mark.parametrize(("name", "wrong", "said"), WRONG, ids=[str(k) for k in range(len(WRONG))])
+def test_a_wrong_answer_fails_and_hears_what_is_wrong(name, wrong, said):
+    report = CHECKS[name](wrong)
+    assert not report.passed
+    assert said in report.text
+
+
+def test_more_than_three_hundred_wrong_answers_are_known():
+    assert sum(len(check.mistakes) for check in CHECKS.values()) > 300
+
+
+def test_what_is_named_explains_everything_that_came():
+    """An answer with two mistakes is not named after one of them."""
+    for name, check in CHECKS.items():
+        if not check.mistakes or isinstance(check.due[0], str):
+            continue
+        wrong = [check.mistaken(mistake) for mistake in check.mistakes.values()]
+
+        def mixed(*given, a=wrong[0], b=wrong[-1]):
+            """Make the first listed mistake on one half of the inputs, the last on the other."""
+            first = np.asarray(given[0], dtype=float).sum() if len(given) else 0.0
+            return (a if int(1e6 * first) % 2 else b)(*given)
+
+        report = check.judge(check.observe(mixed))
+        assert not set(report.messages) & (set(check.mistakes) | set(NEARLY)) or all(
+            check._alike(check.mistaken(check.mistakes[m]), k, seen)
+            for m in report.messages
+            if m in check.mistakes
+            for k, seen in enumerate(check.observe(mixed))
+        ), name
+
+
+def test_references_answer_where_the_text_promises_an_answer():
+    assert CHECKS["ch11.check_nearest"].reference(np.zeros((0, 2)), np.zeros((0, 2, 2)), 9.0) == -1
+    line = np.array([[0.0, 0.0], [1.0, 2.0], [0.0, 0.0], [0.0, 0.0]])
+    assert np.isnan(CHECKS["ch17.check_loop"].reference(line)).all()
+    for check in CHECKS.values():
+        assert not any(seen.raised for seen in check.observe(check.reference))
+
+
+def test_an_edge_that_raises_is_told_and_not_counted():
+    def without_guard(y, S, gate):
+        distance = np.einsum("ni,nij,nj->n", y, np.linalg.inv(S), y)
+        row = np.argmin(distance)
+        return row if distance[row] < gate else -1
+
+    report = CHECKS["ch11.check_nearest"](without_guard)
+    assert report.passed
+    assert "your function raised ValueError" in report.text

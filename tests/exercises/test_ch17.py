@@ -1,0 +1,62 @@
+"""Right answers of chapter 17, written in other ways: each passes."""
+
+import numpy as np
+import pytest
+
+from slamlab.exercises import ch17_the_way_home as ch
+from slamlab.navigation import fit_cubic
+from slamlab.navigation.path_memory import Cubic
+
+
+def by_library(t, points):
+    return fit_cubic(t, points, points[0], points[-1]).coefficients
+
+
+def by_multipliers(t, points):
+    """Another right answer: least squares with Lagrange multipliers."""
+    A = np.vander((t - t[0]) / (t[-1] - t[0]), 4, increasing=True)
+    C = A[[0, -1]]
+    left = np.block([[A.T @ A, C.T], [C, np.zeros((2, 2))]])
+    return np.linalg.solve(left, np.vstack([A.T @ points, points[[0, -1]]]))[:4].tolist()
+
+
+def by_elimination(t, points):
+    """P3's own elimination, with the typo repaired, in tau: t0 = 0, t1 = 1."""
+    tau = ((t - t[0]) / (t[-1] - t[0]))[:, None]
+    due = -points + tau * (points[-1] - points[0]) + points[0]
+    shapes = np.hstack([-(tau**3) + tau, -(tau**2) + tau])
+    a3, a2 = np.linalg.lstsq(shapes, due, rcond=None)[0]
+    return [points[0], points[-1] - points[0] - a3 - a2, a2, a3]
+
+
+def loop_by_library(c):
+    found = Cubic(c).self_crossing()
+    return (np.nan, np.nan) if found is None else found
+
+
+def loop_by_cramer(c):
+    (a1, b1), (a2, b2), (a3, b3) = c[1:]
+    det = a2 * b3 - a3 * b2
+    sigma, w = (a3 * b1 - a1 * b3) / det, (a1 * b2 - a2 * b1) / det
+    product = sigma**2 - w
+    roots = np.roots([1, -sigma, product])
+    if np.iscomplex(roots).any() or roots.min() < 0 or roots.max() > 1:
+        return [float("nan")] * 2
+    return sorted(roots.real)
+
+
+@pytest.mark.parametrize(
+    ("check", "answer"),
+    [
+        (ch.check_fit, by_library),
+        (ch.check_fit, by_multipliers),
+        (ch.check_fit, by_elimination),
+        (ch.check_loop, loop_by_library),
+        (ch.check_loop, loop_by_cramer),
+        (ch.check_tune, lambda: [1.5, 2.5, 0.12]),
+        (ch.check_tune, lambda: np.array([1.2, 3.0, 0.18])),
+        (ch.check_tune, lambda: (0.8, 1.8, 0.2)),
+    ],
+)
+def test_another_right_answer_passes(check, answer):
+    assert check(answer).passed
