@@ -10,8 +10,6 @@ import json
 import re
 from pathlib import Path
 
-import slamlab
-
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what the command takes."""
@@ -21,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Copy the notebooks, emptied, with a page that says how to begin."""
-    source = Path(slamlab.__path__[0]).parent / "notebooks" / "exercises"
+    source = Path(__file__).resolve().parents[2] / "notebooks" / "exercises"
     if not source.is_dir():
         raise ValueError(f"handout: expected a checkout with its notebooks, found no {source}")
     found = {path.name[:2]: path for path in sorted(source.glob("*.ipynb"))}
