@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from slamlab._checks import Array
+from slamlab.geometry import rotation
 from slamlab.logs import Log
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
 
@@ -26,7 +27,9 @@ def graph_of(
     poses[0] = start
     for k, step in enumerate(log.step(int(move)) for move in moves):
         measurements[k] = motion.step(origin, step.u, step.dt)
+        # The error of an edge stands in the frame of the pose as measured: e = R_z^T (noise of u)
         F = motion.jacobians(origin, step.u, step.dt)[1]
+        F[:2] = rotation(measurements[k, 2]).T @ F[:2]
         information[k] = _inverse(F @ step.control_cov @ F.T, f"control_cov of step {moves[k]}")
         poses[k + 1] = motion.step(poses[k], step.u, step.dt)
     parts = {
