@@ -10,7 +10,14 @@ import sympy as sp
 
 from slamlab.evaluation import chi2_band, nees
 from slamlab.geometry import wrap_angle
-from slamlab.robots import YOUBOT, Mecanum, dead_reckoning, dead_reckoning_cov
+from slamlab.robots import (
+    YOUBOT,
+    Encoders,
+    Mecanum,
+    Unicycle,
+    dead_reckoning,
+    dead_reckoning_cov,
+)
 
 EULER = Mecanum(0.0475, 0.235, 0.15, "euler")
 SCHEMES = [Mecanum(0.0475, 0.235, 0.15, name) for name in ("exact", "euler", "midpoint")]
@@ -291,3 +298,24 @@ def test_17_without_dt_makes_dead_reckoning_a_hundred_times_too_modest():
     low, high = chi2_band(3, 300, 0.99)
     assert low < nees(error, right).mean() < high
     assert nees(error, printed).mean() == pytest.approx(nees(error, right).mean() / 100, rel=1e-6)
+
+
+def test_a_robot_with_two_controls_needs_three_coordinates_too():
+    # The text gives the third degree of freedom as the reason for three coordinates.
+    def end(u):
+        return dead_reckoning(Unicycle(), np.zeros(3), u.reshape(2, 2), 1.0)[-1]
+
+    at, h = np.array([0.5, 0.4, 0.5, -0.3]), 1e-5
+    slopes = np.stack([(end(at + d) - end(at - d)) / (2 * h) for d in h * np.eye(4)], -1)
+    assert np.linalg.matrix_rank(slopes[:, :2], tol=1e-6) == 2
+    assert np.linalg.matrix_rank(slopes, tol=1e-6) == 3
+
+
+def test_15_by_experiment_on_single_readings_takes_whole_ticks_for_noise():
+    coarse, u = Encoders(30, 0.04), np.tile([0.25, 0.0, 0.0], (400, 1))
+    wheels = np.broadcast_to(YOUBOT.wheel_speeds(u), (1000, 400, 4))
+    ticks = coarse.read(wheels, DT, np.random.default_rng(6))
+    omega = YOUBOT.body_velocity(coarse.speeds(ticks, DT))[..., 2]
+    due = np.sqrt(YOUBOT.control_cov(coarse.sigma_wheel(wheels[0, 0], DT))[2, 2])
+    assert omega.sum(1).std() / np.sqrt(400) == pytest.approx(due, rel=0.1)
+    assert omega.std() > 3 * due
