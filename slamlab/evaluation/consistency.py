@@ -16,9 +16,9 @@ from slamlab._checks import Array, as_array, as_count, as_scalar
 from slamlab.evaluation._optional import needed
 from slamlab.evaluation.run import Run
 from slamlab.gaussian import mahalanobis_squared
-from slamlab.geometry import wrap_angle
+from slamlab.geometry import rotation, wrap_angle
 
-__all__ = ["chi2_band", "monte_carlo", "nees", "nis"]
+__all__ = ["chi2_band", "invariant_nees", "monte_carlo", "nees", "nis"]
 
 Result = TypeVar("Result")
 
@@ -73,12 +73,9 @@ def nees(
 
 
 def _nees_of(run: Run) -> Array:
-    values = np.linalg.eigvalsh(run.covs)
-    doubtful = values[..., 0] > 1e-12 * values[..., -1]
-    scores = np.full(doubtful.shape, np.nan)
-    parts = run.poses[doubtful], run.truth[doubtful]
-    scores[doubtful] = nees(parts, run.covs[doubtful], angles=(2,))
-    return scores
+    error = run.poses - run.truth
+    error[..., 2] = wrap_angle(error[..., 2])
+    return _nees_where_doubtful(error, run.covs)
 
 
 def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
@@ -93,6 +90,58 @@ def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
             )
         return estimates - truths
     return as_array("errors", cast(ArrayLike, errors), ("...", "n")).copy()
+
+
+def _nees_where_doubtful(errors: Array, covs: Array) -> Array:
+    """NEES, NaN where a covariance is singular."""
+    values = np.linalg.eigvalsh(covs)
+    doubtful = values[..., 0] > 1e-12 * values[..., -1]
+    scores = np.full(doubtful.shape, np.nan)
+    scores[doubtful] = mahalanobis_squared(errors[doubtful], covs[doubtful])
+    return scores
+
+
+def invariant_nees(
+    poses: tuple[ArrayLike, ArrayLike] | Run, covs: ArrayLike | None = None
+) -> Array:
+    """NEES of poses in the coordinates of a right-invariant error; 3 is due.
+
+    The error is the motion of the whole world that takes the estimate to the truth: it turns by
+    dtheta, and shifts. A robot that is sure of everything but its heading lies on an arc, which no
+    ellipse in x and y can hold; in these coordinates its belief is a Gaussian (Barrau and
+    Bonnabel 2015).
+
+    Parameters
+    ----------
+    poses : tuple (estimates, truths) of array_like, shape (..., 3), or Run
+    covs : array_like, shape (..., 3, 3), optional
+        Covariances that the filter claimed for its poses. Not with a run.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        NaN where a covariance is singular.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit or a number is not finite.
+    """
+    if isinstance(poses, Run):
+        return invariant_nees((poses.poses, poses.truth), poses.covs)
+    estimate, truth = (as_array("poses", part, ("...", 3)) for part in poses)
+    J, p = np.array([[0.0, -1.0], [1.0, 0.0]]), estimate[..., :2, None]
+    turn = wrap_angle(truth[..., 2] - estimate[..., 2])
+    # p' = R(turn) p + V(turn) xi, V the mean of R from 0 to turn.
+    along, across = np.sinc(turn / np.pi), 0.5 * turn * np.sinc(0.5 * turn / np.pi) ** 2
+    V = along[..., None, None] * np.eye(2) + across[..., None, None] * J
+    xi = np.linalg.solve(V, truth[..., :2, None] - rotation(turn) @ p)[..., 0]
+    # The covariance in these coordinates: xi = dp - J p dtheta.
+    T = np.zeros((*estimate.shape, 3))
+    T[...] = np.eye(3)
+    T[..., :2, 2:] = -J @ p
+    P = T @ as_array("covs", cast(ArrayLike, covs), (*estimate.shape, 3)) @ np.swapaxes(T, -1, -2)
+    return _nees_where_doubtful(np.concatenate([xi, turn[..., None]], -1), P)
 
 
 def nis(residuals: ArrayLike | Run, covs: ArrayLike | None = None) -> Array:

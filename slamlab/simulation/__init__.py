@@ -1,6 +1,23 @@
 """A robot in a world, driven by a pilot who knows what the robot believes: out comes a log."""
 
 from slamlab.simulation.drift import drifted
+from slamlab.simulation.landmarks import (
+    ORCHARD_SENSOR,
+    ROOM_SENSOR,
+    landmark_drives,
+    orchard_loop,
+    room_drives,
+)
 from slamlab.simulation.record import Script, Truth, record
 
-__all__ = ["Script", "Truth", "drifted", "record"]
+__all__ = [
+    "ORCHARD_SENSOR",
+    "ROOM_SENSOR",
+    "Script",
+    "Truth",
+    "drifted",
+    "landmark_drives",
+    "orchard_loop",
+    "record",
+    "room_drives",
+]

@@ -6,6 +6,7 @@ from slamlab.slam.association import (
     maximum_likelihood,
     nearest_neighbour,
 )
+from slamlab.slam.batch import EKFSlamBatch
 from slamlab.slam.compressed import CompressedEKFSlam
 from slamlab.slam.ekf import EKFSlam
 from slamlab.slam.fast import FastSlam
@@ -29,6 +30,7 @@ __all__ = [
     "CompressedEKFSlam",
     "Confirmation",
     "EKFSlam",
+    "EKFSlamBatch",
     "FastSlam",
     "GridFastSlam",
     "HectorSlam",

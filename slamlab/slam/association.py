@@ -68,7 +68,9 @@ class SearchLimitWarning(RuntimeWarning):
 # --- one measurement at a time ---
 
 
-def nearest_euclidean(slam: Surface, z: ArrayLike, gate: float = 1.0) -> Rows:
+def nearest_euclidean(
+    slam: Surface, z: ArrayLike, gate: float = 1.0, covs: ArrayLike | None = None
+) -> Rows:
     """Take the landmark nearest in metres, if it is nearer than a fixed gate: P4, page 84.
 
     The textbook's weak form, for comparison: it knows nothing of any covariance. For sensors of
@@ -81,6 +83,8 @@ def nearest_euclidean(slam: Surface, z: ArrayLike, gate: float = 1.0) -> Rows:
         Ranges (m) and bearings (rad) of one look.
     gate : float, default 1.0
         P4's `Gate` (m), positive.
+    covs : array_like, optional
+        Not looked at: that is its fault.
 
     Returns
     -------
@@ -111,6 +115,7 @@ def nearest_neighbour(
     *,
     new_probability: float = 0.9999,
     margin: float = 0.0,
+    covs: ArrayLike | None = None,
 ) -> Rows:
     """Take the landmark nearest in standard deviations, within a chi-square gate.
 
@@ -131,6 +136,8 @@ def nearest_neighbour(
         Ambiguous pairs are left out: those with a rival, another landmark for the measurement or
         another measurement for the landmark, whose squared distance is larger by less than this.
         4.6 asks for odds of ten to one.
+    covs : array_like, shape (k, 2, 2), optional
+        Covariances of the measurements, if they are not the sensor's.
 
     Returns
     -------
@@ -152,7 +159,7 @@ def nearest_neighbour(
     >>> nearest_neighbour(slam, [[2.1, 0.51], [4.0, 0.0]]).tolist()
     [1, -1]
     """
-    pairs = _candidates(slam, z, probability, new_probability)
+    pairs = _candidates(slam, z, probability, new_probability, covs)
     return _best_first(pairs, pairs.distance, _as_margin(margin))
 
 
@@ -163,6 +170,7 @@ def maximum_likelihood(
     *,
     new_probability: float = 0.9999,
     margin: float = 0.0,
+    covs: ArrayLike | None = None,
 ) -> Rows:
     """Take the likeliest pairs of all together, within a chi-square gate.
 
@@ -174,7 +182,8 @@ def maximum_likelihood(
     Parameters, result and errors are those of `nearest_neighbour`; `margin` compares
     -2 log likelihoods.
     """
-    pairs, margin = _candidates(slam, z, probability, new_probability), _as_margin(margin)
+    pairs = _candidates(slam, z, probability, new_probability, covs)
+    margin = _as_margin(margin)
     inside, gate = pairs.inside, _chi2(probability, 2)
     score = pairs.distance + pairs.log_det
     rows, column = np.unique(pairs.row[inside], return_inverse=True)
@@ -231,6 +240,7 @@ def joint_compatibility(
     new_probability: float = 0.9999,
     margin: float = 0.0,
     max_nodes: int = 1000,
+    covs: ArrayLike | None = None,
 ) -> Rows:
     """Take the largest set of pairs that fit together, JCBB of Neira and Tardos (2001).
 
@@ -242,7 +252,7 @@ def joint_compatibility(
 
     Parameters
     ----------
-    slam, z, probability, new_probability
+    slam, z, probability, new_probability, covs
         As `nearest_neighbour`; `probability` is that of the single and of the joint gates.
     margin : float, default 0.0
         Measurements are left out on which equally large sets disagree whose joint squared
@@ -264,7 +274,13 @@ def joint_compatibility(
         As `nearest_neighbour`, or if `max_nodes` is no positive whole number.
     """
     found = joint_search(
-        slam, z, probability, new_probability=new_probability, margin=margin, max_nodes=max_nodes
+        slam,
+        z,
+        probability,
+        new_probability=new_probability,
+        margin=margin,
+        max_nodes=max_nodes,
+        covs=covs,
     )
     if not found.complete:
         message = f"joint search cut short after {max_nodes} hypotheses, best so far returned"
@@ -280,10 +296,11 @@ def joint_search(
     new_probability: float = 0.9999,
     margin: float = 0.0,
     max_nodes: int = 1000,
+    covs: ArrayLike | None = None,
 ) -> JointSearch:
     """Search as `joint_compatibility`, and tell how far it went; same parameters, no warning."""
     margin, max_nodes = _as_margin(margin), as_count("max_nodes", max_nodes, 1)
-    pairs = _candidates(slam, z, probability, new_probability)
+    pairs = _candidates(slam, z, probability, new_probability, covs)
     search = _Search(slam, pairs, probability, margin, max_nodes)
     answer = pairs.unpaired()
     for j, row in search.agreed():
@@ -302,7 +319,7 @@ class _Search:
     def __init__(
         self, slam: Surface, pairs: _Pairs, probability: float, margin: float, max_nodes: int
     ) -> None:
-        j, row, v = (a[pairs.inside] for a in (pairs.j, pairs.row, pairs.v))
+        j, row, v, more = (a[pairs.inside] for a in (pairs.j, pairs.row, pairs.v, pairs.more))
         self.rows, column = np.unique(row, return_inverse=True)
         measurements, place, counts = np.unique(j, return_inverse=True, return_counts=True)
         # The least ambiguous measurement first: it pins the pose down for the others.
@@ -311,6 +328,7 @@ class _Search:
         place = np.argsort(by_counts)[place]
         by_place = np.argsort(place, kind="stable")
         self.place, self.column, self.v = place[by_place], column[by_place], v[by_place]
+        self.more = more[by_place]
         self.gates = [_chi2(probability, 2 * m) for m in range(len(self.order) + 1)]
         self.margin, self.max_nodes = margin, max_nodes
         self.nodes, self.complete = 0, True
@@ -341,7 +359,8 @@ class _Search:
         self.nodes += 1
         options = np.flatnonzero((self.place >= depth) & ~self.used[self.column])
         column, v = self.column[options], self.v[options] - shift[self.column[options]]
-        added = _squared(v, own[column])
+        S = own[column] + self.more[options]
+        added = _squared(v, S)
         # Adding pairs never lowers the distance: what is too far now stays so further down.
         fits = distance + added <= self.gates[m + len(self.order) - depth]
         waiting = np.unique(self.place[options[fits]])
@@ -351,7 +370,7 @@ class _Search:
             if total > self.gates[m + 1] or self._hopeless(m + len(waiting), total):
                 break
             c = int(column[i])
-            given = self._given(own, shift, c, v[i])
+            given = self._given(own, shift, c, v[i], S[i])
             self.chosen.append((depth, c))
             self.used[c] = True
             self._descend(depth + 1, total, *given)
@@ -362,12 +381,12 @@ class _Search:
         if not self._hopeless(m + int((waiting > depth).sum()), distance):
             self._descend(depth + 1, distance, own, shift)
 
-    def _given(self, own: Array, shift: Array, c: int, v: Array) -> tuple[Array, Array]:
-        """Covariances and means of all innovations, once landmark c was off by v more."""
+    def _given(self, own: Array, shift: Array, c: int, v: Array, S: Array) -> tuple[Array, Array]:
+        """Covariances and means of all, once landmark c was off by v more, of covariance S."""
         a, at = 2 * len(self.chosen), slice(2 * c, 2 * c + 2)
         cross = self.S[at] - self.ties[:a, at].T @ self.ties[:a]
-        # Whitened by the inverse Cholesky factor of own[c], written out.
-        (xx, xy), (_, yy) = own[c]
+        # Whitened by the inverse Cholesky factor of S, written out.
+        (xx, xy), (_, yy) = S
         first = np.sqrt(xx)
         second = np.sqrt(yy - xy * xy / xx)
         whiten = np.array([[1 / first, 0.0], [-xy / (xx * second), 1 / second]])
@@ -430,8 +449,8 @@ class Confirmation:
     patience : int, default 5
         A tentative place not seen for more than this many looks is dropped.
     probability : float, default 0.999
-        Gate around a tentative place. Its covariance is 4 R: that of the first measurement, of
-        the present one, and as much again for what the estimated pose moved in between.
+        Gate around a tentative place. Its covariance is twice the sum of those of the first
+        measurement and of the present one: as much again for what the estimated pose moved.
 
     Attributes
     ----------
@@ -464,18 +483,20 @@ class Confirmation:
         self.associate = associate
         self.sightings = as_count("sightings", sightings, 1)
         self.patience = as_count("patience", patience)
-        self._gate = _chi2(probability, 2)
+        self._gate, self._covs = _chi2(probability, 2), np.empty((0, 2, 2))
         self.tentative, self._seen = np.empty((0, 2)), np.zeros(0, dtype=int)
         self._unseen_for = np.zeros(0, dtype=int)
 
-    def __call__(self, slam: Surface, z: ArrayLike) -> Rows:
+    def __call__(self, slam: Surface, z: ArrayLike, covs: ArrayLike | None = None) -> Rows:
         """Return rows as any association does."""
         if hasattr(slam, "number"):
             raise ValueError("slam: expected EKFSlam, got a particle of FastSlam")
         z = as_array("z", z, ("k", 2))
-        rows = np.array(self.associate(slam, z), dtype=np.intp)
+        more = {} if covs is None else {"covs": covs}
+        rows = np.array(self.associate(slam, z, **more), dtype=np.intp)
         new = np.flatnonzero(rows == NEW)
-        places = self._recognise(slam, z[new])
+        R = np.broadcast_to(slam.sensor.cov if covs is None else covs, (len(z), 2, 2))
+        places = self._recognise(slam, z[new], R[new])
         self._seen[places] += 1
         self._unseen_for += 1
         self._unseen_for[places] = 0
@@ -484,14 +505,15 @@ class Confirmation:
         keep = self._unseen_for <= self.patience
         keep[places[ready]] = False
         self.tentative, self._seen = self.tentative[keep], self._seen[keep]
-        self._unseen_for = self._unseen_for[keep]
+        self._unseen_for, self._covs = self._unseen_for[keep], self._covs[keep]
         return rows
 
-    def _recognise(self, slam: Surface, z: Array) -> Rows:
+    def _recognise(self, slam: Surface, z: Array, R: Array) -> Rows:
         """Place on the tentative list of each new measurement; a fresh one if none is near."""
         predicted = slam.sensor.observe(slam.pose, self.tentative)
         v = slam.sensor.residual(z[:, None], predicted[None])
-        distance = np.einsum("kni,ij,knj->kn", v, np.linalg.inv(4 * slam.sensor.cov), v)
+        weight = np.linalg.inv(2 * (R[:, None] + self._covs))
+        distance = np.einsum("kni,knij,knj->kn", v, weight, v)
         j, row = np.nonzero(distance < self._gate)
         pairs = _Pairs(len(z), j, row, distance[j, row], np.ones(len(j), dtype=bool))
         places = _best_first(pairs, pairs.distance, 0.0)
@@ -499,6 +521,7 @@ class Confirmation:
         places[fresh] = len(self.tentative) + np.arange(len(fresh))
         located = slam.sensor.locate(slam.pose, z[fresh])
         self.tentative = np.concatenate([self.tentative, located])
+        self._covs = np.concatenate([self._covs, R[fresh]])
         self._seen = np.append(self._seen, np.zeros(len(fresh), dtype=int))
         self._unseen_for = np.append(self._unseen_for, np.zeros(len(fresh), dtype=int))
         return places
@@ -518,6 +541,7 @@ class _Pairs:
     inside: NDArray[np.bool_]  # (c,) inside the gate; the others are near it
     v: Array = field(default_factory=lambda: np.empty((0, 2)))  # (c, 2) innovation
     log_det: Array = field(default_factory=lambda: np.empty(0))  # (c,) log det S
+    more: Array = field(default_factory=lambda: np.empty((0, 2, 2)))  # (c, 2, 2) R - sensor.cov
 
     def unpaired(self) -> Rows:
         """Answer (k,) before any pair is made: new if no landmark is near, else left out."""
@@ -534,7 +558,13 @@ class _Pairs:
         return bool((score[others] < score[mine][0] + margin).any())
 
 
-def _candidates(slam: Surface, z: ArrayLike, probability: float, new_probability: float) -> _Pairs:
+def _candidates(
+    slam: Surface,
+    z: ArrayLike,
+    probability: float,
+    new_probability: float,
+    covs: ArrayLike | None = None,
+) -> _Pairs:
     """All pairs within the wider gate, found by a tree of the predicted landmarks.
 
     A pair in the gate has |v_i| <= sqrt(gate S_ii), so seen from the sensor its two places are
@@ -550,16 +580,22 @@ def _candidates(slam: Surface, z: ArrayLike, probability: float, new_probability
         return _Pairs(len(z), empty, empty, np.empty(0), np.empty(0, dtype=bool))
     predicted = slam.sensor.observe(slam.pose, landmarks)
     S = slam.innovation_covs(np.arange(len(landmarks)))
-    reach = np.sqrt(outer * S[:, [0, 1], [0, 1]].max(0)) * (1 + 1e-9)
+    # What the measurements are less certain than the sensor says.
+    more = np.zeros((len(z), 2, 2))
+    if covs is not None:
+        more = as_array("covs", covs, (len(z), 2, 2)) - slam.sensor.cov
+    widest = S[:, [0, 1], [0, 1]].max(0) + more[:, [0, 1], [0, 1]].max(0)
+    reach = np.sqrt(outer * widest) * (1 + 1e-9)
     radius = reach[0] + np.abs(z[:, 0]) * reach[1]
     tree = cKDTree(_plane(predicted))
     j, row = _flat(tree.query_ball_point(_plane(z), radius, return_sorted=True))
-    v, S = slam.sensor.residual(z[j], predicted[row]), S[row]
+    v, S = slam.sensor.residual(z[j], predicted[row]), S[row] + more[j]
     distance = _squared(v, S)
     near = distance <= outer
     log_det = np.log(np.linalg.det(S[near]))
     distance = distance[near]
-    return _Pairs(len(z), j[near], row[near], distance, distance <= inner, v[near], log_det)
+    inside, more = distance <= inner, more[j[near]]
+    return _Pairs(len(z), j[near], row[near], distance, inside, v[near], log_det, more)
 
 
 def _plane(polar: Array) -> Array:

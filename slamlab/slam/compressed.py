@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_scalar
-from slamlab.filters.kalman import Innovation
-from slamlab.slam._triangle import downdate, mirror
-from slamlab.slam.ekf import Arrivals, Associate, Correction, EKFSlam, _as_ids, times_H
+from slamlab.models import LandmarkSensor, MotionModel
+from slamlab.slam._covariance import Covariance, downdate
+from slamlab.slam.ekf import Associate, Correction, EKFSlam, as_names, entries_of, with_pose
 
 __all__ = ["CompressedEKFSlam"]
 
@@ -24,19 +24,26 @@ class CompressedEKFSlam:
     """EKF-SLAM that touches only a region's landmarks in a step, and is exact all the same.
 
     The state falls in two: a, the pose and the landmarks of the region, and b, all others. As
-    long as only landmarks of a are seen, b learns nothing that could not wait: three small
-    matrices remember what it is owed, and `settle` pays.
+    long as only landmarks of a are seen, b can wait: three small matrices remember what it will
+    have to learn, and `settle` makes up for it.
 
     Parameters
     ----------
-    motion, sensor, mean, cov, ids
-        As `EKFSlam`. The first region is the whole map.
+    motion, sensor, mean, cov, ids, associate
+        As `EKFSlam`. The first region is the whole map. The association sees the region.
+    radius : float, default inf
+        A new region is entered, the point landmarks within `radius` (m) of the robot, when a
+        known landmark outside the region is seen or the robot has driven half of `radius`.
 
     Attributes
     ----------
+    measures : str
+        "looks": sets of simultaneous measurements of landmarks.
     local : EKFSlam
         The filter of the region: its pose, landmarks and covariances are those of the full
-        filter. Association works on it.
+        filter.
+    regions : int
+        How many regions have been entered.
 
     Notes
     -----
@@ -58,21 +65,32 @@ class CompressedEKFSlam:
     (5, 7)
     """
 
+    measures = "looks"
+
     def __init__(
         self,
-        motion: Any,
-        sensor: Any,
+        motion: MotionModel,
+        sensor: LandmarkSensor,
         mean: ArrayLike,
         cov: ArrayLike | None = None,
         ids: Sequence[Hashable] = (),
+        *,
+        associate: Associate | None = None,
+        radius: float = np.inf,
     ) -> None:
-        self._full = EKFSlam(motion, sensor, mean, cov, ids)
+        self.radius, self.regions = as_scalar("radius", radius, 0.0), 1
+        self._full = EKFSlam(motion, sensor, mean, cov, ids, associate=associate)
         self._open(self._full.ids)
+        self._entered = self.pose
+
+    def __repr__(self) -> str:
+        """Say where it is and how much it knows."""
+        return f"CompressedEKFSlam({self.n_landmarks} landmarks, local={self.local!r})"
 
     # The region.
 
     def enter(self, ids: Sequence[Hashable] | ArrayLike) -> None:
-        """Settle what is owed and go on with these landmarks as the region.
+        """Settle and go on with these landmarks as the region.
 
         Parameters
         ----------
@@ -84,11 +102,10 @@ class CompressedEKFSlam:
         ValueError
             If a name is not in the map or comes twice; the region then stays as it was.
         """
-        full = self.settle()
-        names = [full.ids[row] for row in full._known_rows(_as_ids("ids", ids))]
-        if len(set(names)) < len(names):
-            raise ValueError(f"ids: expected every landmark once, got {names!r}")
-        self._open(tuple(names))
+        names = as_names("ids", ids)
+        self.settle().rows_of(names)
+        self._open(names)
+        self._entered, self.regions = self.pose, self.regions + 1
 
     def near(self, radius: float) -> tuple[Hashable, ...]:
         """Settle, and return the ids of point landmarks within `radius` (m) of the robot.
@@ -97,30 +114,39 @@ class CompressedEKFSlam:
         """
         radius = as_scalar("radius", radius, low=0.0)
         full = self.settle()
-        away = full.landmarks - full.pose[:2]
-        close = np.hypot(away[:, 0], away[:, 1]) <= radius
+        close = np.hypot(*(full.landmarks - full.pose[:2]).T) <= radius
         return tuple(name for name, is_close in zip(full.ids, close, strict=True) if is_close)
 
     def settle(self) -> EKFSlam:
         """Bring the landmarks outside the region up to date and return the full filter.
 
-        O(n^2 n_a) for n_a landmarks in the region. The returned filter is a view of the state:
-        read it, change it through this object only. The region stays the same.
+        O(n^2 n_a) for n_a landmarks in the region. Read the returned filter, change it through
+        this object only. The region stays the same.
         """
-        local, full = self.local, self._full
-        if local.is_untouched:
+        local, full, accounts = self.local, self._full, self._accounts
+        if accounts.is_untouched:
             return full
-        b = np.setdiff1d(np.arange(len(full.mean)), self._entries)
-        P_ab = full._pairs(self._entries[:, None], b[None, :])
-        # What b is owed: its covariance by a square root of Psi, its mean by theta.
-        values, vectors = np.linalg.eigh(local.Psi)
-        B = (vectors * np.sqrt(np.clip(values, 0.0, None))).T @ P_ab
-        P_bb = np.ascontiguousarray(full._P[np.ix_(b, b)])
-        downdate(P_bb, B)
-        mirror(P_bb)
-        mean_b = full.mean[b] + local.theta @ P_ab
-        cross = local.Phi @ P_ab
-        self._write(mean_b, np.block([[local.cov, cross], [cross.T, P_bb]]))
+        a = with_pose(self._rows)
+        outside = np.setdiff1d(np.arange(full.n_landmarks), self._rows)
+        b, P = entries_of(outside), full.cov
+        P_ab = P[np.ix_(a, b)]
+        # P_bb - P_ba Psi P_ab by a square root of Psi, and x_b + P_ba theta.
+        values, vectors = np.linalg.eigh(accounts.Psi)
+        P_bb = P[np.ix_(b, b)]
+        downdate(P_bb, (vectors * np.sqrt(np.clip(values, 0.0, None))).T @ P_ab)
+        cross = accounts.Phi @ P_ab
+        P_bb = np.tril(P_bb) + np.tril(P_bb, -1).T
+        mean = np.concatenate([local.mean, full.mean[b] + accounts.theta @ P_ab])
+        # Back in the order in which the landmarks were met, new ones last.
+        place = {name: k for k, name in enumerate(local.ids)}
+        place |= {full.ids[row]: len(local.ids) + k for k, row in enumerate(outside)}
+        order = np.array([place[name] for name in self.ids], dtype=int)
+        waited = full.unseen_for[outside] + accounts.predictions
+        entries = with_pose(order)
+        P = np.block([[local.cov, cross], [cross.T, P_bb]])[np.ix_(entries, entries)]
+        self._full = _filter(full, local.next_id, mean[entries], Covariance(P), self.ids)
+        self._full.sightings = np.append(local.sightings, full.sightings[outside])[order]
+        self._full.unseen_for = np.append(local.unseen_for, waited)[order]
         self._open(local.ids)
         return self._full
 
@@ -131,31 +157,19 @@ class CompressedEKFSlam:
         self.local.predict(u, dt, control_cov)
 
     def update(
-        self, z: ArrayLike, ids: Sequence[Hashable] | ArrayLike, covs: ArrayLike | None = None
-    ) -> Innovation:
-        """Correct by landmarks of the region and add new ones, as `EKFSlam.update`.
-
-        Raises
-        ------
-        ValueError
-            As `EKFSlam.update`, or if a landmark of the map lies outside the region.
-        """
-        self._refuse_outside(ids)
-        return self.local.update(z, ids, covs)
-
-    def step(
         self,
-        u: ArrayLike,
-        dt: float,
-        control_cov: ArrayLike,
         z: ArrayLike,
-        associate: Associate | Sequence[Hashable] | ArrayLike | None = None,
+        ids: Sequence[Hashable | None] | ArrayLike | None = None,
         covs: ArrayLike | None = None,
-    ) -> tuple[Hashable | None, ...]:
-        """Predict, associate within the region, update, as `EKFSlam.step`."""
-        if associate is not None and not callable(associate):
-            self._refuse_outside(associate)
-        return self.local.step(u, dt, control_cov, z, associate, covs)
+    ) -> Correction:
+        """Correct by landmarks of the region and add new ones, as `EKFSlam.update`."""
+        names = () if ids is None else as_names("ids", ids)
+        outside = self._known.difference(self.local.ids).intersection(names)
+        driven = np.hypot(*(self.local.pose - self._entered)[:2])
+        if outside or driven > self.radius / 2:
+            near = self.near(self.radius)
+            self.enter([*{*near, *self._known.intersection(names)}])
+        return self.local.update(z, ids, covs)
 
     @property
     def pose(self) -> Array:
@@ -177,80 +191,53 @@ class CompressedEKFSlam:
         """Number of landmarks of the map."""
         return len(self.ids)
 
-    # Inside.
+    @property
+    def landmarks(self) -> Array:
+        """Estimated landmarks, shape (n, 2), in the order of `ids`; settles first."""
+        return self.settle().landmarks
 
-    def _open(self, names: tuple[Hashable, ...]) -> None:
+    def _open(self, names: Sequence[Hashable]) -> None:
         """Start a region at what the full filter says now."""
         full = self._full
-        rows = full._known_rows(names)
-        landmarks = (3 + 2 * rows[:, None] + np.arange(2)).ravel()
-        self._entries = np.concatenate([np.arange(3), landmarks])
-        self._known, self._rows = set(full.ids), rows
-        self.local = _Region(full, self._entries, names)
-
-    def _write(self, mean_b: Array, P: Array) -> None:
-        """Give the full filter the state (a, b), in its own order, new landmarks last."""
-        local, full = self.local, self._full
-        outside = np.setdiff1d(np.arange(full.n_landmarks), self._rows)
-        names = [*local.ids, *(full.ids[row] for row in outside)]
-        place = {name: k for k, name in enumerate(names)}
-        order = np.array([place[name] for name in self.ids], dtype=np.intp)
-        entries = np.concatenate(
-            [np.arange(3), (3 + 2 * order[:, None] + np.arange(2)).ravel()]
-        ).astype(np.intp)
-        mean = np.concatenate([local.mean, mean_b])[entries]
-        waited = full.unseen_for[outside] + local.predictions
-        full._replace(
-            mean,
-            P[np.ix_(entries, entries)],
-            self.ids,
-            np.concatenate([local.sightings, full.sightings[outside]])[order],
-            np.concatenate([local.unseen_for, waited])[order],
-        )
-
-    def _refuse_outside(self, ids: Any) -> None:
-        outside = [
-            n for n in _as_ids("ids", ids) if n in self._known and n not in self.local._row_of
-        ]
-        if outside:
-            raise ValueError(
-                f"ids: expected landmarks of the region or new ones, got {outside}; "
-                "enter a region that holds them first"
-            )
+        self._rows, self._known = full.rows_of(names), set(full.ids)
+        a = with_pose(self._rows)
+        self._accounts = _Accounts(full.cov[np.ix_(a, a)])
+        self.local = _filter(full, full.next_id, full.mean[a], self._accounts, names)
+        self.local.sightings = full.sightings[self._rows]
+        self.local.unseen_for = full.unseen_for[self._rows]
 
 
-class _Region(EKFSlam):
-    """The filter of a region, which keeps account of what the rest of the map is owed."""
+class _Accounts(Covariance):
+    """The covariance of a region, which keeps account of what the rest of the map must learn."""
 
-    def __init__(self, full: EKFSlam, entries: Any, names: tuple[Hashable, ...]) -> None:
-        super().__init__(full.motion, full.sensor, np.zeros(3))
-        rows = (entries[3::2] - 3) // 2
-        P = full._pairs(entries[:, None], entries[None, :])
-        self._replace(full.mean[entries], P, names, full.sightings[rows], full.unseen_for[rows])
-        # A new landmark must not take the name of one outside.
-        self._next_id = full._first_free_id()
-        self.Phi, self.Psi = np.eye(len(entries)), np.zeros((len(entries), len(entries)))
-        self.theta = np.zeros(len(entries))
+    def __init__(self, P: Array) -> None:
+        super().__init__(P)
+        self.Phi, self.Psi, self.theta = np.eye(len(P)), np.zeros_like(P), np.zeros(len(P))
         self.predictions, self.is_untouched = 0, True
 
-    def _move(self, pose: Array, F_x: Array, Q: Array) -> None:
-        super()._move(pose, F_x, Q)
-        self.Phi[:3] = F_x @ self.Phi[:3]
+    def move(self, F: Array, Q: Array) -> None:
+        super().move(F, Q)
+        self.Phi[:3] = F @ self.Phi[:3]
         self.predictions, self.is_untouched = self.predictions + 1, False
 
-    def _correct(self, correction: Correction) -> None:
-        rows = correction.rows
-        if len(rows):
-            i = np.concatenate([np.arange(3), (3 + 2 * rows[:, None] + np.arange(2)).ravel()])
-            H_Phi = times_H(correction.H_pose, correction.H_landmark, self.Phi[i])
-            owed = correction.whiten @ H_Phi
-            self.Psi += owed.T @ owed
-            self.theta += correction.white @ owed
-            self.Phi -= correction.B.T @ owed
-            self.is_untouched = False
-        super()._correct(correction)
-
-    def _augment(self, new: Arrivals) -> None:
-        super()._augment(new)
-        self.Phi = np.concatenate([self.Phi, new.G_pose.reshape(-1, 3) @ self.Phi[:3]])
+    def correct(self, B: Array, **account: Any) -> None:
+        super().correct(B)
+        owed = account["W"] @ account["H"] @ self.Phi[account["i"]]
+        self.Psi += owed.T @ owed
+        self.theta += account["y"] @ owed
+        self.Phi -= B.T @ owed
         self.is_untouched = False
+
+    def append(self, G: Array, own: Array) -> None:
+        super().append(G, own)
+        self.Phi = np.concatenate([self.Phi, G @ self.Phi[:3]])
+        self.is_untouched = False
+
+
+def _filter(
+    like: EKFSlam, next_id: int, mean: Array, P: Covariance, ids: Sequence[Hashable]
+) -> EKFSlam:
+    """Return a filter with another's models; new landmarks must not take names used elsewhere."""
+    slam = EKFSlam(like.motion, like.sensor, mean, P, ids, associate=like.associate)
+    slam.next_id = next_id
+    return slam

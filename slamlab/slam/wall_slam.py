@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +17,8 @@ from scipy import stats
 from slamlab._checks import Array, as_count, as_scalar
 from slamlab.geometry import transform, wrap_angle
 from slamlab.mapping.walls import Walls, extract_walls
-from slamlab.sensors import Wall
+from slamlab.models import MotionModel
+from slamlab.sensors import Lidar, Wall
 from slamlab.slam.ekf import EKFSlam
 
 __all__ = ["Sighting", "WallSlam"]
@@ -75,6 +75,8 @@ class WallSlam:
 
     Attributes
     ----------
+    measures : str
+        "ranges": scans.
     filter : EKFSlam
         Pose and lines (r, alpha), with their covariance.
 
@@ -104,8 +106,8 @@ class WallSlam:
 
     def __init__(
         self,
-        motion: Any,
-        lidar: Any,
+        motion: MotionModel,
+        lidar: Lidar,
         pose: ArrayLike,
         cov: ArrayLike | None = None,
         *,
@@ -125,7 +127,10 @@ class WallSlam:
         # The covariance of each sighting comes from its points; the sensor's own is not used.
         self.filter = EKFSlam(motion, Wall(1.0, 1.0, offset=lidar.offset), pose, cov)
         self._counts: dict[Hashable, Counter[int]] = {}
-        self._next = 0
+
+    def __repr__(self) -> str:
+        """Say where it is and how much it knows."""
+        return f"WallSlam({len(self.confirmed)} walls confirmed, filter={self.filter!r})"
 
     @property
     def pose(self) -> Array:
@@ -154,15 +159,15 @@ class WallSlam:
         """Stage 1 of P1: move the pose, as `EKFSlam.predict`."""
         self.filter.predict(u, dt, control_cov)
 
-    def update(self, measurement: ArrayLike, ids: Any = None) -> Sighting:
+    def update(self, measurement: ArrayLike, ids: None = None) -> Sighting:
         """Stages 2 and 3 of P1: correct by the walls known already, add the others.
 
         Parameters
         ----------
         measurement : array_like, shape (n_beams,)
-            One scan, ranges (m); NaN or inf is a beam without return.
+            Ranges of one scan (m); NaN or inf is a beam without return.
         ids : None
-            Walls have no names that a scan could tell.
+            Walls are told apart by their lines; nobody can name them.
 
         Returns
         -------
@@ -171,25 +176,31 @@ class WallSlam:
         Raises
         ------
         ValueError
-            If the shape is wrong or a range is negative. The filter is then as it was.
+            If the shape is wrong, a range is negative or `ids` are given. The filter is then as
+            it was.
         """
+        if ids is not None:
+            raise ValueError(f"ids: expected None, walls have no names in a scan, got {ids!r}")
         points = self._lidar.points(measurement) - [self._lidar.offset, 0.0]
         walls = extract_walls(points, self._sigma)
         covs = walls.covs + _EXTRACTION_COV
-        ids = self._associate(walls, covs)
-        used = np.array([id is not None for id in ids], dtype=bool)
-        names = [id for id in ids if id is not None]
-        innovation = self.filter.update(walls.lines[used], names, self._named(walls, covs, ids))
-        for id, ends in zip(names, walls.ends[used], strict=True):
-            self._extend(id, ends)
-        gone = self.filter.remove_unseen(self._patience, max(self._confirm - 1, 1))
+        ekf = self.filter
+        predicted = ekf.sensor.observe(ekf.pose, ekf.landmarks)
+        names = self._associate(walls, covs, predicted)
+        innovation = ekf.update(walls.lines, names, self._named(walls, covs, names, predicted))
+        for id, ends in zip(names, walls.ends, strict=True):
+            if id is not None:
+                self._extend(id, ends)
+        gone = ekf.remove_unseen(self._patience, max(self._confirm - 1, 1))
         for id in gone:
             del self._counts[id]
-        return Sighting(walls, ids, float(innovation.nis))
+        return Sighting(walls, names, float(innovation.nis))
 
-    def _associate(self, walls: Walls, covs: Array) -> tuple[Hashable | None, ...]:
+    def _associate(
+        self, walls: Walls, covs: Array, predicted: Array
+    ) -> tuple[Hashable | None, ...]:
         """Nearest line inside the gate; left out if two fit, a new wall if none does."""
-        distances = self._distances(walls, covs)
+        distances, fresh = self._distances(walls, covs, predicted), self.filter.next_id
         inside = distances < self._gate
         # One wall of the map may be seen in several pieces: only the longest counts.
         taken: set[Hashable] = set()
@@ -203,39 +214,32 @@ class WallSlam:
             elif not (distances[k] < 4 * self._gate).any() and (
                 walls.lengths[k] >= self._min_length
             ):
-                answer[k], self._next = self._next, self._next + 1
+                answer[k], fresh = fresh, fresh + 1
         return tuple(answer)
 
-    def _distances(self, walls: Walls, covs: Array) -> Array:
+    def _distances(self, walls: Walls, covs: Array, predicted: Array) -> Array:
         """Squared Mahalanobis distance of each wall seen from each of the map, (k, n)."""
         ekf = self.filter
         if ekf.n_landmarks == 0:
             return np.empty((len(walls), 0))
-        predicted = ekf.sensor.observe(ekf.pose, ekf.landmarks)
         v = ekf.sensor.residual(walls.lines[:, None], predicted[None])
         own = ekf.innovation_covs(np.arange(ekf.n_landmarks)) - ekf.sensor.cov
         S = own[None] + _in_name_of(walls.lines[:, None, 1], predicted[None, :, 1], covs[:, None])
         return (v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1)
 
     def _named(
-        self, walls: Walls, covs: Array, ids: tuple[Hashable | None, ...]
+        self, walls: Walls, covs: Array, names: tuple[Hashable | None, ...], predicted: Array
     ) -> NDArray[np.float64]:
-        """Covariances of the walls used, each in the name (r, alpha) that its landmark has."""
-        ekf, chosen = self.filter, []
-        row_of = {id: row for row, id in enumerate(ekf.ids)}
-        predicted = ekf.sensor.observe(ekf.pose, ekf.landmarks)
-        for k, id in enumerate(ids):
-            if id in row_of:
-                alpha = predicted[row_of[id], 1]
-                chosen.append(_in_name_of(walls.lines[k, 1], alpha, covs[k]))
-            elif id is not None:
-                chosen.append(covs[k])
-        return np.array(chosen).reshape(-1, 2, 2)
+        """Covariances of the walls, each in the name (r, alpha) that its landmark has."""
+        alpha = walls.lines[:, 1].copy()
+        known = [k for k, name in enumerate(names) if name in self.filter.ids]
+        alpha[known] = predicted[self.filter.rows_of([names[k] for k in known]), 1]
+        return _in_name_of(walls.lines[:, 1], alpha, covs)
 
     def _extend(self, id: Hashable, ends: Array) -> None:
         """Note which stretch of the wall was seen."""
         ekf = self.filter
-        _, alpha = ekf.landmarks[ekf.ids.index(id)]
+        _, alpha = ekf.landmarks[ekf.rows_of([id])[0]]
         world = transform(ekf.pose, ends + [self._lidar.offset, 0.0])
         low, high = np.sort(world @ [-np.sin(alpha), np.cos(alpha)]) / _PIECE
         self._counts.setdefault(id, Counter()).update(range(round(low), round(high)))

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from slamlab.evaluation.association_runs import run_loop, simulate_loop
+from slamlab.evaluation import association_scores, run
 from slamlab.gaussian import mahalanobis_squared
 from slamlab.geometry import compose, transform
 from slamlab.robots import Unicycle
 from slamlab.sensors import RangeBearing, Wall
+from slamlab.simulation import ORCHARD_SENSOR, orchard_loop
 from slamlab.slam import EKFSlam, FastSlam, association
 from slamlab.slam.association import (
     IGNORED,
@@ -339,13 +340,14 @@ def test_a_known_pose_makes_the_joint_distance_a_sum():
 def test_both_filters_take_every_association(associate):
     rng = np.random.default_rng(6)
     landmarks = rng.uniform(-5, 5, (6, 2))
-    ekf = EKFSlam(Unicycle(), SENSOR, np.zeros(3))
+    ekf = EKFSlam(Unicycle(), SENSOR, np.zeros(3), associate=associate)
     fast = FastSlam(Unicycle(), SENSOR, np.zeros(3), 8, version=2, rng=rng, associate=associate)
     pose, u, V = np.zeros(3), np.array([0.5, 0.2]), np.diag([1e-4, 1e-4])
     for _ in range(6):
         pose = Unicycle().step(pose, u, 0.2)
         z, _ = SENSOR.measure(pose, landmarks, rng)
-        ekf.step(u, 0.2, V, z, associate)
+        ekf.predict(u, 0.2, V)
+        ekf.update(z)
         fast.predict(u, 0.2, V)
         fast.update(z)
     assert ekf.n_landmarks == 6
@@ -356,7 +358,8 @@ def test_both_filters_take_every_association(associate):
 def test_the_filter_asks_the_nearest_neighbour_if_nobody_else_is_named():
     slam, z, _ = scene(8, size=6.0, doubt=(0.05, 0.05, 0.01))
     rows = nearest_neighbour(slam, z)
-    names = slam.step([0.0, 0.0], 0.1, np.zeros((2, 2)), z)
+    slam.predict([0.0, 0.0], 0.1, np.zeros((2, 2)))
+    names = slam.update(z).ids
     assert [slam.ids.index(name) for name, row in zip(names, rows, strict=True) if row >= 0] == [
         row for row in rows if row >= 0
     ]
@@ -368,13 +371,14 @@ def test_the_filter_asks_the_nearest_neighbour_if_nobody_else_is_named():
 def test_a_landmark_is_started_at_its_third_sighting_and_clutter_never():
     rng = np.random.default_rng(3)
     landmarks = rng.uniform(-4, 4, (5, 2))
-    slam, careful = EKFSlam(Unicycle(), SENSOR, np.zeros(3)), Confirmation(sightings=3)
+    careful = Confirmation(sightings=3)
+    slam = EKFSlam(Unicycle(), SENSOR, np.zeros(3), associate=careful)
     eager = EKFSlam(Unicycle(), SENSOR, np.zeros(3))
     for k in range(12):
         z, _ = SENSOR.measure(np.zeros(3), landmarks, rng)
         z = np.concatenate([z, rng.uniform([4, -np.pi], [12, np.pi], (2, 2))])
-        names = slam.step([0, 0], 0.1, np.zeros((2, 2)), z, careful)
-        eager.step([0, 0], 0.1, np.zeros((2, 2)), z)
+        names = slam.update(z).ids
+        eager.update(z)
         assert (slam.n_landmarks > 0) == (k >= 2)
         assert len([n for n in names if n is not None]) in (0, 5)
     assert slam.n_landmarks == 5
@@ -416,20 +420,76 @@ def test_two_new_measurements_side_by_side_are_two_places():
     assert careful(slam, z).tolist() == [NEW, NEW]
 
 
+# --- measurements that are better or worse known than the sensor says ---
+
+
+def with_covs(seed, scale):
+    """One measurement of one of two landmarks, drawn with its own covariance."""
+    rng = np.random.default_rng(seed)
+    slam = EKFSlam(
+        Unicycle(), SENSOR, [0, 0, 0, 5, 0, 0, 8], np.diag([1e-6] * 3 + [1e-4] * 4), ids="ab"
+    )
+    covs = np.array([SENSOR.cov * scale])
+    due = slam.innovation_covs([0])[0] - SENSOR.cov + covs[0]
+    z = SENSOR.observe(slam.pose, slam.landmarks[:1])
+    return slam, z + rng.multivariate_normal([0, 0], due, 1), covs
+
+
+@gated
+@pytest.mark.parametrize("scale", [0.1, 1.0, 25.0])
+def test_the_gate_knows_the_covariance_of_each_measurement(associate, scale):
+    trials = [with_covs(seed, scale) for seed in range(600)]
+    accepted = np.mean([associate(slam, z, covs=covs)[0] == 0 for slam, z, covs in trials])
+    assert 0.975 < accepted <= 0.9999
+    blind = np.mean([associate(slam, z)[0] == 0 for slam, z, _ in trials])
+    if scale == 25.0:
+        assert blind < 0.5, "without them a coarse measurement fails the gate"
+    filtered = []
+    for slam, z, covs in trials[:100]:
+        slam.associate = associate
+        filtered.append(slam.update(z, covs=covs).ids == ("a",))
+    assert np.mean(filtered) > 0.9
+
+
+def test_joint_search_weighs_each_pair_with_its_own_covariance():
+    """Two measurements, one coarse: the joint distance is that of the stacked innovation."""
+    slam = lost(np.array([[3.0, 0.5], [2.0, -1.5]]))
+    z = SENSOR.observe(slam.pose + [0.05, 0.05, 0.02], slam.landmarks) + [[0.3, 0.0], [0, 0.01]]
+    covs = np.array([20 * SENSOR.cov, 0.5 * SENSOR.cov])
+    found = joint_search(slam, z, covs=covs)
+    v = SENSOR.residual(z, SENSOR.observe(slam.pose, slam.landmarks)).ravel()
+    S = slam.innovation_cov([0, 1])
+    for k in range(2):
+        S[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += covs[k] - SENSOR.cov
+    assert found.rows.tolist() == [0, 1]
+    assert found.distance == pytest.approx(v @ np.linalg.solve(S, v))
+    assert abs(joint_search(slam, z).distance - found.distance) > 0.1
+
+
+def test_a_coarse_measurement_returns_to_its_tentative_place():
+    slam, coarse = EKFSlam(Unicycle(), SENSOR, np.zeros(3)), np.array([100 * SENSOR.cov])
+    for covs, due in ((coarse, NEW), (None, IGNORED)):
+        careful = Confirmation(sightings=2)
+        more = {} if covs is None else {"covs": covs}
+        assert careful(slam, [[3.0, 0.0]], **more).tolist() == [IGNORED]
+        assert careful(slam, [[4.0, 0.1]], **more).tolist() == [due]
+
+
 # --- the loop with drift and clutter ---
 
 
 def loops(n_runs, **conditions):
-    drives = [simulate_loop(np.random.default_rng(seed), **conditions) for seed in range(n_runs)]
-    runs = {f: [run_loop(loop, Confirmation(f)) for loop in drives] for f in GATED}
-    return {
-        f.__name__: (
-            np.array([run.precision for run in some]),
-            np.array([run.recall for run in some]),
-            np.array([run.error for run in some]),
-        )
-        for f, some in runs.items()
-    }
+    drives = [orchard_loop(np.random.default_rng(seed), **conditions) for seed in range(n_runs)]
+    return {f.__name__: np.array([loop_scores(log, f) for log in drives]).T for f in GATED}
+
+
+def loop_scores(log, associate):
+    """Precision, recall and the error of the last position."""
+    options = dict(associate=Confirmation(associate))
+    slam = EKFSlam(Unicycle(), ORCHARD_SENSOR, log.truth[0], **options)
+    result = run(slam, log, known_ids=51)
+    scores = association_scores(result, 51)
+    return scores.precision, scores.recall, np.hypot(*(slam.pose - log.truth[-1])[:2])
 
 
 @pytest.mark.slow

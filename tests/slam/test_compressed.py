@@ -47,8 +47,9 @@ def test_compressed_equals_full_over_2000_steps_and_many_regions():
         if k % 100 == 0 or not set(known) <= set(compressed.local.ids):
             compressed.enter({*compressed.near(7.0), *known})
             regions += 1
-        full.step(u, DT, V, z, ids)
-        compressed.step(u, DT, V, z, ids)
+        for one in (full, compressed):
+            one.predict(u, DT, V)
+            one.update(z, ids)
         largest = max(largest, compressed.local.n_landmarks)
         np.testing.assert_allclose(compressed.pose, full.pose, atol=1e-9)
         np.testing.assert_allclose(compressed.pose_cov, full.pose_cov, atol=1e-9)
@@ -87,25 +88,42 @@ def test_each_forgotten_account_is_noticed():
         compressed.enter([4, 1])
         z = full.sensor.observe(full.pose, full.landmarks[[1, 4]]) + 0.03
         for one in (compressed, full):
-            one.step([0.1, 0.2, 0.3], DT, V, z, [1, 4])
-        account = getattr(compressed.local, name)
+            one.predict([0.1, 0.2, 0.3], DT, V)
+            one.update(z, [1, 4])
+        account = getattr(compressed._accounts, name)
         account[...] = np.eye(7) if name == "Phi" else 0.0
         settled = compressed.settle()
         off = max(np.abs(settled.mean - full.mean).max(), np.abs(settled.cov - full.cov).max())
         assert off > 1e-5, name
 
 
-def test_landmarks_outside_the_region_are_refused_by_name():
-    compressed, _ = small()
+def test_a_landmark_outside_the_region_opens_a_new_one():
+    compressed, full = small()
+    compressed.radius = 1.0
     compressed.enter([4, 1])
-    before = compressed.local.mean.copy()
-    for call in (
-        lambda: compressed.update([[1.0, 1.0]], [2]),
-        lambda: compressed.step([0, 0, 0], DT, V, [[1.0, 1.0]], [2]),
-    ):
-        with pytest.raises(ValueError, match="landmarks of the region or new ones, got \\[2\\]"):
-            call()
-    np.testing.assert_array_equal(compressed.local.mean, before)
+    z = full.sensor.observe(full.pose, full.landmarks[[1, 2]]) + 0.03
+    for one in (compressed, full):
+        one.update(z[:1], [1])
+        one.update(z, [1, 2])
+    assert 2 in compressed.local.ids
+    assert 0 not in compressed.local.ids
+    assert compressed.regions == 3
+    assert_same(compressed, full)
+
+
+def test_a_robot_that_has_driven_on_opens_a_new_region():
+    compressed, full = small()
+    compressed.radius = 6.0
+    compressed.enter([0])
+    compressed.predict([3.1, 0, 0], 1.0, V)
+    compressed.update(np.empty((0, 2)), [])
+    assert compressed.regions == 3
+    assert compressed.local.ids == compressed.near(6.0)
+    assert 0 < len(compressed.local.ids) < 6
+
+
+def test_regions_refuse_unknown_names():
+    compressed, _ = small()
     with pytest.raises(ValueError, match="expected landmarks of the map, got \\[9\\]"):
         compressed.enter([9])
     with pytest.raises(ValueError, match="every landmark once"):
@@ -119,8 +137,9 @@ def test_landmarks_outside_the_region_are_refused_by_name():
 
 def test_fresh_names_do_not_collide_with_landmarks_outside():
     compressed, _ = small()
+    compressed._full.associate = lambda slam, z: [-1]
     compressed.enter([0])
-    assert compressed.step([0, 0, 0], DT, V, [[2.0, 1.0]], lambda slam, z: [-1]) == (6,)
+    assert compressed.update([[2.0, 1.0]]).ids == (6,)
     assert compressed.settle().ids == (0, 1, 2, 3, 4, 5, 6)
 
 

@@ -1,19 +1,22 @@
 """The formulas of P1 as the paper prints them, as models that a filter can be run with.
 
 P1 (17), (18), (26)-(29), (34), (41) and "repeat (16)-(36) for each landmark". For tests and for
-chapter 09, which runs them to see what each one costs; nothing else should import this.
+chapter 09, which runs them to see what each one costs.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array
+from slamlab.logs import Log
+from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.sensors import RangeBearing
+from slamlab.slam import EKFSlamBatch
+from slamlab.slam.batch import BatchInnovation
 
 __all__ = [
     "BearingAsPrinted",
@@ -23,6 +26,7 @@ __all__ = [
     "LeverlessBearingSlopesWorst",
     "LeverlessRangeSlope",
     "MotionAsPrinted",
+    "PredictsForEachLandmark",
     "Variant",
     "gain_as_printed",
     "variants",
@@ -42,7 +46,7 @@ class MotionAsPrinted:
         The right one; its `step` and its F_x are kept.
     """
 
-    motion: Any
+    motion: MotionModel
 
     def step(self, pose: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """Return the pose after the step, P1 (10), as the right model does."""
@@ -149,24 +153,51 @@ def gain_as_printed(P: ArrayLike, H: ArrayLike, S: ArrayLike, R: ArrayLike) -> A
     return np.asarray(P @ H.T @ np.linalg.inv(S) + np.asarray(R, dtype=float))
 
 
+class PredictsForEachLandmark(EKFSlamBatch):
+    """A filter that predicts the covariance once for each landmark it then sees.
+
+    As P1's text after (36) demands, if "(16)-(36) are repeated" is taken to hold the prediction.
+    """
+
+    def move_cov(self, F: Array, Q: Array) -> None:
+        """Move the covariance, and remember how."""
+        super().move_cov(F, Q)
+        self._again = F, Q
+
+    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> BatchInnovation:
+        """Predict once more for each landmark seen but the first, then correct."""
+        seen = np.isfinite(z).all(-1).sum(-1)[:, None, None]
+        for k in range(1, int(seen.max(initial=0))):
+            F, Q = self._again
+            super().move_cov(np.where(seen > k, F, np.eye(3)), np.where(seen > k, Q, 0.0))
+        return super().update(z, ids)
+
+
 @dataclass(frozen=True)
 class Variant:
-    """One way to run the filter: its models, and how often a step is predicted.
+    """One way to run the filter.
 
     Attributes
     ----------
     motion, sensor
         What the filter believes; the world keeps the right models.
-    repeat_prediction : bool
-        Predict the covariance once for each landmark seen, as P1's text after (36) demands.
+    kind : type
+        `EKFSlamBatch`, or how it is got wrong.
     """
 
-    motion: Any
-    sensor: Any
-    repeat_prediction: bool = False
+    motion: MotionModel
+    sensor: LandmarkSensor
+    kind: type[EKFSlamBatch] = EKFSlamBatch
+
+    def start(self, log: Log) -> EKFSlamBatch:
+        """Return filters that start at the first true poses of a log and know no landmark."""
+        if log.truth is None or log.landmarks is None:
+            raise ValueError("log: expected one with truth and landmarks, from a simulation")
+        n = len(log.landmarks)
+        return self.kind(self.motion, self.sensor, log.truth[0], n_landmarks=n)
 
 
-def variants(motion: Any, sensor: RangeBearing) -> dict[str, Variant]:
+def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
     """Return the repaired filter and each printed one, by the name the tables show.
 
     (34) is not among them: it cannot be run (`gain_as_printed`). Walls treated as points need
@@ -200,7 +231,7 @@ def variants(motion: Any, sensor: RangeBearing) -> dict[str, Variant]:
         "(26), (27), (29) worst signs": Variant(motion, LeverlessBearingSlopesWorst(*arguments)),
         "(28) without L": Variant(motion, LeverlessRangeSlope(*arguments)),
         "(41) without the beam": Variant(motion, BeamlessLocate(*arguments)),
-        "prediction per landmark": Variant(motion, sensor, repeat_prediction=True),
+        "prediction per landmark": Variant(motion, sensor, PredictsForEachLandmark),
     }
 
 

@@ -1,0 +1,87 @@
+"""How often an association names the right landmark: precision and recall of a run.
+
+Chapter 11; any system whose updates report the `ids` they gave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+from slamlab._checks import as_count
+from slamlab.evaluation.run import Run
+
+__all__ = ["AssociationScores", "association_scores"]
+
+
+@dataclass(frozen=True, eq=False)
+class AssociationScores:
+    """What an association did.
+
+    Attributes
+    ----------
+    named : int
+        Measurements that were paired with a landmark of the map.
+    right : int
+        Of these, those paired with a landmark that was started by the same true landmark.
+    possible : int
+        Measurements whose true landmark stood in the map.
+    origins : dict
+        True landmark by which each landmark of the map was started, -1 for clutter.
+    """
+
+    named: int
+    right: int
+    possible: int
+    origins: dict[Hashable, int]
+
+    @property
+    def precision(self) -> float:
+        """Share of the pairs made that are right; 1 if none was made."""
+        return self.right / self.named if self.named else 1.0
+
+    @property
+    def recall(self) -> float:
+        """Share of the possible pairs that were made and are right; 1 if none was possible."""
+        return self.right / self.possible if self.possible else 1.0
+
+
+def association_scores(run: Run, known_ids: int = 0) -> AssociationScores:
+    """Count what the association of a run did.
+
+    Parameters
+    ----------
+    run : Run
+        Of a system whose reports have `ids`, over a log with the true ids.
+    known_ids : int, default 0
+        As `run` was told: in the first so many steps the log's ids were handed over, and nothing
+        is counted.
+
+    Returns
+    -------
+    AssociationScores
+
+    Raises
+    ------
+    ValueError
+        If the log has no ids, `known_ids` is negative, or the reports have no ids.
+    """
+    told = as_count("known_ids", known_ids)
+    if run.log.ids is None:
+        raise ValueError("run: expected a log with the true ids to compare with, it has none")
+    origins: dict[Hashable, int] = {}
+    named = right = possible = 0
+    for k, (truth, report) in enumerate(zip(run.log.ids, run.reports, strict=True)):
+        if k < told:
+            origins |= {int(one): int(one) for one in truth if one >= 0}
+            continue
+        if not hasattr(report, "ids"):
+            raise ValueError(f"run: expected reports with the ids given, got {report!r:.80}")
+        pairs = list(zip(report.ids, truth.tolist(), strict=True))
+        known = set(origins.values())
+        made = [(origins[name], one) for name, one in pairs if name in origins]
+        named, right = named + len(made), right + sum(a == b >= 0 for a, b in made)
+        possible += sum(one in known for _, one in pairs if one >= 0)
+        new = {name: one for name, one in pairs if name is not None and name not in origins}
+        origins |= new
+    return AssociationScores(named, right, possible, origins)

@@ -1,0 +1,86 @@
+"""Where EKF-SLAM takes its Jacobians, so that it does not learn what nothing measured.
+
+Turning the whole world about its origin changes no measurement, but Jacobians taken at estimates
+that move say otherwise. First-estimates Jacobians (Huang, Mourikis and Roumeliotis 2008) and the
+right-invariant error (Barrau and Bonnabel 2015) mend that. Chapter 10. Leading axes are batches.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamlab._checks import Array, as_choice
+from slamlab.geometry import wrap_angle
+from slamlab.models import LandmarkSensor
+
+__all__ = ["LINEARISATIONS", "as_linearisation", "carried", "corrected", "turned"]
+
+LINEARISATIONS = ("latest", "first-estimates", "invariant")
+
+
+def as_linearisation(value: str, sensor: LandmarkSensor) -> str:
+    """Return `value` if it is one of `LINEARISATIONS` and the sensor's landmarks allow it."""
+    value = as_choice("linearisation", value, LINEARISATIONS)
+    z = [3.0, 0.5]
+    shift = sensor.locate([2.0, 1.0, 0.3], z) - sensor.locate([0.0, 0.0, 0.3], z)
+    if value == "invariant" and not np.allclose(shift, [2.0, 1.0]):
+        raise ValueError(
+            "linearisation: expected 'latest' or 'first-estimates' for a sensor whose landmarks "
+            "are no points, got 'invariant'"
+        )
+    return value
+
+
+def turned(points: Array) -> Array:
+    """How points (..., 2) move when the world turns about its origin: (-y, x)."""
+    return np.stack([-points[..., 1], points[..., 0]], -1)
+
+
+def carried(slopes: Array, pose: Array, first: Array) -> Array:
+    """Slopes (..., 3) by the pose, so that a turn of the world is carried from `first` on.
+
+    Slopes taken at `pose` turn the world as the estimate says now, those of the last step were
+    taken at its first estimate; the column of the heading makes up for the difference.
+    """
+    slopes = np.array(slopes)
+    slopes[..., 2] += (slopes[..., :2] @ turned(pose[..., :2] - first[..., :2])[..., None])[..., 0]
+    return slopes
+
+
+def corrected(mean: Array, change: Array, linearisation: str) -> tuple[Array, Array | None]:
+    """P1 (35): the state (..., N) after a correction, and by what its covariance is sheared.
+
+    In the invariant coordinates xi = dp - J p dtheta of every point p, J = [[0, -1], [1, 0]], the
+    covariance does not depend on the estimate and p' = R(dtheta) p + V(dtheta) xi. Back in the
+    coordinates of the state P' = A P A^T with A = I + a e^T, a = J (p' - p).
+    """
+    if linearisation != "invariant":
+        after = mean + change
+        if after.ndim > 1 or not -np.pi < after[2] < np.pi:
+            after[..., 2] = wrap_angle(after[..., 2])
+        return after, None
+    theta, points = change[..., 2:3], _points(mean)
+    xi = _points(change) - theta[..., None] * turned(points)
+    # R(theta) p + V(theta) xi, V the mean of R from 0 to theta.
+    c, s = np.cos(theta)[..., None], np.sin(theta)[..., None]
+    along, across = np.sinc(theta / np.pi)[..., None], _versine(theta)[..., None]
+    new = c * points + s * turned(points) + along * xi + across * turned(xi)
+    heading = wrap_angle(mean[..., 2:3] + theta)
+    return _state(new, heading), _state(turned(new - points), np.zeros_like(heading))
+
+
+def _points(state: Array) -> Array:
+    """Position and landmarks (..., 1 + n, 2) of a state (..., 3 + 2n)."""
+    flat = np.concatenate([state[..., :2], state[..., 3:]], -1)
+    return flat.reshape(*state.shape[:-1], -1, 2)
+
+
+def _state(points: Array, heading: Array) -> Array:
+    """State (..., 3 + 2n) of position and landmarks (..., 1 + n, 2) and heading (..., 1)."""
+    flat = points.reshape(*heading.shape[:-1], -1)
+    return np.concatenate([flat[..., :2], heading, flat[..., 2:]], -1)
+
+
+def _versine(theta: Array) -> Array:
+    """(1 - cos theta) / theta."""
+    return 0.5 * theta * np.sinc(0.5 * theta / np.pi) ** 2

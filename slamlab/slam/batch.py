@@ -1,0 +1,252 @@
+"""Many EKF-SLAM filters at once: M runs of the same drive with other noise, in one array.
+
+The Monte Carlo behind chapters 09 and 10: what a model that is a little wrong does to the error
+and to the belief in it. One run of it is `EKFSlam`, number for number; tests hold that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
+from slamlab.geometry import wrap_angle
+from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
+from slamlab.slam._covariance import transposed
+from slamlab.slam._linearise import as_linearisation, carried, corrected
+
+__all__ = ["BatchInnovation", "EKFSlamBatch"]
+
+
+@dataclass(frozen=True, eq=False)
+class BatchInnovation:
+    """What an update learned in each of M runs.
+
+    Attributes
+    ----------
+    nis : ndarray, shape (M,)
+        Squared, weighted innovation of the landmarks known before.
+    dof : ndarray of int, shape (M,)
+        How much is due: two for each of these landmarks.
+    """
+
+    nis: Array
+    dof: NDArray[np.intp]
+
+
+class EKFSlamBatch:
+    """EKF-SLAM in M runs side by side, with known landmark identities.
+
+    The contract is that of `EKFSlam` with a leading axis M. Landmark i has its place in the state
+    from the beginning, and counts from its first sighting on.
+
+    Parameters
+    ----------
+    motion : MotionModel
+    sensor : LandmarkSensor
+    mean : array_like, shape (M, 3)
+        Poses at the start (m, m, rad).
+    cov : array_like, shape (3, 3), optional
+        Covariance of each; zero if left out.
+    n_landmarks : int
+        Number n of landmarks that may be seen.
+    linearisation : {"latest", "first-estimates", "invariant"}
+        As `EKFSlam`.
+
+    Attributes
+    ----------
+    measures : str
+        "looks": sets of simultaneous measurements of landmarks.
+    ids : tuple of int
+        0 to n - 1.
+    known : ndarray of bool, shape (M, n)
+        Which landmarks have been seen.
+
+    Raises
+    ------
+    ValueError
+        If a model is none, a shape does not fit, or `cov` is no covariance.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.sensors import RangeBearing
+    >>> slam = EKFSlamBatch(Unicycle(), RangeBearing(0.1, 0.02), np.zeros((2, 3)), n_landmarks=1)
+    >>> _ = slam.update([[[2.0, 0.0]], [[np.nan, np.nan]]], ids=[0])
+    >>> slam.known[:, 0].tolist(), slam.landmarks[:, 0].tolist()
+    ([True, False], [[2.0, 0.0], [nan, nan]])
+    """
+
+    measures = "looks"
+
+    def __init__(
+        self,
+        motion: MotionModel,
+        sensor: LandmarkSensor,
+        mean: ArrayLike,
+        cov: ArrayLike | None = None,
+        *,
+        n_landmarks: int,
+        linearisation: str = "latest",
+    ) -> None:
+        self.motion, self.sensor = as_motion("motion", motion), as_sensor("sensor", sensor)
+        self.linearisation = as_linearisation(linearisation, sensor)
+        pose, n = as_array("mean", mean, ("M", 3)), as_count("n_landmarks", n_landmarks)
+        self.ids, self._runs = tuple(range(n)), np.arange(len(pose))
+        self.known = np.zeros((len(pose), n), dtype=bool)
+        self._mean, N = np.hstack([pose, np.zeros((len(pose), 2 * n))]), 3 + 2 * n
+        self._mean[:, 2] = wrap_angle(pose[:, 2])
+        self._P, self._first = np.zeros((len(pose), N, N)), self._mean.copy()
+        if cov is not None:
+            self._P[:, :3, :3] = as_covariance("cov", cov, 3)
+
+    def __repr__(self) -> str:
+        """Say how many there are and how much they know."""
+        runs, n = self.known.shape
+        seen = f"{self.known.sum(1).mean():.1f} of {n} landmarks seen"
+        return f"{type(self).__name__}({runs} runs, {seen}, linearisation={self.linearisation!r})"
+
+    @property
+    def pose(self) -> Array:
+        """Estimated poses (m, m, rad), shape (M, 3)."""
+        return self._mean[:, :3].copy()
+
+    @property
+    def pose_cov(self) -> Array:
+        """Covariances of the poses, shape (M, 3, 3)."""
+        return self._P[:, :3, :3].copy()
+
+    @property
+    def landmarks(self) -> Array:
+        """Estimated landmarks, shape (M, n, 2); NaN where one was never seen."""
+        return np.where(self.known[..., None], self._landmarks, np.nan)
+
+    @property
+    def landmark_covs(self) -> Array:
+        """Covariances of the single landmarks, shape (M, n, 2, 2)."""
+        i = _entries(np.arange(len(self.ids)))
+        return self._P[:, i[:, :, None], i[:, None, :]]
+
+    @property
+    def _landmarks(self) -> Array:
+        return self._mean[:, 3:].reshape(*self.known.shape, 2)
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """P1 (8), (11), (14) in all runs, as `EKFSlam.predict`; u (l,) or (M, l)."""
+        u, pose = as_array("u", u, ("...", "l")), self._mean[:, :3]
+        V = as_covariance("control_cov", control_cov, u.shape[-1])
+        F_x, F_u = self.motion.jacobians(pose, u, dt)
+        moved = self.motion.step(pose, u, dt)
+        self.move_cov(self._carried(F_x, pose), F_u @ V @ transposed(F_u))
+        self._mean[:, :3] = self._first[:, :3] = moved
+
+    def move_cov(self, F: Array, Q: Array) -> None:
+        """P1 (11): the covariance of the pose and its cross-covariance with the map."""
+        P = self._P
+        P[:, :3] = F @ P[:, :3]
+        P[:, :, :3] = P[:, :, :3] @ transposed(F)
+        P[:, :3, :3] += Q
+
+    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> BatchInnovation:
+        """Correct by the landmarks known already, then add the new ones, in all runs.
+
+        Parameters
+        ----------
+        z : array_like, shape (M, k, 2)
+            Measurements; NaN where a run did not see the landmark.
+        ids : array_like of int, shape (k,)
+            Which landmark each column belongs to.
+
+        Raises
+        ------
+        ValueError
+            If a shape does not fit, or `ids` are missing, repeated or out of range. The filters
+            are then as they were.
+        """
+        z = self._as_measurements(z, ids)
+        seen = np.isfinite(z).all(-1)
+        innovation = self._correct(z, seen & self.known)
+        # P1 (37)-(43), one landmark at a time in all the runs that see it first.
+        fresh = seen & ~self.known
+        for k in np.flatnonzero(fresh.any(0)):
+            self._augment(int(k), np.flatnonzero(fresh[:, k]), z[:, k])
+        return innovation
+
+    def _correct(self, z: Array, seen: NDArray[np.bool_]) -> BatchInnovation:
+        """P1 (18)-(36); runs that see fewer landmarks than others get rows of zeros."""
+        runs, m = len(seen), int(seen.sum(1).max(initial=0))
+        if m == 0:
+            return BatchInnovation(np.zeros(runs), np.zeros(runs, dtype=np.intp))
+        rows, run = np.argsort(~seen, axis=1, kind="stable")[:, :m], self._runs[:, None]
+        counts = seen[run, rows]
+        # (18), (19). A landmark not seen stands somewhere harmless, and then weighs nothing.
+        pose = self._mean[:, None, :3]
+        nowhere = pose[..., :2] + [10.0, 10.0]
+        landmarks = np.where(counts[..., None], self._landmarks[run, rows], nowhere)
+        predicted = self.sensor.observe(pose, landmarks)
+        v = self.sensor.residual(np.where(counts[..., None], z[run, rows], predicted), predicted)
+        # (22)-(32), side by side as (2m, 3 + 2m)
+        if self.linearisation == "first-estimates":
+            first = self._first[:, 3:].reshape(self._landmarks.shape)[run, rows]
+            pose, landmarks = self._first[:, None, :3], np.where(counts[..., None], first, nowhere)
+        apart = np.zeros((runs, m, 2, 3 + 2 * m))
+        apart[..., :3], H_landmark = self.sensor.jacobians(pose, landmarks)
+        for k in range(m):
+            apart[:, k, :, 3 + 2 * k : 5 + 2 * k] = H_landmark[:, k]
+        H = (apart * counts[..., None, None]).reshape(runs, 2 * m, 3 + 2 * m)
+        # (33)
+        i = np.concatenate([np.tile(np.arange(3), (runs, 1)), _entries(rows).reshape(runs, -1)], 1)
+        HP = H @ self._P[run, i]
+        S = np.take_along_axis(HP, i[:, None, :], 2) @ transposed(H)
+        S.reshape(runs, m, 2, m, 2)[:, np.arange(m), :, np.arange(m)] += self.sensor.cov
+        # (34)-(36): K = B^T L^-1 and K S K^T = B^T B with S = L L^T
+        root = np.linalg.cholesky(S)
+        white = np.linalg.solve(root, np.concatenate([v.reshape(runs, 2 * m, 1), HP], 2))
+        y, B = white[..., :1], white[..., 1:]
+        change = (transposed(B) @ y)[..., 0]
+        self._mean, a = corrected(self._mean, change, self.linearisation)
+        self._P -= transposed(B) @ B
+        if a is not None:
+            b = self._P[:, 2] + 0.5 * self._P[:, 2, 2, None] * a
+            both = a[:, :, None] * b[:, None, :]
+            self._P += both + transposed(both)
+        return BatchInnovation((y**2).sum((1, 2)), 2 * counts.sum(1))
+
+    def _augment(self, k: int, runs: NDArray[np.intp], z: Array) -> None:
+        """P1 (37)-(43): landmark k appears in `runs`."""
+        pose, i = self._mean[runs, :3], slice(3 + 2 * k, 5 + 2 * k)
+        self._mean[runs, i] = self._first[runs, i] = self.sensor.locate(pose, z[runs])
+        G_pose, G_z = self.sensor.locate_jacobians(pose, z[runs])
+        G = self._carried(G_pose, pose, runs)
+        cross = G @ self._P[runs, :3, :]
+        self._P[runs, i, :], self._P[runs, :, i] = cross, transposed(cross)
+        own = cross[..., :3] @ transposed(G) + G_z @ self.sensor.cov @ transposed(G_z)
+        self._P[runs, i, i] = own
+        self.known[runs, k] = True
+
+    def _carried(self, slopes: Array, pose: Array, runs: Any = slice(None)) -> Array:
+        """Slopes by the pose, taken at `pose`, as the linearisation wants them."""
+        if self.linearisation != "first-estimates":
+            return slopes
+        return carried(slopes, pose, self._first[runs])
+
+    def _as_measurements(self, z: ArrayLike, ids: ArrayLike | None) -> Array:
+        """Measurements (M, n, 2) of all landmarks, NaN where one was not seen."""
+        runs, n = self.known.shape
+        names = np.asarray([] if ids is None else ids)
+        if ids is None or names.ndim != 1 or (names.size and names.dtype.kind not in "iu"):
+            raise ValueError(f"ids: expected whole numbers, one for each column of z, got {ids!r}")
+        if ((names < 0) | (names >= n)).any() or len(np.unique(names)) < len(names):
+            raise ValueError(f"ids: expected different landmarks of {n}, got {names.tolist()}")
+        z = as_shaped("z", z, (runs, len(names), 2))
+        whole = np.full((runs, n, 2), np.nan)
+        whole[:, names.astype(int)] = z
+        return whole
+
+
+def _entries(rows: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Places (..., 2) of landmarks in the state."""
+    return 3 + 2 * rows[..., None] + np.arange(2)
