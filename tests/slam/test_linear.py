@@ -48,7 +48,8 @@ def test_ekf_slam_is_the_kalman_filter():
     Q[:2, :2] = 0.25 * np.diag([0.1, 0.2])
     for _ in range(20):
         u, z = rng.normal(size=2), rng.normal(size=(2, 2))
-        slam.step(u, 0.5, np.diag([0.1, 0.2]), z, [0, 1])
+        slam.predict(u, 0.5, np.diag([0.1, 0.2]))
+        slam.update(z, [0, 1])
         belief = kalman.predict(belief, np.eye(7), Q)
         belief = Gaussian(belief.mean + np.r_[0.5 * u, np.zeros(5)], belief.cov)
         belief, _ = kalman.update(belief, z.ravel(), H, 0.09 * np.eye(4))
