@@ -6,13 +6,13 @@ Kuemmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss and Kleiner 2009. `rela
 
 from __future__ import annotations
 
-import gzip
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from slamlab._checks import Array
+from slamlab._files import read_bytes
 
 __all__ = ["Relations", "read_relations"]
 
@@ -52,12 +52,7 @@ def read_relations(path: str | Path) -> Relations:
         If there is no such file.
     """
     path = Path(path)
-    data = path.read_bytes()
-    if data[:2] == b"\x1f\x8b":
-        try:
-            data = gzip.decompress(data)
-        except (OSError, EOFError, ValueError) as error:
-            raise ValueError(f"{path.name}: cannot unpack the file: {error}") from error
+    data = read_bytes(path)
     table = numbers_of(data.decode("utf-8", errors="replace"), path.name, 8)
     return Relations(table[:, :2].copy(), table[:, [2, 3, 7]])
 

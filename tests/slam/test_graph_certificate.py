@@ -131,3 +131,14 @@ def test_a_guess_of_a_broken_graph_names_what_is_adrift():
     for call in (graph.initial_guess, graph.certificate):
         with pytest.raises(ValueError, match="not joined: pose 2"):
             call()
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_levenberg_marquardt_arrives_where_gauss_newton_does(seed):
+    graph = town(seed, 800, 1100, 0.1, 0.1)
+    for start in (graph, graph.initial_guess()):
+        levenberg = start.optimize("levenberg-marquardt")
+        assert levenberg.converged
+        assert levenberg.certified
+        assert levenberg.chi2 == pytest.approx(start.optimize().chi2, rel=1e-5)
+        assert levenberg.iterations < 30
