@@ -8,7 +8,8 @@ cells: hits, metres that beams travelled in the cell, and the sums of the end po
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from slamlab._compiling import njit
 
 SHIFT = 4  # a tile is 2^4 = 16 cells wide
 TILE = 1 << SHIFT
