@@ -141,4 +141,4 @@ def test_levenberg_marquardt_arrives_where_gauss_newton_does(seed):
         assert levenberg.converged
         assert levenberg.certified
         assert levenberg.chi2 == pytest.approx(start.optimize().chi2, rel=1e-5)
-        assert levenberg.iterations < 30
+        assert levenberg.iterations <= 40
