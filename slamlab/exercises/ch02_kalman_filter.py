@@ -1,18 +1,19 @@
-"""Checks of chapter 02: predict, update and Joseph's form of the Kalman filter.
+"""Checks of chapter 02: predict, update, Joseph's form, a filter on the cart, and its noise.
 
 P5 (3), (4), (7)-(9).
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from slamlab.exercises._draw import a_covariance
-from slamlab.exercises._report import Array, Check
+from slamlab.exercises._report import Array, Check, Function
 
-__all__ = ["check_joseph", "check_predict", "check_update"]
+__all__ = ["check_joseph", "check_predict", "check_track", "check_tune", "check_update"]
 
 Belief = tuple[Array, Array]
 Case = tuple[Any, ...]
@@ -197,4 +198,151 @@ check_joseph = Check(
         "the noise alone came: A P A^T is missing": ("A @ cov @ A.T + ", ""),
     },
     tolerance=1e-8,
+)
+
+
+# Exercise 4: a filter on the cart.
+
+
+def _track(z: Array, dt: float, q: float, r: float) -> Belief:
+    """Means (T, 2) and covariances (T, 2, 2) of a cart after each position read, NaN for none."""
+    F, H = np.array([[1.0, dt], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    R = np.array([[r**2]])
+    mean, cov, means, covs = np.zeros(2), np.eye(2), [], []
+    for reading in z:
+        mean, cov = _predict(mean, cov, F, Q)
+        if np.isfinite(reading):
+            mean, cov = _update(mean, cov, np.array([reading]), H, R)
+        means.append(mean)
+        covs.append(cov)
+    return np.array(means).reshape(-1, 2), np.array(covs).reshape(-1, 2, 2)
+
+
+def _readings(n: int, lost: float = 0.0) -> Any:
+    def draw(rng: np.random.Generator) -> Case:
+        dt, q, r = np.round(rng.uniform(0.1, 1.5, 3), 2)
+        z = np.round(np.cumsum(rng.normal(0.5, 1, n)), 2)
+        z[rng.random(n) < lost] = np.nan
+        return z, dt, q, r
+
+    return draw
+
+
+check_track = Check(
+    _track,
+    "means, covs",
+    {
+        "one reading": ([0.7], 0.5, 0.1, 0.4),
+        "one reading that was lost": ([np.nan], 0.5, 0.1, 0.4),
+        "a cart that is not pushed": ([1.0, 2.1, 2.9], 1.0, 0.0, 0.5),
+        "a drive": _readings(12),
+        "a drive with lost readings": _readings(12, 0.4),
+    },
+    {
+        "the first reading met the start itself: predict before every update": (
+            "        mean, cov = _predict(mean, cov, F, Q)\n",
+            "        mean, cov = _predict(mean, cov, F, Q) if means else (mean, cov)\n",
+        ),
+        "the readings were not used: update after each prediction": (
+            "if np.isfinite(reading)",
+            "if False",
+        ),
+        "nothing was predicted: the cart moves between readings": (
+            "_predict(mean, cov, F, Q)",
+            "mean, cov",
+        ),
+        "a lost reading is no reading of zero: leave the update out": (
+            "if np.isfinite(reading)",
+            "if True",
+            "np.array([reading])",
+            "np.array([np.nan_to_num(reading)])",
+        ),
+        "a lost reading was used: NaN spreads from there on": (
+            "if np.isfinite(reading)",
+            "if True",
+        ),
+        "time passes while readings are lost: predict for them too": (
+            "        mean, cov = _predict(mean, cov, F, Q)\n",
+            "        if np.isfinite(reading):\n"
+            "            mean, cov = _predict(mean, cov, F, Q)\n",
+        ),
+        "r is a standard deviation: R holds its square": ("r**2", "r"),
+        "q stands in front of Q as it is: it was squared": ("Q = q *", "Q = q**2 *"),
+        "Q was added for the speed alone, q dt: the position is pushed as well": (
+            "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]",
+            "[[0.0, 0.0], [0.0, dt]]",
+        ),
+        "Q lacks its corners: position and speed are pushed together": (
+            "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]",
+            "[[dt**3 / 3, 0.0], [0.0, dt]]",
+        ),
+        "dt is missing in F": ("[[1.0, dt], [0.0, 1.0]]", "[[1.0, 1.0], [0.0, 1.0]]"),
+        "the last belief came: the one after each reading is due": (
+            lambda *given: (_track(*given)[0][-1], _track(*given)[1][-1])
+        ),
+    },
+    tolerance=1e-8,
+)
+
+
+# Exercise 5: how hard is the cart pushed?
+
+
+def _tune() -> float:
+    """Return q (m^2/s^3) with which the innovations are as large as the filter says."""
+    return 0.5
+
+
+@lru_cache(maxsize=1)
+def _cart() -> Array:
+    """Draw 600 readings of a cart that is pushed with q = 0.5, dt = 0.5 s, r = 0.8 m."""
+    rng, dt = np.random.default_rng(2), 0.5
+    root = np.linalg.cholesky([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    state, z = np.zeros(2), []
+    for push in rng.standard_normal((600, 2)):
+        state = np.array([state[0] + dt * state[1], state[1]]) + np.sqrt(0.5) * root @ push
+        z.append(state[0] + 0.8 * rng.standard_normal())
+    return np.array(z)
+
+
+@lru_cache(maxsize=64)
+def _innovations(q: float) -> tuple[float, float]:
+    """Mean NIS, and correlation of each scaled innovation with the next."""
+    z, dt, r = _cart(), 0.5, 0.8
+    means, covs = _track(z, dt, q, r)
+    F = np.array([[1.0, dt], [0.0, 1.0]])
+    Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    y = z[1:] - (means[:-1] @ F.T)[:, 0]
+    S = (F @ covs[:-1] @ F.T + Q)[:, 0, 0] + r**2
+    scaled = y / np.sqrt(S)
+    return float(np.mean(scaled**2)), float(np.mean(scaled[1:] * scaled[:-1]) / np.mean(scaled**2))
+
+
+def _judged(tune: Function, aspect: str) -> Any:
+    q = tune()
+    if q is None or q is Ellipsis:
+        return None
+    if not (np.ndim(q) == 0 and np.isfinite(q) and q > 0):
+        return "q must be a positive number"
+    nis, next_to_next = _innovations(float(q))
+    if aspect == "size" and not 0.85 < nis < 1.15:
+        surer = "too small: the filter is too sure of itself" if nis > 1 else "too large"
+        return f"the mean NIS is {nis:.2f}, between 0.85 and 1.15 is due: q is {surer}"
+    if aspect == "order" and abs(next_to_next) > 0.12:
+        late = "late, q is too small" if next_to_next > 0 else "nervous, q is too large"
+        return (
+            f"each innovation tells the next, correlation {next_to_next:.2f}: the filter is {late}"
+        )
+    return ""
+
+
+check_tune = Check(
+    _tune,
+    "what is to be said",
+    {
+        "the innovations are as large as the filter says": ("size",),
+        "no innovation tells the next": ("order",),
+    },
+    use=_judged,
 )
