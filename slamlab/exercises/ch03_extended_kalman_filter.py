@@ -1,4 +1,4 @@
-"""Checks of chapter 03: a range-bearing prediction, its innovation and its Jacobian.
+"""Checks of chapter 03: a range-bearing prediction, its innovation, its Jacobian, and a filter.
 
 The measurement is that of P1 (18) for a sensor in the centre of the robot (L = 0), with the
 bearing repaired; P5 (11) and (13) are the innovation and the Jacobian of the extended filter.
@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_pose, an_angle
+from slamlab.exercises._draw import a_covariance, a_pose, an_angle
 from slamlab.exercises._report import Array, Check
 from slamlab.geometry import wrap_angle
 
-__all__ = ["check_innovation", "check_jacobian", "check_range_bearing"]
+__all__ = ["check_follow", "check_innovation", "check_jacobian", "check_range_bearing"]
 
 
 def _scene(rng: np.random.Generator) -> Any:
@@ -202,4 +202,105 @@ check_jacobian = Check(
         "the rows are exchanged: range first, then bearing": (lambda p, m: _jacobian(p, m)[::-1]),
     },
     tolerance=1e-4,
+)
+
+
+# Exercise 4: a filter on the unicycle.
+
+
+def _follow(
+    mean: Array, cov: Array, u: Array, dt: float, V: Array, z: Array, landmark: Array, R: Array
+) -> tuple[Array, Array]:
+    """Poses (T, 3) and covariances (T, 3, 3) of a unicycle that sees one landmark, NaN for not."""
+    means, covs = [], []
+    for (v, omega), seen in zip(u, z, strict=True):
+        c, s = np.cos(mean[2]), np.sin(mean[2])
+        F_x = np.array([[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c], [0.0, 0.0, 1.0]])
+        F_u = np.array([[dt * c, 0.0], [dt * s, 0.0], [0.0, dt]])
+        mean = mean + np.array([v * dt * c, v * dt * s, omega * dt])
+        cov = F_x @ cov @ F_x.T + F_u @ V @ F_u.T
+        if np.isfinite(seen).all():
+            H = _jacobian(mean, landmark)
+            K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
+            mean = mean + K @ _innovation(seen, _range_bearing(mean, landmark))
+            cov = (np.eye(3) - K @ H) @ cov
+        mean = np.append(mean[:2], wrap_angle(mean[2]))
+        means.append(mean)
+        covs.append(cov)
+    return np.array(means).reshape(-1, 3), np.array(covs).reshape(-1, 3, 3)
+
+
+def _unicycle(n: int, unseen: float) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        mean, landmark = a_pose(rng), np.round(rng.uniform(4, 8, 2), 2)
+        u = np.round(rng.uniform([0.2, -1.5], [1.5, 1.5], (n, 2)), 2)
+        pose, read = mean, []
+        for v, omega in u:
+            pose = pose + 0.4 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+            read.append(_range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.05]))
+        z = np.where(rng.random((n, 1)) < unseen, np.nan, np.round(read, 3))
+        V, R = a_covariance(rng, 2, 0.02), a_covariance(rng, 2, 0.01)
+        return mean, a_covariance(rng, 3, 0.02), u, 0.4, V, z, landmark, R
+
+    return draw
+
+
+check_follow = Check(
+    _follow,
+    "means, covs",
+    {
+        "one step without a measurement": _unicycle(1, 1.0),
+        "one step and one measurement": _unicycle(1, 0.0),
+        "the landmark across the back": (
+            [0, 0, 3.0],
+            0.05 * np.eye(3),
+            [[0.5, 0.6]],
+            0.4,
+            0.01 * np.eye(2),
+            [[4.05, 3.1]],
+            [-4.0, -0.7],
+            0.01 * np.eye(2),
+        ),
+        "a drive": _unicycle(12, 0.0),
+        "a drive on which the landmark is seen now and then": _unicycle(12, 0.5),
+    },
+    {
+        "the innovation is not wrapped: a landmark across the back throws the filter off": (
+            "_innovation(seen, _range_bearing(mean, landmark))",
+            "(seen - _range_bearing(mean, landmark))",
+        ),
+        "the heading is not wrapped: it must lie in (-pi, pi]": ("wrap_angle(mean[2])", "mean[2]"),
+        "this is F^T P F: F P F^T is due": ("F_x @ cov @ F_x.T", "F_x.T @ cov @ F_x"),
+        "the noise of the motion is missing": (" + F_u @ V @ F_u.T", ""),
+        "R is missing in S: the sensor is not perfect": ("H @ cov @ H.T + R", "H @ cov @ H.T"),
+        "R must not be added to the gain": (
+            "K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)",
+            "K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R) + np.pad(R, ((0, 1), (0, 0)))",
+        ),
+        "F has the wrong sign in its last column: differentiate cos and sin": (
+            "-v * dt * s], [0.0, 1.0, v * dt * c]",
+            "v * dt * s], [0.0, 1.0, -v * dt * c]",
+        ),
+        "F is the identity here: a doubt of the heading becomes one of the place": (
+            "F_x @ cov @ F_x.T",
+            "cov",
+        ),
+        "the sign of the innovation is reversed: measured minus predicted": (
+            "mean + K @ _innovation",
+            "mean - K @ _innovation",
+        ),
+        "the covariance did not shrink: (I - K H) P is due": (
+            "(np.eye(3) - K @ H) @ cov",
+            "cov",
+        ),
+        "the measurements were not used": ("np.isfinite(seen).all()", "False"),
+        "dt is missing in F_u: a velocity acts for dt": (
+            "[[dt * c, 0.0], [dt * s, 0.0], [0.0, dt]]",
+            "[[c, 0.0], [s, 0.0], [0.0, 1.0]]",
+        ),
+        "the last belief came: the one after each step is due": (
+            lambda *given: (_follow(*given)[0][-1], _follow(*given)[1][-1])
+        ),
+    },
+    tolerance=1e-5,
 )
