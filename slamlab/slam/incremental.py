@@ -2,7 +2,8 @@
 
 The idea of iSAM (Kaess, Ranganathan and Dellaert 2008), that old factors stay good, by other
 means: the factors of an old H precondition conjugate gradients on the new one, so that the result
-is that of the whole graph, not of an approximation. Chapter 13.
+is that of the whole graph, not of an approximation. It saves factorisations; in time it is no
+faster than a batch from the last answer (1.5 times slower at 2000 poses). Chapter 13.
 """
 
 from __future__ import annotations
