@@ -95,21 +95,30 @@ def solutions(chapters: list[str] | None = None) -> Iterator[Solution]:
             if cell.cell_type != "code":
                 continue
             tree = ast.parse(cell.source)
-            calls = {
-                node.value.func.id: node.value.args[0].id
-                for node in tree.body
-                if isinstance(node, ast.Expr)
-                and isinstance(node.value, ast.Call)
-                and isinstance(node.value.func, ast.Name)
-                and node.value.args
-                and isinstance(node.value.args[0], ast.Name)
-            }
-            for called, name in calls.items():
-                if called in checks and name == checks[called].name:
-                    yield Solution(chapter, checks.pop(called), before, _defined(tree))
+            for called, given in _calls(tree):
+                if called not in checks:
+                    continue
+                if isinstance(given, ast.Lambda):
+                    name = checks[called].name
+                    tree.body.insert(0, ast.Assign([ast.Name(name)], given, lineno=1))
+                elif given.id == checks[called].name:
+                    name = given.id
+                else:
+                    continue
+                part = ast.parse(ast.unparse(ast.fix_missing_locations(_defined(tree))))
+                yield Solution(chapter, checks.pop(called), before, part)
             before += ast.unparse(_defined(tree)) + "\n"
         if checks:
             raise LookupError(f"{path.name}: no solution for {', '.join(checks)}")
+
+
+def _calls(tree: ast.Module) -> Iterator[tuple[str, Any]]:
+    """Yield name and first argument of the calls at the top of a cell."""
+    for node in tree.body:
+        call = node.value if isinstance(node, ast.Expr) else None
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.args:
+            if isinstance(call.args[0], (ast.Name, ast.Lambda)):
+                yield call.func.id, call.args[0]
 
 
 def _defined(tree: ast.Module) -> ast.Module:
@@ -133,7 +142,8 @@ def mutants(solution: Solution) -> Iterator[tuple[str, Callable[..., Any]]]:
             exec(compile(source, "<mutant>", "exec"), mine)
         except Exception:  # it cannot even be defined
             continue
-        yield text, mine[name]
+        if name in mine:
+            yield text, mine[name]
     mine = dict(scope)
     exec(compile(ast.unparse(solution.tree), "<solution>", "exec"), mine)
     yield from _careless(solution.check, mine[name])

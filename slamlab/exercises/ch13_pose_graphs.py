@@ -301,7 +301,7 @@ check_widths = Check(
 # Exercise 6: assemble a pose graph.
 
 
-def _map(odometry: Array, closures: Array, sigma: Array) -> Array:
+def _map_of(odometry: Array, closures: Array, sigma: Array) -> Array:
     """Poses (n + 1, 3) from motions (n, 3) and closures (m, 5): i, j and the relative pose."""
     n = len(odometry)
     start = [np.zeros(3)]
@@ -328,7 +328,7 @@ def _a_walk(rng: np.random.Generator) -> Any:
 
 
 check_map = Check(
-    _map,
+    _map_of,
     "poses",
     {
         "without a closure it is dead reckoning": (
@@ -345,10 +345,10 @@ check_map = Check(
     },
     {
         "the closures were ignored: this is dead reckoning": lambda odometry, closures, sigma: (
-            _map(odometry, closures[:0], sigma)
+            _map_of(odometry, closures[:0], sigma)
         ),
         "the closures are read backwards: pose j is seen from pose i": (
-            lambda odometry, closures, sigma: _map(odometry, closures[:, [1, 0, 2, 3, 4]], sigma)
+            lambda odometry, closures, sigma: _map_of(odometry, closures[:, [1, 0, 2, 3, 4]], sigma)
         ),
         "all coordinates count alike: the information is the inverse of the squared sigma": (
             "np.diag(1.0 / sigma**2)",
@@ -363,7 +363,7 @@ check_map = Check(
             "graph.initial_guess().optimize(tolerance=1e-12).poses",
             "graph.initial_guess().poses",
         ),
-        "only the first closure was used": lambda odometry, closures, sigma: _map(
+        "only the first closure was used": lambda odometry, closures, sigma: _map_of(
             odometry, closures[:1], sigma
         ),
     },
