@@ -347,8 +347,10 @@ check_map = Check(
         "the closures were ignored: this is dead reckoning": lambda odometry, closures, sigma: (
             _map_of(odometry, closures[:0], sigma)
         ),
-        "the closures are read backwards: pose j is seen from pose i": (
-            lambda odometry, closures, sigma: _map_of(odometry, closures[:, [1, 0, 2, 3, 4]], sigma)
+        "the closures are read backwards: j is seen from i": (
+            lambda odometry, closures, sigma: _map_of(
+                odometry, closures[:, [1, 0, 2, 3, 4]], sigma
+            )
         ),
         "all coordinates count alike: the information is the inverse of the squared sigma": (
             "np.diag(1.0 / sigma**2)",
