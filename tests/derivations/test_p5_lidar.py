@@ -164,3 +164,18 @@ def test_a_sonar_differs_from_a_lidar_even_when_it_turns_perfectly():
     ]
     assert share[0] > 0.2
     assert share[1] == 0
+
+
+def test_scan_asks_for_opacity_and_not_for_colour():
+    # cl.A == 255 holds for every pixel of a picture without transparency, the lidar's own too.
+    assert scan_as_printed(np.ones((9, 9)), 4, 4, 3) == [0] * 120
+
+
+def test_dots_lose_the_remainder_of_360_degrees():
+    scan = scan_as_printed(ROOM.occupied, 185, 195, 19)
+    x, y = dots_as_printed(scan)[-1]
+    drawn, due = np.rad2deg(np.arctan2(x, y)) % 360, 17 * 19
+    assert len(scan) == 18
+    assert drawn - due == pytest.approx(17.0)
+    # ours: as many beams, evenly spread, so the last one is as far from the first as any other
+    assert np.diff(np.unwrap(Lidar(18).beam_angles)) == pytest.approx(np.deg2rad(20.0))
