@@ -47,13 +47,13 @@ def _far(dc, dr, width, shut):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def branch_and_bound(levels, cells, reach, least, shut):  # type: ignore[no-untyped-def]
+def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no-untyped-def]
     """Angle number and shift of the best score above `least`: (angle, dc, dr, score, looked).
 
-    `levels[h]` holds blocks of 2^h cells; `cells` (angles, k, 2) the turned points; shifts go
-    from -reach to reach; those inside the disc `shut` are left out. Angle -1: nothing found.
+    `levels[h]` holds blocks of 2^h cells, h up to `top`; `cells` (angles, k, 2) the turned
+    points; shifts go from -reach to reach; those inside the disc `shut` are left out. Angle -1:
+    nothing found.
     """
-    top = len(levels) - 1
     width = 1 << top
     per_side = (2 * reach + width) // width
     n_roots = len(cells) * per_side * per_side

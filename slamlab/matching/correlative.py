@@ -84,16 +84,18 @@ def match_correlative(
         levels.append(doubled(levels[-1], 2 ** (len(levels) - 1)))
     full = 255 * len(points)
     everywhere = (0.0, 0.0, -1.0)
-    pyramid = tuple(levels)
+    top = len(levels) - 1
+    # Always as many, so that the search is compiled once.
+    pyramid = tuple(levels + [sheet] * (_HIGHEST - top))
     a, dc, dr, score, _ = branch_and_bound(
-        pyramid, cells, reach, int(min_score * full), everywhere
+        pyramid, top, cells, reach, int(min_score * full), everywhere
     )
     if a < 0:
         return None
     rival = float("nan")
     if np.isfinite(rival_distance):
         disc = (float(dc), float(dr), rival_distance / field.resolution)
-        *_, second, _ = branch_and_bound(pyramid, cells, reach, score // 2, disc)
+        *_, second, _ = branch_and_bound(pyramid, top, cells, reach, score // 2, disc)
         rival = second / score if second > score // 2 else 0.0
     pose = np.array([*(guess[:2] + field.resolution * np.array([dc, dr])), wrap_angle(angles[a])])
     cov = np.diag([field.resolution**2, field.resolution**2, step**2]) / 12
