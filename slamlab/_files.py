@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import os
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -35,7 +36,7 @@ _BROKEN = (
 )
 
 
-def read_npz(path: str | Path, max_bytes: int = 2**30) -> dict[str, NDArray[Any]]:
+def read_npz(path: str | os.PathLike[str], max_bytes: int = 2**30) -> dict[str, NDArray[Any]]:
     """Arrays of a npz archive by name; nothing that would run code (pickle) is read.
 
     Parameters
@@ -52,6 +53,7 @@ def read_npz(path: str | Path, max_bytes: int = 2**30) -> dict[str, NDArray[Any]
         If there is no such file.
     """
     path = Path(path)
+    path.stat()  # a file that is not there is no damaged one
     try:
         with zipfile.ZipFile(path) as archive:
             size = sum(member.file_size for member in archive.infolist())
@@ -59,13 +61,13 @@ def read_npz(path: str | Path, max_bytes: int = 2**30) -> dict[str, NDArray[Any]
             raise ValueError(f"unpacks to {size} bytes, more than {max_bytes}")
         with np.load(path, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
-    except _BROKEN as error:
+    except (*_BROKEN, OSError) as error:
         reason = str(error)[:200] or type(error).__name__
         raise ValueError(f"{path}: expected a npz archive of arrays ({reason})") from error
 
 
 def read_bytes(
-    path: str | Path,
+    path: str | os.PathLike[str],
     wanted: Callable[[str], bool] = lambda name: True,
     max_bytes: int = MOST_BYTES,
 ) -> bytes:

@@ -7,7 +7,6 @@ signature as printed and repaired, and a map of signatures. Chapter 19 tells the
 from __future__ import annotations
 
 import os
-import zipfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped
+from slamlab._files import read_npz
 from slamlab.geometry import wrap_angle
 from slamlab.localization._align import capped_misfits, least_shifts
 from slamlab.sensors.lidar import Lidar
@@ -598,16 +598,8 @@ def _with_bar(parts: list[NDArray[np.intp]], progress: bool) -> Iterable[NDArray
 def _read_parts(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """All arrays of the file, or an error that names what is wrong with it."""
     names = ("format", "places", "scans", "numbers", "signature")
-    try:
-        file = np.load(path, allow_pickle=False)
-        if not isinstance(file, np.lib.npyio.NpzFile):
-            raise ValueError("a single array")
-        with file:
-            missing = [name for name in names if name not in file.files]
-            if missing:
-                raise ValueError(f"a file where {missing[0]!r} is missing")
-            return {name: file[name] for name in names}
-    except FileNotFoundError:
-        raise
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path}: expected a signature map (npz), got {error}") from error
+    file = read_npz(path)
+    missing = [name for name in names if name not in file]
+    if missing:
+        raise ValueError(f"{path}: expected a signature map (npz), {missing[0]!r} is missing")
+    return {name: file[name] for name in names}

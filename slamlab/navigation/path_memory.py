@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar
+from slamlab._files import read_npz
 from slamlab.navigation import _cubic
 from slamlab.navigation._spline import Loop, Spline
 
@@ -22,6 +22,16 @@ __all__ = ["VARIANTS", "Cubic", "Loop", "PathMemory", "fit_cubic", "refit_by_arc
 
 VARIANTS = ("point", "point-derivative", "two-points", "two-points-derivative")
 _FORMAT = 1
+_MOST_POINTS = 10_000_000
+_FAR = 1e9  # metres: no path is longer, and the compiled searches end
+
+
+def _metres(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
+    """Coordinates of a path; nothing of ours lies farther off than a million kilometres."""
+    array = as_array(name, value, shape)
+    if array.size and np.abs(array).max() > _FAR:
+        raise ValueError(f"{name}: expected metres up to {_FAR:g}, got {np.abs(array).max():g}")
+    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +60,7 @@ class Cubic:
 
     def __post_init__(self) -> None:
         """Check, and keep the coefficients from being changed."""
-        c = np.array(as_array("coefficients", self.coefficients, (4, 2)), dtype=np.float64)
+        c = np.array(_metres("coefficients", self.coefficients, (4, 2)), dtype=np.float64)
         c.setflags(write=False)
         object.__setattr__(self, "coefficients", c)
         t0 = as_scalar("t0", self.t0, -1e300, 1e300)
@@ -301,7 +311,7 @@ class PathMemory:
         ValueError
             If it is no finite point (2,) or a jump of more than `max_step`. What was stored stays.
         """
-        point = as_array("point", point, (2,))
+        point = _metres("point", point, (2,))
         if self._n == 0:
             # 1.1: the place where everything begins.
             self._points[0], self._t[0], self._n = point, 0.0, 1
@@ -541,19 +551,21 @@ class PathMemory:
         ValueError
             If the file is no path memory.
         """
+        kept = read_npz(file)
         try:
-            with np.load(file, allow_pickle=False) as data:
-                kept: dict[str, Any] = {name: data[name] for name in data.files}
             if int(kept["format"]) != _FORMAT:
                 raise ValueError(f"format {kept['format']}")
             return cls._from_arrays(kept)
-        except (KeyError, IndexError, TypeError, ValueError, EOFError, BadZipFile) as error:
-            raise ValueError(f"file: expected a path memory in {file}, got {error}") from error
+        except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
+            reason = str(error)[:200]
+            raise ValueError(f"file: expected a path memory in {file}, got {reason}") from error
 
     @classmethod
     def _from_arrays(cls, kept: dict[str, Any]) -> PathMemory:
         tolerance, min_step, max_step = (float(v) for v in kept["numbers"])
         check_between, max_points, n_points, box_tests = (int(v) for v in kept["counts"])
+        if not 0 <= len(kept["t"]) <= max_points <= _MOST_POINTS:
+            raise ValueError(f"{len(kept['t'])} points of at most {max_points}")
         accuracy = float(kept["loop_accuracy"])
         memory = cls(
             tolerance,
@@ -564,12 +576,12 @@ class PathMemory:
             max_step=max_step,
             max_points=max_points,
         )
-        for c in as_array("coefficients", kept["coefficients"], ("n", 4, 2)):
+        for c in _metres("coefficients", kept["coefficients"], ("n", 4, 2)):
             memory._spline.append(c)
         memory._spline.box_tests = box_tests
         memory._loops = [Loop(s, length, (x, y)) for s, length, x, y in kept["loops"].tolist()]
         memory._n, memory.n_points = len(kept["t"]), n_points
-        memory._points[: memory._n] = as_array("points", kept["points"], (memory._n, 2))
+        memory._points[: memory._n] = _metres("points", kept["points"], (memory._n, 2))
         memory._t[: memory._n] = as_array("t", kept["t"], ("n",))
         memory._slope = next(iter(kept["slope"]), None)
         memory._curve = next(iter(kept["curve"]), None)
