@@ -25,6 +25,8 @@ __all__ = [
     "Smoother",
     "View",
     "World",
+    "as_array",
+    "as_covariance",
     "as_estimator",
     "as_motion",
     "as_scan_sensor",

@@ -2,6 +2,12 @@
 
 from slamlab.evaluation.association_scores import AssociationScores, association_scores
 from slamlab.evaluation.consistency import chi2_band, invariant_nees, monte_carlo, nees, nis
+from slamlab.evaluation.contract import (
+    Verdict,
+    check_estimator,
+    check_landmark_sensor,
+    check_motion_model,
+)
 from slamlab.evaluation.relations import relation_error
 from slamlab.evaluation.run import Run, run
 from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
@@ -11,10 +17,14 @@ __all__ = [
     "AssociationScores",
     "Run",
     "TrajectoryError",
+    "Verdict",
     "WallScores",
     "align",
     "ate",
     "association_scores",
+    "check_estimator",
+    "check_landmark_sensor",
+    "check_motion_model",
     "chi2_band",
     "invariant_nees",
     "monte_carlo",

@@ -52,6 +52,10 @@ class PointSensor:
         object.__setattr__(self, "cov", cov)
         as_scalar("max_range", self.max_range, float(np.finfo(float).tiny))
 
+    def __repr__(self) -> str:
+        """Say in one line how well it measures, and how far."""
+        return f"PointSensor(cov={self.cov.tolist()}, max_range={self.max_range:g})"
+
     def observe(self, pose: ArrayLike, landmark: ArrayLike) -> Array:
         """Return R^T (landmark - t), shape (..., 2), for poses (..., 3) and landmarks (..., 2)."""
         pose, landmark = _arrays(pose, landmark, "landmark")

@@ -17,7 +17,7 @@ from scipy import stats
 from slamlab._checks import Array, as_count, as_scalar
 from slamlab.geometry import transform, wrap_angle
 from slamlab.mapping.walls import Walls, extract_walls
-from slamlab.models import MotionModel
+from slamlab.models import MotionModel, as_scan_sensor
 from slamlab.sensors import Lidar, Wall
 from slamlab.slam.ekf import EKFSlam
 
@@ -117,7 +117,9 @@ class WallSlam:
         patience: int = 60,
     ) -> None:
         tiny = float(np.finfo(float).tiny)
-        self._sigma = as_scalar("lidar.sigma_range", lidar.sigma_range, tiny, 1e300)
+        as_scan_sensor("lidar", lidar)
+        noise = getattr(lidar, "sigma_range", 0.0)  # a bare layout of beams has none
+        self._sigma = as_scalar("lidar.sigma_range", noise, tiny, 1e300)
         gate = as_scalar("probability", probability, tiny, 1 - 1e-12)
         self._gate = float(stats.chi2.ppf(gate, 2))
         self._min_length = as_scalar("min_length", min_length, 0, 1e300)

@@ -43,6 +43,22 @@ def test_the_cell_for_other_graders_passes_a_right_answer_and_fails_a_wrong_one(
     assert "the square of the sum is missing its square" in wrong.stderr
 
 
+def story(page):
+    """The code of a page that goes on from block to block, and what it says is printed."""
+    text = (BOOK / f"{page}.md").read_text()
+    printed = re.findall(r"^```text\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    return "\n".join(blocks(page)), "".join(printed)
+
+
+def test_your_own_robot_sensor_and_filter_run_and_print_what_the_page_says(tmp_path):
+    code, printed = story("bring_your_own")
+    done = run(tmp_path, code)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == printed
+    wrong = run(tmp_path, code.replace("F_u[..., 2, 1] = dt * v", "F_u[..., 2, 1] = v"))
+    assert wrong.stdout != printed
+
+
 def test_the_pages_have_examples_and_a_broken_one_would_be_seen(tmp_path):
     assert len(EXAMPLES) >= 6
     assert run(tmp_path, "import slamlab.no_such_room").returncode != 0
