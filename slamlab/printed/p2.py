@@ -1,14 +1,18 @@
 """The formulas of P2 as the paper prints them, as filters that can be run.
 
-P2 (9) read alone. For tests and for chapter 10.
+P2 (9) read alone, and the forced decorrelation of its history. For tests and for chapter 10.
 """
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from slamlab._checks import Array
 from slamlab.slam import EKFSlamBatch
+from slamlab.slam.batch import BatchInnovation
 
-__all__ = ["ForgetsCrossCovariance"]
+__all__ = ["ForcedDecorrelation", "ForgetsCrossCovariance"]
 
 
 class ForgetsCrossCovariance(EKFSlamBatch):
@@ -19,3 +23,14 @@ class ForgetsCrossCovariance(EKFSlamBatch):
         cross = self._P[:, :3, 3:].copy()
         super().move_cov(F, Q)
         self._P[:, :3, 3:], self._P[:, 3:, :3] = cross, cross.swapaxes(1, 2)
+
+
+class ForcedDecorrelation(EKFSlamBatch):
+    """A filter that keeps pose and landmarks apart: all cross-covariances are set to zero."""
+
+    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> BatchInnovation:
+        """Correct as ever, then forget what pose and landmarks have in common."""
+        innovation = super().update(z, ids)
+        owner = np.repeat(np.arange(1 + len(self.ids)), [3] + [2] * len(self.ids))
+        self._P *= owner[:, None] == owner
+        return innovation

@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 
 from slamlab.evaluation import nees, run
-from slamlab.printed.p2 import ForgetsCrossCovariance
+from slamlab.printed.p2 import ForcedDecorrelation, ForgetsCrossCovariance
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import RangeBearing
 from slamlab.simulation import ROOM_SENSOR, room_drives
@@ -97,6 +97,14 @@ def some_slam(seed=1, n=4):
     root = 0.05 * rng.standard_normal((3 + 2 * n, 3 + 2 * n))
     mean = np.concatenate([[0.3, -0.2, 0.4], 5 + rng.uniform(0, 4, 2 * n)])
     return EKFSlam(Unicycle(), RangeBearing(0.1, 0.02), mean, root @ root.T, ids=range(n))
+
+
+def test_p2_forced_decorrelation_is_overconfident_and_as_accurate():
+    drives = room_drives(10, np.random.default_rng(1), n_steps=400, sigma_wheel=2.0)
+    right, apart = (batch(drives, kind) for kind in (EKFSlamBatch, ForcedDecorrelation))
+    assert np.nanmean(nees(right)) < 3.7 < 30 < np.nanmean(nees(apart))
+    error = [((r.poses - r.truth)[..., :2] ** 2).sum(-1).mean() for r in (right, apart)]
+    assert error[1] < 1.2**2 * error[0]
 
 
 def test_p2_10_11_gain_form_joseph_form_and_information_form_agree():
@@ -267,6 +275,27 @@ def test_p2_floor_with_motion_before_the_first_sighting_lies_above_P0():
     assert limits[0] > 0.04
     assert limits[1] > 0.05
     assert limits[1] - limits[0] == pytest.approx(0.01, abs=1e-9)
+
+
+@pytest.mark.parametrize(("q", "r", "n"), [(0.01, 0.09, 2), (0.01, 0.36, 2), (0.04, 0.09, 5)])
+def test_p2_the_floor_holds_the_uncertainty_of_the_observations_too(q, r, n):
+    """P0 + q_1 + s, s^2 + q s = q r / n; the vehicle alone is too little."""
+    slam = linear_slam(p0=0.04, r=r)
+    for _ in range(2000):
+        move(slam, q)
+        see(slam, *range(n))
+    s = (np.sqrt(q**2 + 4 * q * r / n) - q) / 2
+    assert axis(slam)[1, 1] == pytest.approx(0.04 + q + s, rel=2e-3)
+    assert axis(slam)[1, 1] > 1.1 * (0.04 + q)
+
+
+def test_p2_determinant_of_the_map_goes_to_zero_like_a_power_of_the_looks():
+    slam, dets = linear_slam(p0=0.04, r=0.09), []
+    for _ in range(800):
+        move(slam, 0.01)
+        see(slam, *range(4))
+        dets.append(np.linalg.det(axis(slam)[1:, 1:]))
+    assert np.log(dets[399] / dets[799]) / np.log(2) == pytest.approx(3.0, abs=0.02)
 
 
 def test_p2_no_landmark_falls_below_the_initial_uncertainty():
