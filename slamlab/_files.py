@@ -36,7 +36,9 @@ _BROKEN = (
 )
 
 
-def read_npz(path: str | os.PathLike[str], max_bytes: int = 2**30) -> dict[str, NDArray[Any]]:
+def read_npz(
+    path: str | os.PathLike[str], max_bytes: int = 2**30, what: str = "npz archive of arrays"
+) -> dict[str, NDArray[Any]]:
     """Arrays of a npz archive by name; nothing that would run code (pickle) is read.
 
     Parameters
@@ -44,6 +46,8 @@ def read_npz(path: str | os.PathLike[str], max_bytes: int = 2**30) -> dict[str, 
     path : str or Path
     max_bytes : int, default 2**30
         An archive that says it unpacks to more is refused before anything is unpacked.
+    what : str
+        What was expected, for the message.
 
     Raises
     ------
@@ -63,7 +67,7 @@ def read_npz(path: str | os.PathLike[str], max_bytes: int = 2**30) -> dict[str, 
             return {name: arrays[name] for name in arrays.files}
     except (*_BROKEN, OSError) as error:
         reason = str(error)[:200] or type(error).__name__
-        raise ValueError(f"{path}: expected a npz archive of arrays ({reason})") from error
+        raise ValueError(f"{path}: expected a {what} ({reason})") from error
 
 
 def read_bytes(

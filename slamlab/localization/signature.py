@@ -598,8 +598,8 @@ def _with_bar(parts: list[NDArray[np.intp]], progress: bool) -> Iterable[NDArray
 def _read_parts(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """All arrays of the file, or an error that names what is wrong with it."""
     names = ("format", "places", "scans", "numbers", "signature")
-    file = read_npz(path)
+    file = read_npz(path, what="signature map, npz")
     missing = [name for name in names if name not in file]
     if missing:
-        raise ValueError(f"{path}: expected a signature map (npz), {missing[0]!r} is missing")
+        raise ValueError(f"{path}: expected a signature map, npz ({missing[0]!r} is missing)")
     return {name: file[name] for name in names}

@@ -551,7 +551,7 @@ class PathMemory:
         ValueError
             If the file is no path memory.
         """
-        kept = read_npz(file)
+        kept = read_npz(file, what="path memory")
         try:
             if int(kept["format"]) != _FORMAT:
                 raise ValueError(f"format {kept['format']}")

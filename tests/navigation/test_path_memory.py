@@ -211,7 +211,7 @@ def test_arc_length_sees_a_fold_that_all_nodes_of_a_quadrature_miss():
     [
         ({"coefficients": np.zeros((3, 2))}, "coefficients: expected shape"),
         ({"t1": 0.0}, "t1: expected more than t0"),
-        ({"t0": np.nan}, "t0: expected a number"),
+        ({"t0": np.nan}, "t0: expected a finite number"),
     ],
 )
 def test_cubic_names_bad_input(change, message):
