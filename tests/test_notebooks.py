@@ -387,7 +387,7 @@ def typed_verdicts(notebook):
     ]
 
 
-@pytest.mark.parametrize("path", SECOND_EDITION, ids=name)
+@pytest.mark.parametrize("path", CHAPTERS, ids=name)
 def test_a_visible_cell_is_an_idea(path):
     assert too_much_code(nbformat.read(path, as_version=4)) == []
 
