@@ -51,7 +51,7 @@ class FastSlam(PoseParticles):
     Two ways to say which landmark was measured, not to be mixed in one filter: `ids` with every
     update (known association), or none; then every particle decides for itself, by maximum
     likelihood within a gate or by a callable `associate`. The path of each particle comes out of
-    `poses` and `ancestors` of all steps by `filters.particle.lineage`.
+    ``poses`` and ``ancestors`` of all steps by `filters.particle.lineage`.
 
     Parameters
     ----------
@@ -87,8 +87,6 @@ class FastSlam(PoseParticles):
 
     Attributes
     ----------
-    poses : ndarray, shape (M, 3)
-        One pose a particle, a draw from the belief also between `predict` and `update`.
     ids : tuple
         Known association: names of the landmarks, in the order of `landmarks`.
 
