@@ -135,7 +135,8 @@ class Visit:
 
 
 CUT = """
-[...document.querySelectorAll('article *')].filter(e => e.getClientRects().length && (
+[...document.querySelectorAll('article *')].filter(e => e.getClientRects().length
+    && !e.closest('mjx-assistive-mml') && (
     e.getBoundingClientRect().right > innerWidth + 2
     || (e.scrollWidth > e.clientWidth + 2 && e.clientWidth > 0
         && getComputedStyle(e).overflowX !== 'visible'))
