@@ -170,7 +170,7 @@ def rows(rounds=9):
     return [
         (name, 1e3 * ours, 1e3 * peer, ours / peer, promise)
         for name, (ours, peer), promise in (
-            (f"{what}, n = 100; dense textbook", small, 1 / 3),
+            (f"{what}, n = 100; dense textbook", small, 1 / 2),
             (f"{what}, n = 1000; dense textbook", large, 1 / 40),
             (f"{what}, n = 1000; textbook with a sparse prediction", sparse, 1.0),
             (f"{what}, n = 1000; bare rank-20 update, both triangles", bare, 3.0),
@@ -209,7 +209,7 @@ def test_our_step_and_the_textbooks_do_the_same():
     ("measure", "promise"),
     [
         pytest.param(
-            lambda: measure_textbook(100, 9, burst=30), 1 / 3, id="dense textbook, n = 100"
+            lambda: measure_textbook(100, 9, burst=30), 1 / 2, id="dense textbook, n = 100"
         ),
         pytest.param(lambda: measure_textbook(1000, 1), 1 / 40, id="dense textbook, n = 1000"),
         pytest.param(measure_bare, 3.0, id="bare rank-20 update"),
