@@ -1,11 +1,11 @@
-"""The API page lists every public module of the library, and no module that is gone."""
+"""The API pages list every public module of the library, and no module that is gone."""
 
 import importlib.util
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "book" / "api.md").read_text()
+PAGE = "\n".join(path.read_text() for path in sorted((ROOT / "book" / "api").glob("*.md")))
 LISTED = set(re.findall(r"automodule:: (\S+)", PAGE))
 CLASSES = set(re.findall(r"autoclass:: (\S+)", PAGE))
 
