@@ -48,6 +48,12 @@ class Gaussian:
     ------
     ValueError
         If the shapes do not fit, a number is not finite, or `cov` is no covariance.
+
+    Examples
+    --------
+    >>> belief = Gaussian([1.0, 2.0], [[0.04, 0.0], [0.0, 0.01]])
+    >>> np.sqrt(np.diag(belief.cov)).tolist()
+    [0.2, 0.1]
     """
 
     mean: Array
@@ -87,6 +93,11 @@ def as_belief(name: str, value: object) -> Gaussian:
     ------
     ValueError
         If it is anything else, a pair of mean and covariance included.
+
+    Examples
+    --------
+    >>> as_belief("belief", Gaussian([0.0], [[1.0]])).mean.tolist()
+    [0.0]
     """
     if not isinstance(value, Gaussian):
         raise ValueError(f"{name}: expected a Gaussian(mean, cov), got {shown(value)}")

@@ -56,7 +56,13 @@ def wrap_angle(a: ArrayLike) -> Array:
 
 
 def rotation(theta: ArrayLike) -> Array:
-    """Rotation matrix of the plane, (..., 2, 2), for angles (...) in radians."""
+    """Rotation matrix of the plane, (..., 2, 2), for angles (...) in radians.
+
+    Examples
+    --------
+    >>> (rotation(np.pi / 2) @ [1.0, 0.0]).round(3).tolist()
+    [0.0, 1.0]
+    """
     theta = as_array("theta", theta)
     c, s = np.cos(theta), np.sin(theta)
     return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
@@ -114,6 +120,11 @@ def inverse(a: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., 3)
+
+    Examples
+    --------
+    >>> compose([1.0, 2.0, 0.5], inverse([1.0, 2.0, 0.5])).round(12).tolist()
+    [0.0, 0.0, 0.0]
     """
     a = as_array("a", a, ("...", 3))
     position = -_rotate(-a[..., 2], a[..., :2])
@@ -167,7 +178,13 @@ def transform(pose: ArrayLike, points: ArrayLike) -> Array:
 
 
 def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
-    """Points of the world, expressed in the body frame; shapes as in `transform`."""
+    """Points of the world, expressed in the body frame; shapes as in `transform`.
+
+    Examples
+    --------
+    >>> inverse_transform([1.0, 0.0, np.pi / 2], [[1.0, 3.0]]).round(3).tolist()
+    [[3.0, 0.0]]
+    """
     pose, points = _pose_and_points(pose, points)
     return _rotate(-pose[..., 2], points - pose[..., :2])
 

@@ -38,6 +38,12 @@ class ScanGeometry:
     ------
     ValueError
         If there is no beam, a number is not finite, or `max_range` is not positive.
+
+    Examples
+    --------
+    >>> scan = ScanGeometry([-np.pi / 2, 0.0, np.pi / 2], max_range=10.0)
+    >>> scan.points([1.0, 2.0, np.inf]).round(3).tolist()
+    [[0.0, -1.0], [2.0, 0.0], [nan, nan]]
     """
 
     beam_angles: Array

@@ -236,13 +236,28 @@ class Pilot(Protocol):
 
 
 def as_motion(name: str, value: Any) -> MotionModel:
-    """Return `value` if it is a motion model; ValueError names what it lacks."""
+    """Return `value` if it is a motion model; ValueError names what it lacks.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> as_motion("motion", Unicycle())
+    Unicycle()
+    """
     model: MotionModel = _as_model(name, value, MotionModel, "a motion model such as Unicycle()")
     return model
 
 
 def as_sensor(name: str, value: Any) -> LandmarkSensor:
-    """Return `value` if it is a sensor of landmarks; ValueError names what it lacks."""
+    """Return `value` if it is a sensor of landmarks; ValueError names what it lacks.
+
+    Examples
+    --------
+    >>> from slamlab.sensors import RangeBearing
+    >>> from slamlab.sensors import Wall
+    >>> as_sensor("sensor", Wall(0.1, 0.02)).cov.round(6).tolist()
+    [[0.01, 0.0], [0.0, 0.0004]]
+    """
     wanted = "a sensor such as RangeBearing(...)"
     sensor: LandmarkSensor = _as_model(name, value, LandmarkSensor, wanted)
     return sensor

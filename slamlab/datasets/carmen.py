@@ -48,7 +48,7 @@ def read_carmen(
     max_range: float | None = None,
     corrected: bool = False,
 ) -> Log:
-    """Read the scans and the odometry of a CARMEN log, plain or ``.gz``.
+    r"""Read the scans and the odometry of a CARMEN log, plain or ``.gz``.
 
     The motion of a step is that between the poses of two scans as the log gives them, so that
     `robots.RelativePose` is its motion model. Readings of `max_range` and more are beams that met
@@ -81,6 +81,15 @@ def read_carmen(
         damaged ``.gz``; for a log without any scan; for an argument out of range.
     FileNotFoundError
         If there is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "robot.log"
+    >>> _ = path.write_text("FLASER 3 1.0 81.9 2.0 0 0 0 0 0 0 7.5 host 7.5\n")
+    >>> log = read_carmen(path)
+    >>> log.ranges.tolist(), log.scan.beam_angles.round(3).tolist()
+    ([[1.0, inf, 2.0]], [-1.571, 0.0, 1.571])
     """
     tiny = float(np.finfo(float).tiny)
     field_of_view = as_scalar("field_of_view", field_of_view, tiny, 2 * np.pi)

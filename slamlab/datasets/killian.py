@@ -36,6 +36,11 @@ class Killian:
         without a scan. No rows in the small variant, which has no scans.
     lidar : ScanGeometry
         Directions of the beams, and the range that means "nothing".
+
+    Examples
+    --------
+    >>> killian().lidar.n_beams
+    180
     """
 
     graph: PoseGraph
@@ -108,6 +113,12 @@ def killian(small: bool = False) -> Killian:
     Returns
     -------
     Killian
+
+    Examples
+    --------
+    >>> court = killian()
+    >>> court.graph.poses.shape, int(court.loop_mask.sum()), court.scans.shape
+    ((3873, 3), 1115, (3873, 180))
     """
     name = "killian-small.toro.gz" if small else "killian.g2o.gz"
     graph = PoseGraph.read_g2o(Path(__file__).parent / "data" / name)

@@ -33,7 +33,7 @@ class Relations(NamedTuple):
 
 
 def read_relations(path: str | Path) -> Relations:
-    """Read a file of relations, plain or ``.gz``: a line ``t_i t_j x y z roll pitch yaw`` each.
+    r"""Read a file of relations, plain or ``.gz``: a line ``t_i t_j x y z roll pitch yaw`` each.
 
     Parameters
     ----------
@@ -50,6 +50,14 @@ def read_relations(path: str | Path) -> Relations:
         If the file is damaged or empty; the message names the line.
     FileNotFoundError
         If there is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "court.relations"
+    >>> _ = path.write_text("0.0 2.0 1.5 0.1 0 0 0 0.2\n")
+    >>> read_relations(path).measurements.tolist()
+    [[1.5, 0.1, 0.2]]
     """
     path = Path(path)
     data = read_bytes(path)

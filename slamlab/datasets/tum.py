@@ -19,7 +19,7 @@ _FLAT = 1e-3
 
 
 def read_tum(path: str | Path) -> tuple[Array, Array]:
-    """Read a trajectory of the plane.
+    r"""Read a trajectory of the plane.
 
     Parameters
     ----------
@@ -39,6 +39,15 @@ def read_tum(path: str | Path) -> tuple[Array, Array]:
         or the body tilts, by more than a thousandth (m, rad).
     FileNotFoundError
         If there is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "poses.tum"
+    >>> _ = path.write_text("12.5 1 2 0 0 0 0 1\n")
+    >>> times, poses = read_tum(path)
+    >>> times.tolist(), poses.tolist()
+    ([12.5], [[1.0, 2.0, 0.0]])
     """
     path = Path(path)
     text = path.read_text(encoding="utf-8", errors="replace")
@@ -77,6 +86,14 @@ def write_tum(path: str | Path, times: ArrayLike, poses: ArrayLike) -> None:
     ------
     ValueError
         If a shape does not fit or a number is not finite.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "poses.tum"
+    >>> write_tum(path, [0.0, 0.5], [[0, 0, 0], [1.0, 2.0, 0.5]])
+    >>> read_tum(path)[1].round(6).tolist()
+    [[0.0, 0.0, 0.0], [1.0, 2.0, 0.5]]
     """
     times = as_array("times", times, ("n",))
     poses = as_array("poses", poses, (len(times), 3))

@@ -33,6 +33,11 @@ def victoria_park() -> Log:
     Returns
     -------
     Log
+
+    Examples
+    --------
+    >>> victoria_park()
+    Log(6969 steps over 6968 s, 3640 measurements of landmarks, truth)
     """
     path = Path(__file__).parent / "data" / "victoria_park.txt.gz"
     with gzip.open(path, "rt", encoding="utf-8") as file:
@@ -43,7 +48,7 @@ def victoria_park() -> Log:
 
 
 def read_landmark_log(path: str | Path) -> Log:
-    """Read a text of ODOMETRY and LANDMARK lines with covariances.
+    r"""Read a text of ODOMETRY and LANDMARK lines with covariances.
 
     ``ODOMETRY i j dx dy dtheta`` is the motion from pose i to pose j in the frame of i, then the
     upper triangle of its covariance, row by row; ``LANDMARK i l x y`` is landmark l as seen from
@@ -66,6 +71,15 @@ def read_landmark_log(path: str | Path) -> Log:
         the line.
     FileNotFoundError
         If there is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> path = Path(tempfile.mkdtemp()) / "park.txt"
+    >>> _ = path.write_text("ODOMETRY 0 1 1 0 0 1 0 0 1 0 1\nLANDMARK 1 5 2 3 1 0 1\n")
+    >>> read_landmark_log(path)
+    Log(2 steps over 1 s, 1 measurements of landmarks)
     """
     with Path(path).open(encoding="utf-8", errors="surrogateescape") as file:
         return _parse(file, Path(path).name)

@@ -65,6 +65,20 @@ def association_scores(run: Run, known_ids: int = 0) -> AssociationScores:
     ------
     ValueError
         If the log has no ids, `known_ids` is negative, or the reports have no ids.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from slamlab.evaluation import run
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.simulation.landmarks import ORCHARD_SENSOR, orchard_loop
+    >>> from slamlab.slam import EKFSlam
+    >>> from slamlab.slam.association import nearest_neighbour
+    >>> log = orchard_loop(np.random.default_rng(1))
+    >>> slam = EKFSlam(Unicycle(), ORCHARD_SENSOR, log.truth[0], associate=nearest_neighbour)
+    >>> scores = association_scores(run(slam, log, known_ids=False))
+    >>> bool(scores.precision > 0.5)
+    True
     """
     told = as_count("known_ids", known_ids)
     if run.log.ids is None:

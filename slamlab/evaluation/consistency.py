@@ -126,6 +126,11 @@ def invariant_nees(
     ------
     ValueError
         If shapes do not fit or a number is not finite.
+
+    Examples
+    --------
+    >>> invariant_nees(([[0.1, 0, 0]], [[0.0, 0, 0]]), [0.01 * np.eye(3)]).round(6).tolist()
+    [1.0]
     """
     if isinstance(poses, Run):
         return invariant_nees((poses.poses, poses.truth), poses.covs)
@@ -164,6 +169,11 @@ def nis(residuals: ArrayLike | Run, covs: ArrayLike | None = None) -> Array:
     ------
     ValueError
         If shapes do not fit, a number is not finite, or a covariance is not positive definite.
+
+    Examples
+    --------
+    >>> nis([[0.2, 0.0]], [[[0.04, 0.0], [0.0, 0.01]]]).round(6).tolist()
+    [1.0]
     """
     if isinstance(residuals, Run):
         return np.array([_nis_of(report) for report in residuals.reports])
@@ -253,6 +263,11 @@ def monte_carlo(
         If a count or the seed is wrong, or `run` cannot be called.
     ImportError
         If joblib (for `n_jobs` other than 1) or tqdm (for `progress`) is not installed.
+
+    Examples
+    --------
+    >>> monte_carlo(lambda rng: round(float(rng.normal()), 3), n_runs=3, seed=1)
+    [-0.64, 2.486, 1.442]
     """
     if not callable(run):
         raise ValueError(f"run: expected a function of a random generator, got {run!r}")

@@ -19,7 +19,14 @@ __all__ = ["collisions", "coverage", "path_length", "reached_at", "revisits"]
 
 
 def path_length(log: Log) -> Array:
-    """Metres driven after each step, shape (T,) or, of a batch, (T, M)."""
+    """Metres driven after each step, shape (T,) or, of a batch, (T, M).
+
+    Examples
+    --------
+    >>> log = Log([0, 1], [[0, 0], [0, 0]], [0, 1], np.eye(2), truth=[[0, 0, 0], [3, 4, 0]])
+    >>> path_length(log).tolist()
+    [0.0, 5.0]
+    """
     truth = _truth(log)
     steps = np.hypot(*np.moveaxis(np.diff(truth[..., :2], axis=0), -1, 0))
     return np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
@@ -78,6 +85,11 @@ def reached_at(length: ArrayLike, values: ArrayLike, metres: ArrayLike) -> Array
     -------
     ndarray, shape (...)
         The largest value that was reached by then.
+
+    Examples
+    --------
+    >>> reached_at([0, 1, 2, 3], [0.1, 0.5, 0.7, 0.9], [0.5, 2.0]).tolist()
+    [0.1, 0.7]
     """
     length = as_array("length", length, ("T",))
     values = as_array("values", values, (len(length),))

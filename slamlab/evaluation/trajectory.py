@@ -27,6 +27,12 @@ class TrajectoryError:
         Distances (m).
     rotation : ndarray, shape (k,)
         Absolute angles (rad).
+
+    Examples
+    --------
+    >>> error = ate([[0, 0, 0], [1, 0.1, 0]], [[0, 0, 0], [1, 0, 0]], aligned=False)
+    >>> error.translation.tolist(), round(error.rmse, 4)
+    ([0.0, 0.1], 0.0707)
     """
 
     translation: Array
@@ -75,6 +81,13 @@ def align(estimate: ArrayLike, truth: ArrayLike) -> Array:
     ------
     ValueError
         If the shapes differ, there is no pose, or a number is not finite.
+
+    Examples
+    --------
+    >>> path = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    >>> turned = np.array([[5, 5, 1.5708], [5, 6, 1.5708], [5, 7, 1.5708]])
+    >>> (align(turned, path)[:, :2].round(3) + 0.0).tolist()
+    [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
     """
     estimate, truth = _paths(estimate, truth)
     a = estimate[:, :2] - estimate[:, :2].mean(0)
@@ -149,6 +162,12 @@ def rpe(
     ------
     ValueError
         As `align`; or if no stretch is as long as `delta`.
+
+    Examples
+    --------
+    >>> path = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    >>> rpe(path * [1.1, 1, 1], path).translation.round(3).tolist()
+    [0.1, 0.1]
     """
     estimate, truth = _paths(estimate, truth)
     first, last = _stretches(truth, delta, as_choice("unit", unit, ("steps", "metres")))

@@ -102,6 +102,11 @@ def seen_lengths(points: ArrayLike, walls: ArrayLike, tolerance: float = 0.05) -
     ------
     ValueError
         If a shape is wrong or a wall has no length.
+
+    Examples
+    --------
+    >>> seen_lengths([[0.0, 0.0], [1.5, 0.01]], [[[0, 0], [2, 0]], [[0, 5], [2, 5]]]).tolist()
+    [1.5, 0.0]
     """
     points = np.asarray(points, dtype=float)
     points = as_array("points", points[np.isfinite(points).all(-1)], ("k", 2))

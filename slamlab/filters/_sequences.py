@@ -127,6 +127,13 @@ def filter(
     ValueError
         If a shape does not fit, a number is not finite (NaN in `z` excepted), Q or R is no
         covariance, or an innovation covariance is singular.
+
+    Examples
+    --------
+    >>> belief = Gaussian([0.0], [[1.0]])
+    >>> run = filter([[1.0], [np.nan], [1.2]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], belief)
+    >>> run.means[:, 0].round(3).tolist(), run.covs[:, 0, 0].round(3).tolist()
+    ([0.5, 0.5, 0.733], [0.5, 0.5, 0.333])
     """
     z = as_shaped("z", z, ("...", "T", "m"))
     if np.isinf(z).any():
@@ -162,6 +169,13 @@ def smooth(result: FilterResult) -> SmootherResult:
     Returns
     -------
     SmootherResult
+
+    Examples
+    --------
+    >>> belief = Gaussian([0.0], [[1.0]])
+    >>> run = filter([[1.0], [np.nan], [1.2]], [[1.0]], [[1.0]], [[0.1]], [[1.0]], belief)
+    >>> bool(np.all(smooth(run).covs <= run.covs + 1e-12))
+    True
     """
     batch, means, predicted, P, ahead = _unpack(result)
     gains, groups = _smoother_gains(result, P, ahead)
@@ -192,6 +206,13 @@ def fixed_lag(result: FilterResult, lag: int) -> SmootherResult:
     ------
     ValueError
         If `lag` is no count.
+
+    Examples
+    --------
+    >>> belief = Gaussian([0.0], [[1.0]])
+    >>> run = filter([[1.0], [0.8], [1.2]], [[1.0]], [[1.0]], [[0.1]], [[1.0]], belief)
+    >>> np.allclose(fixed_lag(run, 2).means, smooth(run).means)
+    True
     """
     lag = as_count("lag", lag)
     batch, means, predicted, P, ahead = _unpack(result)

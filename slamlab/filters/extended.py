@@ -43,6 +43,14 @@ def predict(belief: Gaussian, f: Function, F: ArrayLike | Function, Q: ArrayLike
     ------
     ValueError
         If a shape does not fit, a number is not finite, or `Q` is no covariance.
+
+    Examples
+    --------
+    >>> turn = lambda x: x + [np.cos(x[2]), np.sin(x[2]), 0.0]
+    >>> slopes = lambda x: [[1, 0, -np.sin(x[2])], [0, 1, np.cos(x[2])], [0, 0, 1]]
+    >>> belief = predict(Gaussian([0, 0, 0], 0.01 * np.eye(3)), turn, slopes, np.zeros((3, 3)))
+    >>> belief.mean.tolist(), belief.cov.round(3).tolist()
+    ([1.0, 0.0, 0.0], [[0.01, 0.0, 0.0], [0.0, 0.02, 0.01], [0.0, 0.01, 0.01]])
     """
     n, f = as_belief("belief", belief).dim, as_function("f", f)
     # (12): the tangent at the estimate before the step
@@ -94,6 +102,14 @@ def update(
     ValueError
         If a shape does not fit, a number is not finite, `R` is no covariance, or the innovation
         covariance is singular.
+
+    Examples
+    --------
+    >>> distance = lambda x: [np.hypot(x[0], x[1])]
+    >>> slope = lambda x: [x / np.hypot(x[0], x[1])]
+    >>> belief, _ = update(Gaussian([3.0, 4.0], np.eye(2)), [6.0], distance, slope, [[1.0]])
+    >>> belief.mean.round(3).tolist()
+    [3.3, 4.4]
     """
     z = as_array("z", z, ("m",))
     n, m = as_belief("belief", belief).dim, len(z)
@@ -130,6 +146,11 @@ def numerical_jacobian(f: Function, x: ArrayLike, step: float = 1e-6) -> Array:
     ------
     ValueError
         If `f` is no function or gives no vectors of finite numbers, or `step` is not positive.
+
+    Examples
+    --------
+    >>> numerical_jacobian(lambda x: [x[0] * x[1], x[0] ** 2], [2.0, 3.0]).round(6).tolist()
+    [[3.0, 2.0], [4.0, 0.0]]
     """
     x, f = as_array("x", x, ("n",)), as_function("f", f)
     step = as_scalar("step", step, float(np.finfo(float).tiny), 1e300)

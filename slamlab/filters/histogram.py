@@ -37,6 +37,11 @@ def predict(
     ------
     ValueError
         If a shape does not fit, or `belief` or `kernel` is no distribution.
+
+    Examples
+    --------
+    >>> predict([0.0, 1.0, 0.0, 0.0], kernel=[0.2, 0.8], offsets=[0, 1]).tolist()
+    [0.0, 0.2, 0.8, 0.0]
     """
     belief = _distribution("belief", belief)
     kernel = _distribution("kernel", kernel)
@@ -73,6 +78,12 @@ def update(belief: ArrayLike, likelihood: ArrayLike) -> tuple[Array, Array]:
     ValueError
         If a shape does not fit, `belief` is no distribution, a likelihood is negative, or the
         measurement is impossible everywhere.
+
+    Examples
+    --------
+    >>> posterior, evidence = update([0.5, 0.5], [0.9, 0.3])
+    >>> posterior.round(3).tolist(), round(float(evidence), 3)
+    ([0.75, 0.25], 0.6)
     """
     belief = _distribution("belief", belief)
     likelihood = as_array("likelihood", likelihood, ("...", belief.shape[-1]))
@@ -86,7 +97,13 @@ def update(belief: ArrayLike, likelihood: ArrayLike) -> tuple[Array, Array]:
 
 
 def entropy(belief: ArrayLike) -> Array:
-    """Entropy (bits) of beliefs (..., n): 0 for a sure one, log2 n for a uniform one."""
+    """Entropy (bits) of beliefs (..., n): 0 for a sure one, log2 n for a uniform one.
+
+    Examples
+    --------
+    >>> entropy([[0.25, 0.25, 0.25, 0.25], [0.0, 1.0, 0.0, 0.0]]).tolist()
+    [2.0, 0.0]
+    """
     belief = _distribution("belief", belief)
     safe = np.where(belief > 0, belief, 1.0)
     return np.asarray(np.abs(belief * np.log2(safe)).sum(-1))

@@ -47,6 +47,12 @@ class Innovation:
         Normalised innovation squared, chi-square of m degrees if the filter is consistent.
     log_likelihood : ndarray, shape (...)
         Log density of the measurement, as predicted.
+
+    Examples
+    --------
+    >>> belief, innovation = update(Gaussian([0.0], [[3.0]]), [2.0], H=[[1.0]], R=[[1.0]])
+    >>> innovation.residual.tolist(), innovation.cov.tolist(), float(innovation.nis)
+    ([2.0], [[4.0]], 1.0)
     """
 
     residual: Array
@@ -86,6 +92,12 @@ def predict(
     ------
     ValueError
         If a shape does not fit, a number is not finite, or `Q` is no covariance.
+
+    Examples
+    --------
+    >>> belief = predict(Gaussian([2.0], [[1.0]]), F=[[1.0]], Q=[[0.5]])
+    >>> belief.mean.tolist(), belief.cov.tolist()
+    ([2.0], [[1.5]])
     """
     n = as_belief("belief", belief).dim
     F = as_array("F", F, ("...", n, n))
@@ -127,6 +139,14 @@ def update(
     ValueError
         If a shape does not fit, a number is not finite, `R` is no covariance, or the innovation
         covariance S is singular.
+
+    Examples
+    --------
+    >>> belief, innovation = update(Gaussian([2.0], [[1.5]]), [3.5], H=[[1.0]], R=[[1.5]])
+    >>> belief.mean.round(6).tolist(), belief.cov.round(6).tolist()
+    ([2.75], [[0.75]])
+    >>> innovation.gain.round(6).tolist()
+    [[0.5]]
     """
     z = as_array("z", z, ("...", "m"))
     H = as_array("H", H, ("...", z.shape[-1], as_belief("belief", belief).dim))
@@ -213,6 +233,12 @@ def steady_state(F: ArrayLike, H: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Stea
     ValueError
         If a shape does not fit, a number is not finite, or the covariances do not settle (an
         unstable state that is never seen).
+
+    Examples
+    --------
+    >>> steady = steady_state(F=[[1.0]], H=[[1.0]], Q=[[1.0]], R=[[2.0]])
+    >>> steady.gain.round(6).tolist()
+    [[0.5]]
     """
     F = as_array("F", F, ("n", "n"))
     n = F.shape[0]

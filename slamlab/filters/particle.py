@@ -378,6 +378,11 @@ class KLD:
     ------
     ValueError
         If a parameter is outside its range.
+
+    Examples
+    --------
+    >>> KLD(bins=[0.5, 0.5, 0.2]).required([1, 10, 100]).round().tolist()
+    [1.0, 217.0, 1347.0]
     """
 
     bins: Array
@@ -463,6 +468,11 @@ def effective_sample_size(weights: ArrayLike) -> float:
     ------
     ValueError
         If a weight is negative or not finite, or the sum is 0.
+
+    Examples
+    --------
+    >>> effective_sample_size([1, 1, 1, 1]), effective_sample_size([1, 0, 0, 0])
+    (4.0, 1.0)
     """
     weights = _normalised(weights)
     return 1 / float(weights @ weights)
@@ -516,6 +526,11 @@ def stratified_resample(
     """Draw indices with one random position in each of n equal strata.
 
     Parameters, errors and result are those of `systematic_resample`; n uniform numbers are drawn.
+
+    Examples
+    --------
+    >>> stratified_resample([0.5, 0.25, 0.25], np.random.default_rng(1), 4).tolist()
+    [0, 0, 1, 2]
     """
     cumulative, n = _cumulative(weights, n)
     positions = (np.arange(n) + as_rng("rng", rng).random(n)) / n
@@ -529,6 +544,12 @@ def multinomial_resample(
 
     Parameters and errors are those of `systematic_resample`; n uniform numbers are drawn, and the
     indices come in the order of the draws.
+
+    Examples
+    --------
+    >>> drawn = multinomial_resample([3, 1], np.random.default_rng(1), 4000)
+    >>> np.bincount(drawn).round(-2).tolist()
+    [3000, 1000]
     """
     cumulative, n = _cumulative(weights, n)
     return _at(cumulative, as_rng("rng", rng).random(n))
@@ -541,6 +562,11 @@ def residual_resample(
 
     Parameters and errors are those of `systematic_resample`. The rest is multinomial over
     n w_i - floor(n w_i) (Liu and Chen 1998).
+
+    Examples
+    --------
+    >>> residual_resample([0.5, 0.25, 0.25], np.random.default_rng(1), 4).tolist()
+    [0, 0, 1, 2]
     """
     weights, rng = _normalised(weights), as_rng("rng", rng)
     n = len(weights) if n is None else as_count("n", n, 1)

@@ -48,6 +48,12 @@ def sigma_points(
     ------
     ValueError
         If a parameter is out of range or the covariance is singular.
+
+    Examples
+    --------
+    >>> points, weights, _ = sigma_points(Gaussian([1.0], [[4.0]]), alpha=1.0)
+    >>> points.tolist(), weights.tolist()
+    ([[1.0], [3.0], [-1.0]], [0.0, 0.5, 0.5])
     """
     n = as_belief("belief", belief).dim
     alpha = as_scalar("alpha", alpha, 1e-9, 1.0)
@@ -85,6 +91,13 @@ def predict(belief: Gaussian, f: Function, Q: ArrayLike, **scaling: float) -> Ga
     ------
     ValueError
         If a shape does not fit, a number is not finite, or `Q` is no covariance.
+
+    Examples
+    --------
+    >>> square = lambda x: x**2
+    >>> belief = predict(Gaussian([1.0], [[4.0]]), square, [[0.0]], alpha=1.0)
+    >>> belief.mean.round(6).tolist()  # 1 + 4: the linearised mean would be 1
+    [5.0]
     """
     Q, f = as_covariance("Q", Q, as_belief("belief", belief).dim), as_function("f", f)
     points, w_mean, w_cov = sigma_points(belief, **scaling)
@@ -126,6 +139,12 @@ def update(
     ------
     ValueError
         If a shape does not fit, a number is not finite, or a covariance is none.
+
+    Examples
+    --------
+    >>> belief, innovation = update(Gaussian([0.0], [[1.0]]), [1.0], lambda x: x, [[1.0]])
+    >>> belief.mean.round(6).tolist(), belief.cov.round(6).tolist()
+    ([0.5], [[0.5]])
     """
     z = as_array("z", z, ("m",))
     R = as_covariance("R", R, len(z))

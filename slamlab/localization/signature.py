@@ -110,6 +110,12 @@ def spectrum(scan: ArrayLike, n_harmonics: int | None = None) -> Array:
     ------
     ValueError
         If there is no beam, a number is not finite, or `n_harmonics` is below 1.
+
+    Examples
+    --------
+    >>> scan = np.array([1.0, 2.0, 4.0, 2.0])
+    >>> np.allclose(spectrum(scan), spectrum(np.roll(scan, 1)))  # a turn changes nothing
+    True
     """
     scan = _as_scan(scan)
     n_beams = scan.shape[-1]
@@ -144,6 +150,12 @@ def three_numbers(scan: ArrayLike, form: str = "printed") -> Array:
     ------
     ValueError
         If there is no beam, a number is not finite, or `form` is unknown.
+
+    Examples
+    --------
+    >>> scan = np.array([1.0, 2.0, 4.0, 2.0])
+    >>> three_numbers(scan).tolist(), three_numbers(np.roll(scan, 2)).tolist()
+    ([4.0, 1.0, 2.0], [4.0, 1.0, -2.0])
     """
     scan = _as_scan(scan)
     form = as_choice("form", form, ("printed", "modular", "autocorrelation"))

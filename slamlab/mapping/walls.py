@@ -211,6 +211,12 @@ def line_cov(points: ArrayLike, covs: ArrayLike) -> Array:
     ------
     ValueError
         As `fit_line`, or if the covariances do not fit the points.
+
+    Examples
+    --------
+    >>> points = [[2.0, -1.0], [2.0, 0.0], [2.0, 1.0]]
+    >>> line_cov(points, 0.01**2 * np.broadcast_to(np.eye(2), (3, 2, 2))).round(7).tolist()
+    [[3.33e-05, 0.0], [0.0, 5e-05]]
     """
     points = as_array("points", points, ("...", "k", 2))
     covs = as_array("covs", covs, ("...", points.shape[-2], 2, 2))
@@ -245,6 +251,11 @@ def point_covs(
     ------
     ValueError
         If a shape is wrong, a number is not finite or a standard deviation is negative.
+
+    Examples
+    --------
+    >>> point_covs([[2.0, 0.0]], sigma_range=0.01, sigma_bearing=0.02).round(6).tolist()
+    [[[0.0001, 0.0], [0.0, 0.0016]]]
     """
     beam = as_array("points", points, ("...", 2)) - as_array("origin", origin, (2,))
     sigma_range = as_scalar("sigma_range", sigma_range, 0, 1e300)

@@ -64,6 +64,16 @@ def match_correlative(
     ------
     ValueError
         If there is no point, or an argument is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.geometry import inverse_transform
+    >>> x, y = np.linspace(0, 3, 61), np.linspace(0, 2, 41)
+    >>> corner = np.vstack([np.stack([x, 0 * x], -1), np.stack([0 * y, y], -1)])
+    >>> scan, field = inverse_transform([0.5, 0.2, 0.0], corner), PointField(corner)
+    >>> found = match_correlative(field, scan, [0, 0, 0], window=1.0, angle_window=0.3)
+    >>> found.pose.round(2).tolist()
+    [0.5, 0.2, 0.0]
     """
     from slamlab.matching._search_kernels import branch_and_bound, doubled
 

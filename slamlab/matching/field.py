@@ -220,6 +220,16 @@ def match_field(
     ------
     ValueError
         If there are fewer than three points, or a shape is wrong.
+
+    Examples
+    --------
+    >>> x, y = np.linspace(0, 3, 61), np.linspace(0, 2, 41)
+    >>> corner = np.vstack([np.stack([x, 0 * x], -1), np.stack([0 * y, y], -1)])
+    >>> from slamlab.geometry import inverse_transform
+    >>> scan = inverse_transform([0.1, 0.05, 0.0], corner)
+    >>> fields = [PointField(corner, sigma=0.3), PointField(corner, sigma=0.1)]
+    >>> match_field(fields, scan, guess=[0, 0, 0]).pose[:2].round(2).tolist()
+    [0.06, 0.04]
     """
     from slamlab.matching._field_kernels import gauss_newton
 

@@ -34,6 +34,11 @@ def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
     -------
     ndarray, shape (n, 2)
         The first point of each square, in their order.
+
+    Examples
+    --------
+    >>> thin([[0.01, 0.0], [0.02, 0.0], [0.15, 0.0]], spacing=0.1).tolist()
+    [[0.01, 0.0], [0.15, 0.0]]
     """
     from slamlab.matching._icp_kernels import thinned
 
@@ -119,7 +124,14 @@ class Outline:
 def normals(
     points: ArrayLike, neighbours: int = 5, radius: float = 0.5, flatness: float = 0.15
 ) -> Array:
-    """Return unit vectors across the walls through points (k, 2); NaN off walls (`Outline`)."""
+    """Return unit vectors across the walls through points (k, 2); NaN off walls (`Outline`).
+
+    Examples
+    --------
+    >>> wall = np.stack([np.linspace(0, 1, 11), np.full(11, 2.0)], -1)
+    >>> abs(normals(wall)[5]).round(6).tolist()
+    [0.0, 1.0]
+    """
     points = as_array("points", points, ("k", 2))
     return Outline.of(points, neighbours, radius, flatness).normals
 
@@ -168,6 +180,15 @@ def match_icp(
     ValueError
         If fewer than three points, or reference points on walls, are there, or an argument is
         out of range.
+
+    Examples
+    --------
+    >>> x, y = np.linspace(0, 3, 61), np.linspace(0, 2, 41)
+    >>> corner = np.vstack([np.stack([x, 0 * x], -1), np.stack([0 * y, y], -1)])
+    >>> from slamlab.geometry import inverse_transform
+    >>> scan = inverse_transform([0.1, 0.05, 0.02], corner)
+    >>> match_icp(corner, scan, guess=[0, 0, 0]).pose.round(3).tolist()
+    [0.1, 0.05, 0.02]
     """
     from slamlab.matching import _icp_kernels as kernels
 

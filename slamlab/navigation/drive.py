@@ -46,6 +46,11 @@ class Body:
     ------
     ValueError
         If a size is not positive.
+
+    Examples
+    --------
+    >>> Body(0.6, 0.4)
+    Body(length=0.6, width=0.4)
     """
 
     length: float
@@ -111,6 +116,18 @@ class RoomDriver:
     ------
     ValueError
         If an argument is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.robots import YOUBOT
+    >>> from slamlab.simulation import Truth, record
+    >>> from slamlab.worlds import rooms
+    >>> lidar, rng = Lidar(90, max_range=8.0), np.random.default_rng(1)
+    >>> pilot = RoomDriver(Body(0.6, 0.4), lidar)
+    >>> log = record(rooms.corridor(), YOUBOT, lidar, pilot, Truth(), rng,
+    ...              start=[6.0, 1.0, 0.0], dt=0.5)
+    >>> pilot.finished, bool(np.linalg.norm(log.truth[-1, :2] - [6.0, 1.0]) < 0.1)
+    (True, True)
     """
 
     floor: SeenFloor

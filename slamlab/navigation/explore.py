@@ -75,6 +75,20 @@ class Explorer:
     ------
     ValueError
         If an argument is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.navigation import LongestBeam
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.evaluation.tours import collisions
+    >>> from slamlab.simulation import Truth, record
+    >>> from slamlab.worlds import rooms
+    >>> rng, robot, lidar = np.random.default_rng(1), SquareRobot(0.3), Lidar(120)
+    >>> pilot = Explorer(robot, lidar, LongestBeam(), rng, max_path=3.0)
+    >>> log = record(rooms.thesis_room(), Unicycle(), lidar, pilot, Truth(), rng,
+    ...              start=[1.0, 2.0, 0.0], dt=1.0, footprint=robot.footprint)
+    >>> pilot, int(collisions(log)[-1])
+    (Explorer(LongestBeam), 0)
     """
 
     floor: SeenFloor

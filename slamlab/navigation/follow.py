@@ -54,6 +54,16 @@ class ReturnLaw:
     ------
     ValueError
         If a parameter lies outside its range.
+
+    Examples
+    --------
+    >>> path = PathMemory(0.02)
+    >>> for x in np.linspace(0, 1, 11):
+    ...     path.add((x, 0.0))
+    >>> path.close()
+    >>> control, s = ReturnLaw(max_speed=0.2).command(path, [0.8, 0.0, np.pi], path.length)
+    >>> control.round(3).tolist(), round(float(s), 2)
+    ([0.15, 0.0], 0.8)
     """
 
     k_v: float = 1.0
@@ -133,6 +143,16 @@ class RegulatedPurePursuit:
     ------
     ValueError
         If a parameter lies outside its range.
+
+    Examples
+    --------
+    >>> path = PathMemory(0.02)
+    >>> for x in np.linspace(0, 1, 11):
+    ...     path.add((x, 0.0))
+    >>> path.close()
+    >>> law = RegulatedPurePursuit(max_speed=0.2)
+    >>> law.command(path, [0.8, 0.0, np.pi], path.length)[0].round(3).tolist()
+    [0.2, 0.0]
     """
 
     lookahead: float = 0.15
@@ -209,6 +229,19 @@ class Homer:
     ------
     ValueError
         If a number is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.simulation import Truth, record
+    >>> path = PathMemory(0.02)
+    >>> for x in np.linspace(0, 1, 11):
+    ...     path.add((x, 0.0))
+    >>> path.close()
+    >>> pilot, rng = Homer(path, ReturnLaw(backwards=True)), np.random.default_rng(1)
+    >>> log = record(None, Unicycle(), None, pilot, Truth(), rng, start=[1, 0, 0])
+    >>> abs(log.truth[-1].round(1)).tolist()
+    [0.0, 0.0, 0.0]
     """
 
     s: Array

@@ -103,6 +103,14 @@ class LongestBeam:
     ------
     ValueError
         If `fraction` is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.navigation import Explorer
+    >>> from slamlab.robots import SquareRobot
+    >>> rng = np.random.default_rng(1)
+    >>> Explorer(SquareRobot(0.3), Lidar(120), LongestBeam(0.5), rng)
+    Explorer(LongestBeam)
     """
 
     def __init__(self, fraction: float = 0.5) -> None:
@@ -124,6 +132,14 @@ class RandomFraction:
         Divide the length by a number drawn from [0.1, 2.0], as the text says: nearly half of the
         steps are then longer than the beam. The text's aim, "more than half", is met by a factor
         drawn from [0.5, 1], the default.
+
+    Examples
+    --------
+    >>> from slamlab.navigation import Explorer
+    >>> from slamlab.robots import SquareRobot
+    >>> rng = np.random.default_rng(1)
+    >>> Explorer(SquareRobot(0.3), Lidar(120), RandomFraction(), rng)
+    Explorer(RandomFraction)
     """
 
     def __init__(self, as_printed: bool = False) -> None:
@@ -148,6 +164,14 @@ class Quadrants:
     as_printed : bool, default False
         Use the quarters of the text, 0-90, 90-180, **160**-270, 270-360 degrees, and its random
         division (see `RandomFraction`). Beams from 160 to 180 degrees then count twice.
+
+    Examples
+    --------
+    >>> from slamlab.navigation import Explorer
+    >>> from slamlab.robots import SquareRobot
+    >>> rng = np.random.default_rng(1)
+    >>> Explorer(SquareRobot(0.3), Lidar(120), Quadrants(), rng)
+    Explorer(Quadrants)
     """
 
     def __init__(self, as_printed: bool = False) -> None:
@@ -188,6 +212,14 @@ class NearestFrontier:
     ------
     ValueError
         If `smallest` is below one.
+
+    Examples
+    --------
+    >>> from slamlab.navigation import Explorer
+    >>> from slamlab.robots import SquareRobot
+    >>> rng = np.random.default_rng(1)
+    >>> Explorer(SquareRobot(0.3), Lidar(120), NearestFrontier(), rng)
+    Explorer(NearestFrontier)
     """
 
     def __init__(self, smallest: int = 3) -> None:
@@ -231,6 +263,14 @@ class InformationGain:
     ------
     ValueError
         If a parameter is negative.
+
+    Examples
+    --------
+    >>> from slamlab.navigation import Explorer
+    >>> from slamlab.robots import SquareRobot
+    >>> rng = np.random.default_rng(1)
+    >>> Explorer(SquareRobot(0.3), Lidar(120), InformationGain(decay=0.5), rng)
+    Explorer(InformationGain)
     """
 
     def __init__(self, decay: float = 0.5, reach: float = 2.0, smallest: float = 0.05) -> None:

@@ -32,7 +32,15 @@ __all__ = [
 def path(
     ax: Axes, poses: ArrayLike, kind: str = "estimate", label: str | None = None, **style: Any
 ) -> Line2D:
-    """Draw a path of poses (n, 3) or points (n, 2), in metres, as a line of the given kind."""
+    """Draw a path of poses (n, 3) or points (n, 2), in metres, as a line of the given kind.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> line = path(plt.gca(), [[0, 0, 0], [1, 0.5, 0.1]], kind="truth", label="truth")
+    >>> floor(plt.gca())
+    >>> plt.close()
+    """
     poses = as_shaped("poses", poses, ("n", None))
     return ax.plot(poses[:, 0], poses[:, 1], label=label, **(line_style(kind) | style))[0]
 
@@ -51,6 +59,12 @@ def ellipse(
     kind : str
         A key of `COLOURS`.
     probability : float
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> patch = ellipse(plt.gca(), [1.0, 2.0], [[0.04, 0.0], [0.0, 0.01]])
+    >>> plt.close()
     """
     mean = as_array("mean", mean, ("n",))[:2]
     cov = as_array("cov", cov, ("n", "n"))[:2, :2]
@@ -64,7 +78,14 @@ def ellipse(
 def landmarks(
     ax: Axes, points: ArrayLike, estimated: bool = False, label: str | None = None
 ) -> Line2D:
-    """Draw landmarks (n, 2): true ones as black star outlines, estimated ones as blue crosses."""
+    """Draw landmarks (n, 2): true ones as black star outlines, estimated ones as blue crosses.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> drawn = landmarks(plt.gca(), [[1.0, 2.0], [3.0, 1.0]])
+    >>> plt.close()
+    """
     points = as_shaped("points", points, ("n", 2))
     if estimated:
         style: dict[str, Any] = {"marker": "x", "color": COLOURS["estimate"], "markersize": 7}
@@ -74,7 +95,14 @@ def landmarks(
 
 
 def particles(ax: Axes, poses: ArrayLike, label: str | None = None) -> Line2D:
-    """Draw particles (n, 2) or (n, 3) as blue dots at 25 %."""
+    """Draw particles (n, 2) or (n, 3) as blue dots at 25 %.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> drawn = particles(plt.gca(), [[0.0, 1.0, 0.1], [0.2, 0.9, 0.0]])
+    >>> plt.close()
+    """
     poses = as_array("poses", poses, ("n", None))
     style: dict[str, Any] = {"marker": ".", "alpha": 0.25, "color": COLOURS["particle"]}
     return ax.plot(
@@ -83,7 +111,14 @@ def particles(ax: Axes, poses: ArrayLike, label: str | None = None) -> Line2D:
 
 
 def lidar_points(ax: Axes, points: ArrayLike, s: float = 0.5, label: str | None = None) -> Line2D:
-    """Draw lidar end points (..., 2), in metres; NaN (no echo) is left out."""
+    """Draw lidar end points (..., 2), in metres; NaN (no echo) is left out.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> drawn = lidar_points(plt.gca(), [[1.0, 2.0], [np.nan, np.nan]])
+    >>> plt.close()
+    """
     points = as_shaped("points", points, ("...", 2)).reshape(-1, 2)
     return ax.plot(
         *points.T,
@@ -98,7 +133,14 @@ def lidar_points(ax: Axes, points: ArrayLike, s: float = 0.5, label: str | None 
 
 
 def walls(ax: Axes, segments: ArrayLike, label: str | None = None) -> LineCollection:
-    """Draw walls (k, 2, 2), two end points each, in metres."""
+    """Draw walls (k, 2, 2), two end points each, in metres.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> drawn = walls(plt.gca(), [[[0, 0], [2, 0]], [[2, 0], [2, 1]]])
+    >>> plt.close()
+    """
     segments = as_array("segments", segments, ("k", 2, 2))
     style = line_style("wall")
     lines = LineCollection(list(segments), colors=style["color"], linewidths=style["linewidth"])
@@ -109,7 +151,15 @@ def walls(ax: Axes, segments: ArrayLike, label: str | None = None) -> LineCollec
 
 
 def floor(ax: Axes) -> None:
-    """Make the axes a floor plan: equal scale, metres."""
+    """Make the axes a floor plan: equal scale, metres.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> floor(plt.gca())
+    >>> plt.gca().get_aspect()
+    1.0
+    """
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x (m)")
     ax.set_ylabel("y (m)")
@@ -128,6 +178,12 @@ def error_band(
     label : str
     kind : str
         A key of `COLOURS`.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> line = error_band(plt.gca(), [0, 1, 2], [0.1, -0.1, 0.0], [0.1, 0.1, 0.1], "x")
+    >>> plt.close()
     """
     t = as_array("t", t, ("n",))
     error = as_shaped("error", error, (len(t),))
@@ -149,6 +205,12 @@ def occupancy(ax: Axes, probability: ArrayLike, extent: ArrayLike) -> AxesImage:
         Probability that a cell is occupied; row 0 at the bottom.
     extent : array_like, shape (4,)
         Left, right, bottom, top (m).
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> image = occupancy(plt.gca(), [[0.0, 0.5], [0.5, 1.0]], extent=[0, 2, 0, 2])
+    >>> plt.close()
     """
     probability = as_array("probability", probability, ("rows", "columns"))
     left, right, bottom, top = np.asarray(extent, dtype=float)

@@ -64,6 +64,11 @@ def line_style(kind: str) -> dict[str, Any]:
     ------
     ValueError
         If the kind is unknown.
+
+    Examples
+    --------
+    >>> line_style("truth")
+    {'color': '#000000', 'linestyle': '-', 'linewidth': 1.0}
     """
     as_choice("kind", kind, tuple(COLOURS))
     return {"color": COLOURS[kind], **_LINES[kind]}

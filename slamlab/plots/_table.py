@@ -29,6 +29,14 @@ class Table:
     ------
     ValueError
         If a row has another number of entries than there are columns.
+
+    Examples
+    --------
+    >>> Table(["filter", "NEES"], [["EKF", 2.9], ["printed", 14.0]])
+    filter   NEES
+    -------  ----
+    EKF      2.9
+    printed  14
     """
 
     def __init__(

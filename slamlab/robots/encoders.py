@@ -185,6 +185,12 @@ def dead_reckoning(motion: MotionModel, pose: ArrayLike, controls: ArrayLike, dt
     ------
     ValueError
         If a shape is wrong, a number is not finite, or `dt` is negative.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> dead_reckoning(Unicycle(), [0, 0, 0], [[1.0, 0.0], [1.0, 0.0]], 0.5)[:, 0].tolist()
+    [0.0, 0.5, 1.0]
     """
     motion, pose = as_motion("motion", motion), as_array("pose", pose, ("...", 3))
     controls = as_array("controls", controls, ("...", "T", "m"))
@@ -229,6 +235,15 @@ def dead_reckoning_cov(
     ------
     ValueError
         If a shape is wrong, a number is not finite, or a covariance is none.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> u = [[1.0, 0.0]] * 3
+    >>> poses = dead_reckoning(Unicycle(), [0, 0, 0], u, 1.0)
+    >>> covs = dead_reckoning_cov(Unicycle(), poses, u, 1.0, np.diag([0.01, 0.04]))
+    >>> covs[:, 1, 1].round(3).tolist()  # across the path it grows with the cube of the time
+    [0.0, 0.01, 0.1, 0.35]
     """
     controls = as_array("controls", controls, ("...", "T", "m"))
     steps, m = controls.shape[-2:]

@@ -39,6 +39,14 @@ def turn_between(before: ArrayLike, after: ArrayLike) -> Array:
     ------
     ValueError
         If the scans have no beams or not equally many, or a scan has no return at all.
+
+    Examples
+    --------
+    >>> from slamlab.sensors import Lidar
+    >>> from slamlab.worlds import rooms
+    >>> scans = Lidar(72).scan(rooms.thesis_room(), [[1.0, 2.0, 0.0], [1.0, 2.0, np.pi / 6]])
+    >>> round(float(np.degrees(turn_between(*scans))), 3)
+    30.0
     """
     before, after = _pair(before, after)
     # The correlation is largest where the shift undoes the turn.
@@ -84,6 +92,15 @@ def motion_between(
     ------
     ValueError
         If the scans do not fit the lidar, or fewer than three points can be matched.
+
+    Examples
+    --------
+    >>> from slamlab.sensors import Lidar
+    >>> from slamlab.worlds import rooms
+    >>> lidar = Lidar(120)
+    >>> scans = lidar.scan(rooms.thesis_room(), [[1.0, 2.0, 0.0], [1.1, 2.0, 0.0]])
+    >>> motion_between(*scans, lidar)[0].round(2).tolist()
+    0.1
     """
     walls, normals = _walls(lidar.points(as_shaped("before", before, (lidar.n_beams,))))
     points = lidar.points(as_shaped("after", after, (lidar.n_beams,)))

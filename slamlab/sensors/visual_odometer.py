@@ -117,6 +117,13 @@ class StereoOdometer:
     ------
     ValueError
         If a parameter lies outside its range.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> motions = StereoOdometer().run([[0, 0, 0], [0.2, 0, 0]], room_points(rng), rng)
+    >>> round(float(motions[0].increment[0]), 1)
+    0.2
     """
 
     focal: float = 500.0

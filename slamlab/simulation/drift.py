@@ -50,6 +50,13 @@ def drifted(
     ------
     ValueError
         If the log has no truth, or an argument is out of range.
+
+    Examples
+    --------
+    >>> log = Log([0, 1, 2], np.zeros((3, 3)), [0, 1, 1], np.eye(3),
+    ...           truth=[[0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    >>> drifted(log, np.random.default_rng(1)).u.shape
+    (3, 3)
     """
     rng = as_rng("rng", rng)
     bias, turn_bias = (

@@ -36,7 +36,17 @@ class Odometer(Protocol):
 
 
 class Truth:
-    """The estimator that is told where it is: for lessons about driving, not about knowing."""
+    """The estimator that is told where it is: for lessons about driving, not about knowing.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> rng = np.random.default_rng(0)
+    >>> pilot = Script([[1.0, 0.0]])
+    >>> log = record(None, Unicycle(), None, pilot, Truth(), rng, start=[5, 0, 0], dt=1)
+    >>> log.notes["believed"].tolist() == log.truth.tolist()
+    True
+    """
 
     measures = "truth"
 
@@ -66,7 +76,13 @@ class Truth:
 
 
 class Script:
-    """The pilot that reads its controls (T, p) from a list and looks at nothing."""
+    """The pilot that reads its controls (T, p) from a list and looks at nothing.
+
+    Examples
+    --------
+    >>> Script([[1.0, 0.0], [0.0, 0.5]])
+    Script(2 controls to go)
+    """
 
     def __init__(self, controls: ArrayLike) -> None:
         self._controls = as_array("controls", controls, ("T", "p"))

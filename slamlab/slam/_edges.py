@@ -75,6 +75,12 @@ def edge_jacobians(
     ------
     ValueError
         If a shape is wrong or a number is not finite.
+
+    Examples
+    --------
+    >>> A, B = edge_jacobians([0, 0, 0], [1, 0, 0], [1, 0, 0])
+    >>> A.tolist()
+    [[-1.0, -0.0, 0.0], [0.0, -1.0, -1.0], [-0.0, -0.0, -1.0]]
     """
     pose_i = as_array("pose_i", pose_i, ("...", 3))
     pose_j = as_array("pose_j", pose_j, ("...", 3))

@@ -95,6 +95,16 @@ def nearest_euclidean(
     ------
     ValueError
         If a shape is wrong, a number is not finite, or `gate` is not positive.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.sensors import RangeBearing
+    >>> from slamlab.slam import EKFSlam
+    >>> slam = EKFSlam(Unicycle(), RangeBearing(0.1, 0.02), [0, 0, 0])
+    >>> _ = slam.update([[2.0, 0.0], [2.0, 0.5]], ids=["oak", "ash"])
+    >>> nearest_euclidean(slam, [[2.1, 0.51], [4.0, 0.0]], gate=0.5).tolist()
+    [1, -1]
     """
     z = as_array("z", z, ("k", 2))
     gate = as_scalar("gate", gate, float(np.finfo(float).tiny), 1e300)
@@ -181,6 +191,16 @@ def maximum_likelihood(
 
     Parameters, result and errors are those of `nearest_neighbour`; `margin` compares
     -2 log likelihoods.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.sensors import RangeBearing
+    >>> from slamlab.slam import EKFSlam
+    >>> slam = EKFSlam(Unicycle(), RangeBearing(0.1, 0.02), [0, 0, 0])
+    >>> _ = slam.update([[2.0, 0.0], [2.0, 0.5]], ids=["oak", "ash"])
+    >>> maximum_likelihood(slam, [[2.1, 0.51], [4.0, 0.0]]).tolist()
+    [1, -1]
     """
     pairs = _candidates(slam, z, probability, new_probability, covs)
     margin = _as_margin(margin)
@@ -272,6 +292,16 @@ def joint_compatibility(
     ------
     ValueError
         As `nearest_neighbour`, or if `max_nodes` is no positive whole number.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.sensors import RangeBearing
+    >>> from slamlab.slam import EKFSlam
+    >>> slam = EKFSlam(Unicycle(), RangeBearing(0.1, 0.02), [0, 0, 0])
+    >>> _ = slam.update([[2.0, 0.0], [2.0, 0.5]], ids=["oak", "ash"])
+    >>> joint_compatibility(slam, [[2.1, 0.51], [1.9, 0.01], [4.0, 0.0]]).tolist()
+    [1, 0, -1]
     """
     found = joint_search(
         slam,

@@ -69,6 +69,13 @@ class Result:
         Why it stopped, in words.
     rejected : int
         How many closures (see `PoseGraph.closures`) have a weight below 0.1.
+
+    Examples
+    --------
+    >>> graph = PoseGraph([[0, 0, 0], [1.2, 0, 0]], [[0, 1]], [[1.0, 0, 0]], [np.eye(3)])
+    >>> result = graph.optimize()
+    >>> result.converged, result.poses.round(6).tolist()
+    (True, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     """
 
     poses: Array

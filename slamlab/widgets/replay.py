@@ -88,6 +88,12 @@ class Replay(anywidget.AnyWidget):
     ValueError
         If an argument has another shape, another number of steps than the rest, is not finite
         where it must be, or needs another argument that is missing. The message names it.
+
+    Examples
+    --------
+    >>> path = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
+    >>> Replay(truth=path, estimate=[[0, 0, 0], [1, 0.1, 0], [2, 0.3, 0]])
+    Replay(3 steps of estimate, truth)
     """
 
     _esm = script("shared.js", "replay.js")

@@ -63,6 +63,12 @@ class Simulator(anywidget.AnyWidget):
     ValueError
         If there is no room, a room has no free place for the table, a start is blocked, or the
         lidar is not of the kind described.
+
+    Examples
+    --------
+    >>> from slamlab.worlds import rooms
+    >>> Simulator({"thesis": rooms.thesis_room()}, stride=40)
+    Simulator(thesis; 120 beams)
     """
 
     _esm = script("shared.js", "simulator.js")

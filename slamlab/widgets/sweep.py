@@ -47,6 +47,11 @@ class Curves:
         Draw the points too.
     y_log, x_log : bool
         Logarithmic axes.
+
+    Examples
+    --------
+    >>> Curves("decay", [0, 1, 2], {"error": [1.0, 0.5, 0.25]}, "step", "error (m)").title
+    'decay'
     """
 
     title: str
@@ -95,6 +100,11 @@ class Bars:
         Names of the axes with unit.
     kinds : mapping of str to str
         The course's encoding by label.
+
+    Examples
+    --------
+    >>> Bars("belief", [0, 1, 2], {"posterior": [0.2, 0.5, 0.3]}, "cell", "probability").title
+    'belief'
     """
 
     title: str
@@ -140,6 +150,11 @@ class Scatter:
         Same scale on both axes, as anything on the floor needs.
     lines : bool
         Join the points.
+
+    Examples
+    --------
+    >>> Scatter("cloud", {"particles": [[0.0, 1.0], [0.5, 0.5]]}).title
+    'cloud'
     """
 
     title: str
@@ -178,6 +193,11 @@ class Image:
         x low, x high, y low, y high of the image in metres.
     low, high : float
         Values drawn as paper and as ink (white and black; in a dark theme the other way round).
+
+    Examples
+    --------
+    >>> Image("map", [[0.0, 1.0], [0.5, 0.5]], extent=[0, 2, 0, 2]).title
+    'map'
     """
 
     title: str
@@ -239,6 +259,14 @@ class Sweep(anywidget.AnyWidget):
     ValueError
         If there are other than one or two sliders, no panel, or an array that fits neither the
         grid nor a constant. The message names it.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 5)
+    >>> slopes = np.array([0.5, 1.0, 2.0])
+    >>> lines = Curves("a line", x, {"slope": slopes[:, None] * x}, "x", "y")
+    >>> Sweep({"slope": slopes}, [lines])
+    Sweep(slope: 3; 1 panels)
     """
 
     _esm = script("shared.js", "sweep.js")

@@ -33,6 +33,12 @@ def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float 
     ------
     ValueError
         If there is (next to) no such place, or an argument is out of range.
+
+    Examples
+    --------
+    >>> from slamlab.worlds import rooms
+    >>> free_poses(rooms.thesis_room(), 5, np.random.default_rng(1), clearance=0.2).shape
+    (5, 3)
     """
     n, rng = as_count("n", n), as_rng("rng", rng)
     clearance = as_scalar("clearance", clearance, 0.0)

@@ -31,7 +31,13 @@ _WALL = 5  # thickness (px) of the outer walls
 
 
 def thesis_room() -> BitmapWorld:
-    """Room of P5, first trial: 400 x 400 px of 0.01 m, three obstacles, no symmetry."""
+    """Room of P5, first trial: 400 x 400 px of 0.01 m, three obstacles, no symmetry.
+
+    Examples
+    --------
+    >>> thesis_room()
+    BitmapWorld(400 x 400 cells of 0.01 m)
+    """
     cells = _empty(400, 400)
     _polygon(cells, _box(70, 250, 150, 320))
     _polygon(cells, [(230, 270), (330, 300), (322, 326), (222, 296)])
@@ -65,7 +71,13 @@ def mirrored_pair() -> tuple[BitmapWorld, BitmapWorld]:
 
 
 def office() -> BitmapWorld:
-    """Office floor of 12 m x 8 m: a corridor, five rooms, doors of 0.9 m, some furniture."""
+    """Office floor of 12 m x 8 m: a corridor, five rooms, doors of 0.9 m, some furniture.
+
+    Examples
+    --------
+    >>> office()
+    BitmapWorld(400 x 600 cells of 0.02 m)
+    """
     scale = 50  # cells a metre
     cells = _empty(8 * scale, 12 * scale)
     walls = [(0, 3.0, 12, 3.1), (0, 4.9, 12, 5.0), (4, 0, 4.1, 3), (8, 0, 8.1, 3)]
@@ -103,6 +115,11 @@ def random_room(rng: np.random.Generator, n_obstacles: int = 5) -> BitmapWorld:
     BitmapWorld
         All cells with a clearance of 0.23 m or more are connected, so a square robot of 0.30 m
         (half diagonal 0.212 m) can reach every one from every other.
+
+    Examples
+    --------
+    >>> random_room(np.random.default_rng(3), n_obstacles=2)
+    BitmapWorld(400 x 400 cells of 0.01 m)
     """
     rng = as_rng("rng", rng)
     cells = _empty(400, 400)
@@ -117,7 +134,13 @@ def random_room(rng: np.random.Generator, n_obstacles: int = 5) -> BitmapWorld:
 
 
 def box_room() -> WallWorld:
-    """Room standing in for P1's figure 4: 10 m x 8 m with three boxes, one of them turned."""
+    """Room standing in for P1's figure 4: 10 m x 8 m with three boxes, one of them turned.
+
+    Examples
+    --------
+    >>> box_room()
+    WallWorld(16 walls, closed)
+    """
     return WallWorld.from_polygons(
         _box(0, 0, 10, 8),
         _box(1.8, 5.2, 3.6, 6.4),
@@ -139,6 +162,11 @@ def random_box_room(rng: np.random.Generator) -> WallWorld:
         Boxes keep 1 m from the walls and from each other. Grown by half of that they are convex
         and apart, so what is left hangs together: a robot of 0.6 m x 0.4 m (half diagonal 0.36 m)
         reaches every place that has a clearance of its half diagonal.
+
+    Examples
+    --------
+    >>> random_box_room(np.random.default_rng(3))
+    WallWorld(8 walls, closed)
     """
     rng = as_rng("rng", rng)
     size = rng.uniform((7, 6), (12, 9)).round(2)

@@ -1,8 +1,11 @@
 """The API pages list every public module of the library, and no module that is gone."""
 
 import importlib.util
+import inspect
 import re
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = "\n".join(path.read_text() for path in sorted((ROOT / "book" / "api").glob("*.md")))
@@ -31,3 +34,51 @@ def test_every_public_module_is_on_the_api_page():
 
 def test_every_module_on_the_api_page_exists():
     assert [name for name in LISTED if importlib.util.find_spec(name) is None] == []
+
+
+# Records that a function returns, and protocols (their examples: book/bring_your_own.md).
+ANSWERS = {
+    "Ellipse", "Step", "FilterResult", "SmootherResult", "SteadyState", "Match", "Outline",
+    "Walls", "Certificate", "Closure", "Scans", "Location", "Loop", "ManhattanGraph", "Relations",
+    "AssociationScores", "Run", "Verdict", "WallScores", "Situation", "View",
+}  # fmt: skip
+PROTOCOLS = {
+    "Estimator", "LandmarkSensor", "MotionModel", "Pilot", "ScanSensor", "Smoother", "Strategy",
+    "World", "Surface", "PoseParticles",
+}  # fmt: skip
+# They need a file of an extra, change the style of all figures, or are parts of what has one.
+PARTS = {
+    "read_rosbag", "use_style", "restored_on_failure", "SearchLimitWarning", "JointSearch",
+    "joint_search",
+}  # fmt: skip
+ROOMS = (
+    "geometry gaussian logs grids worlds robots sensors filters.kalman filters.extended "
+    "filters.unscented filters.particle filters.histogram filters.pages matching mapping slam "
+    "slam.association localization navigation simulation datasets evaluation plots widgets"
+).split()
+
+
+EXCUSED = ANSWERS | PROTOCOLS | PARTS
+
+
+def is_shown(thing):
+    """Whether the page has an entry for it."""
+    return inspect.isroutine(thing) or inspect.isclass(thing)
+
+
+def shows_itself(thing):
+    """Whether a docstring ends with an example, which doctest runs."""
+    return ">>>" in (inspect.getdoc(thing) or "")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_public_class_and_function_has_an_example(room):
+    module = importlib.import_module(f"slamlab.{room}")
+    public = {name: getattr(module, name) for name in module.__all__}
+    shown = {name: thing for name, thing in public.items() if is_shown(thing)}
+    assert {name for name, thing in shown.items() if not shows_itself(thing)} - EXCUSED == set()
+
+
+def test_a_function_without_an_example_is_found():
+    assert is_shown(covered)
+    assert not shows_itself(covered)
