@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from math import isfinite
 from reprlib import Repr
 from typing import Any
 
@@ -51,7 +52,7 @@ def as_array(
         If `value` is no numeric array, has another shape, or holds NaN or infinity.
     """
     array = as_shaped(name, value, shape)
-    if not np.isfinite(array).all():
+    if not all_finite(array):
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f"{name}: expected finite numbers, got {array[where]} at index {where}")
     return array
@@ -61,6 +62,15 @@ def as_shaped(
     name: str, value: ArrayLike, shape: Sequence[int | str | None] | None = None
 ) -> Array:
     """Like `as_array`, but NaN and infinity may pass (a missing measurement, a lost beam)."""
+    floats = type(value) is np.ndarray and value.dtype.char == "d"
+    array: Array = value if floats else _as_floats(name, value)  # type: ignore[assignment]
+    if shape is not None and not _shape_fits(array.shape, tuple(shape)):
+        wanted = ", ".join("any" if s is None else str(s) for s in shape)
+        raise ValueError(f"{name}: expected shape ({wanted}), got {array.shape}")
+    return array
+
+
+def _as_floats(name: str, value: ArrayLike) -> Array:
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "fiubO" or np.ma.is_masked(value):
@@ -68,16 +78,19 @@ def as_shaped(
         # NumPy reads None as NaN and words as numbers.
         if array.dtype.kind == "O" and any(isinstance(x, str | bytes | None) for x in array.flat):
             raise TypeError
-        if array.dtype != np.float32:
-            array = array.astype(np.float64, copy=False)
+        return array if array.dtype == np.float32 else array.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
         if np.ma.is_masked(value):
             raise ValueError(f"{name}: expected no masked entries, got some") from error
         raise ValueError(f"{name}: expected an array of numbers, got {shown(value)}") from error
-    if shape is not None and not _shape_fits(array.shape, tuple(shape)):
-        wanted = ", ".join("any" if s is None else str(s) for s in shape)
-        raise ValueError(f"{name}: expected shape ({wanted}), got {array.shape}")
-    return array
+
+
+def all_finite(array: Array) -> bool:
+    """Tell whether no number is NaN or infinite."""
+    # For few numbers the sum of squares is the quickest answer, unless it overflows.
+    if array.size <= 1000 and isfinite(np.vdot(array, array)):
+        return True
+    return bool(np.isfinite(array).all())
 
 
 def as_batch(name: str, lead: Sequence[int], other: Sequence[int]) -> tuple[int, ...]:

@@ -48,11 +48,13 @@ def wrap_angle(a: ArrayLike) -> Array:
     [0.5, 0.5]
     """
     angle = as_shaped("a", a).astype(np.float64, copy=False)
+    # An angle already inside keeps its last bit.
+    inside = np.abs(angle) < np.pi
+    if np.count_nonzero(inside) == inside.size:
+        return angle.copy()[()]
     if np.isinf(angle).any():
         raise ValueError("a: expected angles (rad), got infinity")
-    wrapped = np.pi - np.mod(np.pi - angle, 2 * np.pi)
-    # An angle already inside keeps its last bit.
-    return np.where((angle > -np.pi) & (angle <= np.pi), angle, wrapped)[()]
+    return np.where(inside, angle, np.pi - np.mod(np.pi - angle, 2 * np.pi))[()]
 
 
 def rotation(theta: ArrayLike) -> Array:

@@ -6,6 +6,7 @@ no more than a textbook's matrices when the map is small; chapter 10 measures it
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.linalg.blas import dsyr2, dsyrk
 
 from slamlab._checks import Array
 
-__all__ = ["Covariance", "block_diagonal", "downdate", "mirror", "times", "transposed"]
+__all__ = ["Covariance", "block_diagonal", "diagonal", "downdate", "mirror", "times", "transposed"]
 
 Entries = NDArray[np.intp]
 # OpenBLAS starts threads for products of more multiplications than this. On a busy machine they
@@ -24,6 +25,7 @@ PIECE = 2**18
 SMALL = 256
 # From this size on the work is worth the threads.
 LARGE = 1500
+POSE = np.arange(3)
 # Rank of the pieces into which the downdate of a matrix between the two is cut.
 RANK = 32
 
@@ -64,7 +66,7 @@ class Covariance:
     @property
     def pose(self) -> Array:
         """Block (3, 3) of the pose."""
-        return self._P[:3, :3].copy() if self._whole else self.block(np.arange(3))
+        return self._P[:3, :3].copy() if self._whole else self.block(POSE)
 
     def pairs(self, i: Entries, j: Entries) -> Array:
         """Entries P[i, j]; index arrays broadcast."""
@@ -89,11 +91,12 @@ class Covariance:
 
         P_pp <- F P_pp F^T + Q and P_mp <- P_mp F^T, F and Q (3, 3). O(N).
         """
-        P, moved = self._P, F @ self.pose @ F.T + Q
-        P[3:, :3] = P[3:, :3] @ F.T
-        P[:3, :3] = 0.5 * (moved + moved.T)
+        P, cross = self._P, F @ (self._P[:3] if self._whole else self.rows(POSE))
+        moved = cross[:, :3] @ F.T + Q
+        P[:, :3] = cross.T
         if self._whole:
-            P[:3, 3:] = P[3:, :3].T
+            P[:3] = cross
+        P[:3, :3] = 0.5 * (moved + moved.T)
 
     def correct(self, B: Array, **_: Any) -> None:
         """P1 (36), P2 (11): P <- P - K S K^T = P - B^T B, with B (k, N). O(k N^2)."""
@@ -115,7 +118,7 @@ class Covariance:
 
     def append(self, G: Array, own: Array) -> None:
         """P1 (43): landmarks x = G pose + noise of covariance `own`, G (2k, 3), own (2k, 2k)."""
-        old, cross = self._size, G @ self.rows(np.arange(3))
+        old, cross = self._size, G @ self.rows(POSE)
         own = cross[:, :3] @ G.T + own
         self._resize(old + len(G))
         self._P[old:, :old], self._P[old:, old:] = cross, 0.5 * (own + own.T)
@@ -142,9 +145,9 @@ class Covariance:
 
 def times(A: Array, B: Array) -> Array:
     """Product A B (a, N) of a small A (a, b) and a wide B (b, N), on one thread."""
-    width = max(1, PIECE // max(1, A.size))
-    if B.shape[1] <= width:
+    if A.size * B.shape[1] <= PIECE:
         return np.asarray(A @ B)
+    width = max(1, PIECE // A.size)
     product = np.empty((len(A), B.shape[1]))
     for j in range(0, B.shape[1], width):
         np.matmul(A, B[:, j : j + width], out=product[:, j : j + width])
@@ -189,10 +192,16 @@ def mirror(P: Array, width: int = 128) -> None:
 
 def block_diagonal(blocks: Array) -> Array:
     """Matrix (2m, 2m) with the blocks (m, 2, 2) on its diagonal."""
-    m = len(blocks)
-    matrix = np.zeros((m, 2, m, 2))
-    matrix[np.arange(m), :, np.arange(m)] = blocks
-    return matrix.reshape(2 * m, 2 * m)
+    matrix = np.zeros((2 * len(blocks), 2 * len(blocks)))
+    matrix[diagonal(len(blocks))] = blocks
+    return matrix
+
+
+@lru_cache(maxsize=256)
+def diagonal(m: int, right: int = 0) -> tuple[Entries, Entries]:
+    """Index of the blocks (m, 2, 2) on the diagonal that begins `right` of the corner."""
+    entries = np.arange(2 * m)
+    return entries.reshape(m, 2, 1), entries.reshape(m, 1, 2) + right
 
 
 def transposed(matrix: Array) -> Array:

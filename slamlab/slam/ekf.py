@@ -7,18 +7,25 @@ Chapter 09 derives it, chapter 10 asks what it costs and whether it may be belie
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import isfinite, log, pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dpotrf, dtrtri
 
-from slamlab._checks import Array, as_array, as_count, as_covariance
-from slamlab.filters.kalman import Innovation
+from slamlab._checks import Array, all_finite, as_array, as_count, as_covariance
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
-from slamlab.slam._covariance import Covariance, block_diagonal, times, transposed
+from slamlab.slam._covariance import (
+    POSE,
+    Covariance,
+    block_diagonal,
+    diagonal,
+    times,
+    transposed,
+)
 from slamlab.slam._linearise import as_linearisation, carried, corrected
 from slamlab.slam.association import IGNORED, NEW, nearest_neighbour
 
@@ -29,16 +36,39 @@ Associate = Callable[..., ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
-class Correction(Innovation):
-    """What an update learned: residual, cov, gain, nis and log_likelihood, and the names given.
+class Correction:
+    """What an update learned, all measurements stacked, and the names given.
 
     Attributes
     ----------
+    residual : ndarray, shape (2m,)
+        Innovation of the m landmarks known before, P1 (19).
+    cov : ndarray, shape (2m, 2m)
+        Its covariance S, P1 (33).
+    nis : float
+        Normalised innovation squared.
     ids : tuple
         Landmark of each measurement, None if it was left out.
     """
 
-    ids: tuple[Hashable | None, ...] = ()
+    residual: Array
+    cov: Array
+    nis: float
+    ids: tuple[Hashable | None, ...]
+    _roots: tuple[Array, Array] = field(repr=False)
+
+    @property
+    def gain(self) -> Array:
+        """Kalman gain K = P H^T S^-1, P1 (34), shape (3 + 2n, 2m)."""
+        # S^-1 = W^T W and B = W H P
+        W, B = self._roots
+        return times(W.T, B).T
+
+    @property
+    def log_likelihood(self) -> float:
+        """Log density of the measurement, as predicted."""
+        W = self._roots[0]
+        return float(np.log(W.diagonal()).sum() - 0.5 * (self.nis + len(W) * log(2 * pi)))
 
 
 class EKFSlam:
@@ -137,7 +167,7 @@ class EKFSlam:
         self._row_of: dict[Hashable, int] = {}
         self.sightings, self.unseen_for = np.zeros((2, 0), dtype=int)
         self.next_id = 0
-        self._checked_cov = np.empty((0, 0))
+        self._checked_cov = b""
         self._enrol(names)
 
     def __repr__(self) -> str:
@@ -227,7 +257,7 @@ class EKFSlam:
         moved = self.motion.step(pose, u, dt)
         # (14)
         Q = F_u @ V @ F_u.T
-        if not np.isfinite(Q).all():
+        if not all_finite(Q):
             raise ValueError(f"control_cov: expected a finite motion noise, got {Q.tolist()}")
         # (11), P2 (9)
         self._P.move(self._carried(F_x, pose), Q)
@@ -259,8 +289,7 @@ class EKFSlam:
         Returns
         -------
         Correction
-            What the landmarks known before were off by, stacked: residual (2m,), cov (2m, 2m),
-            gain (3 + 2n, 2m), nis and log_likelihood, m of the k landmarks known; and `ids`.
+            What the m landmarks known before were off by.
 
         Raises
         ------
@@ -287,11 +316,11 @@ class EKFSlam:
         B, y = times(W, HP), W @ v
         # (35): x + K v
         change = y @ B
-        if not np.isfinite(change).all():
+        if not all_finite(change):
             raise ValueError("z: expected measurements that can be weighed, the update overflows")
         mean, shear = corrected(self._mean, change, self.linearisation)
         # (37)-(42): new landmarks, seen from the corrected pose.
-        arrivals = self._locate(mean[:3], z[new], R[new]) if new.any() else None
+        arrivals = self._locate(mean[:3], z[new], R[new]) if np.count_nonzero(new) else None
         # Nothing can fail any more. (36): P - K S K^T = P - B^T B
         self._mean = mean
         self._P.correct(B, i=i, H=H, W=W, y=y)
@@ -306,7 +335,7 @@ class EKFSlam:
             self._enrol([names[k] for k in np.flatnonzero(new)])
         self.sightings[seen] += 1
         self.unseen_for[seen] = 0
-        return Correction(v, S, times(W.T, B).T, *_likelihood(y, W), names)
+        return Correction(v, S, float(y @ y), names, (W, B))
 
     def remove(self, ids: Sequence[Hashable] | ArrayLike) -> None:
         """Take landmarks out of the map: drop their rows and columns, which marginalises them.
@@ -325,7 +354,7 @@ class EKFSlam:
         """
         keep = np.ones(self.n_landmarks, dtype=bool)
         keep[self.rows_of(as_names("ids", ids))] = False
-        entries = np.concatenate([_POSE, entries_of(np.flatnonzero(keep))])
+        entries = with_pose(np.flatnonzero(keep))
         self._P.keep(entries)
         self._mean, self._first = self._mean[entries], self._first[entries]
         self.sightings, self.unseen_for = self.sightings[keep], self.unseen_for[keep]
@@ -366,7 +395,7 @@ class EKFSlam:
         rows = self._as_rows(rows)
         H_pose, H_landmark = self._slopes(rows)
         i = entries_of(rows).reshape(-1, 2)
-        P_lp = self._P.pairs(i[..., None], _POSE)
+        P_lp = self._P.pairs(i[..., None], POSE)
         P_ll = self._P.pairs(i[:, :, None], i[:, None, :])
         cross = H_landmark @ P_lp @ transposed(H_pose)
         own = H_landmark @ P_ll @ transposed(H_landmark) + self.sensor.cov
@@ -437,8 +466,9 @@ class EKFSlam:
     def _as_control_cov(self, control_cov: ArrayLike, size: int) -> Array:
         """Check V; looking for negative eigenvalues takes longer than a prediction: once."""
         V = as_array("control_cov", control_cov, (size, size))
-        if not np.array_equal(V, self._checked_cov):
-            self._checked_cov = as_covariance("control_cov", V).copy()
+        if V.tobytes() != self._checked_cov:
+            as_covariance("control_cov", V)
+            self._checked_cov = V.tobytes()
         return V
 
     def _as_measurements(self, z: ArrayLike, covs: ArrayLike | None) -> tuple[Array, Array]:
@@ -461,27 +491,24 @@ class EKFSlam:
         return array.astype(np.intp)
 
 
-_POSE = np.arange(3)
+PAIR = np.array([3, 4])
 
 
 def entries_of(rows: Rows) -> Rows:
     """Places (2m,) in the state of the landmarks in `rows` (m,)."""
-    entries = np.empty((len(rows), 2), dtype=np.intp)
-    entries[:, 0] = 2 * rows + 3
-    entries[:, 1] = entries[:, 0] + 1
-    return entries.ravel()
+    return with_pose(rows)[3:]
 
 
 def with_pose(rows: Rows) -> Rows:
     """Places (3 + 2m,) in the state of the pose and of the landmarks in `rows` (m,)."""
-    return np.concatenate([_POSE, entries_of(rows)])
+    return np.concatenate([POSE, (2 * rows[:, None] + PAIR).ravel()])
 
 
 def side_by_side(H_pose: Array, H_landmark: Array) -> Array:
     """Jacobian H (2m, 3 + 2m) by pose and m landmarks, each landmark measured by itself."""
     m = len(H_pose)
-    H = np.empty((2 * m, 3 + 2 * m))
-    H[:, :3], H[:, 3:] = H_pose.reshape(2 * m, 3), block_diagonal(H_landmark)
+    H = np.zeros((2 * m, 3 + 2 * m))
+    H[:, :3], H[diagonal(m, 3)] = H_pose.reshape(2 * m, 3), H_landmark
     return H
 
 
@@ -490,7 +517,7 @@ def whitener(S: Array) -> Array:
     if not len(S):
         return S
     root, failed = dpotrf(S)
-    if failed or not np.isfinite(root[-1, -1]):
+    if failed or not isfinite(root[-1, -1]):
         raise ValueError(
             "covs: expected an innovation covariance S = H P H^T + R that is positive definite, "
             f"its smallest eigenvalue is {np.linalg.eigvalsh(S)[0]:.3g}"
@@ -502,8 +529,10 @@ def whitener(S: Array) -> Array:
 def as_names(argument: str, ids: Any, length: int | None = None) -> tuple[Hashable | None, ...]:
     """Names as a tuple of plain Python values, none twice; numbers of an array become ints."""
     try:
-        names = tuple(ids.tolist() if isinstance(ids, np.ndarray) else ids)
-        names = tuple(one.item() if isinstance(one, np.generic) else one for one in names)
+        if isinstance(ids, np.ndarray):
+            names = tuple(ids.tolist())
+        else:
+            names = tuple(one.item() if isinstance(one, np.generic) else one for one in ids)
         different = len(set(names))
     except TypeError as error:
         raise ValueError(f"{argument}: expected a sequence of names, got {ids!r}") from error
@@ -516,10 +545,3 @@ def as_names(argument: str, ids: Any, length: int | None = None) -> tuple[Hashab
         if twice:
             raise ValueError(f"{argument}: expected every landmark once, got {twice[0]!r} twice")
     return names
-
-
-def _likelihood(y: Array, W: Array) -> tuple[Any, Any]:
-    """Squared Mahalanobis distance and log density of the innovation, whitened."""
-    nis = y @ y
-    log_scale = 0.5 * len(y) * np.log(2 * np.pi) - np.log(W.diagonal()).sum()
-    return nis, -0.5 * nis - log_scale
