@@ -10,12 +10,11 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import gammaincinv
 
 from slamlab._checks import Array, as_array, as_count, as_scalar
 from slamlab.evaluation._optional import needed
 from slamlab.evaluation.run import Run
-from slamlab.gaussian import mahalanobis_squared
+from slamlab.gaussian import chi2_quantile, mahalanobis_squared
 from slamlab.geometry import rotation, wrap_angle
 
 __all__ = ["chi2_band", "invariant_nees", "monte_carlo", "nees", "nis"]
@@ -220,8 +219,7 @@ def chi2_band(dim: int, n_runs: int, probability: float = 0.99) -> tuple[float, 
     """
     dim, n_runs = as_count("dim", dim, 1), as_count("n_runs", n_runs, 1)
     tail = 0.5 * (1 - as_scalar("probability", probability, 0.0, np.nextafter(1.0, 0.0)))
-    shape = 0.5 * dim * n_runs
-    low, high = 2 / n_runs * gammaincinv(shape, [tail, 1 - tail])
+    low, high = chi2_quantile([tail, 1 - tail], dim * n_runs) / n_runs
     return float(low), float(high)
 
 

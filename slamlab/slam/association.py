@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
-from scipy.special import gammaincinv
 
 from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab.gaussian import chi2_quantile
 from slamlab.slam._particle_view import IGNORED, NEW
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
 ]
 
 Rows = NDArray[np.intp]
+_ODDS = (1e-12, 1 - 1e-12)
 
 
 class Surface(Protocol):
@@ -204,7 +205,7 @@ def maximum_likelihood(
     """
     pairs = _candidates(slam, z, probability, new_probability, covs)
     margin = _as_margin(margin)
-    inside, gate = pairs.inside, _chi2(probability, 2)
+    inside, gate = pairs.inside, chi2_quantile(probability, 2)
     score = pairs.distance + pairs.log_det
     rows, column = np.unique(pairs.row[inside], return_inverse=True)
     cost = np.full((pairs.k, len(rows) + pairs.k), np.inf)
@@ -359,7 +360,7 @@ class _Search:
         by_place = np.argsort(place, kind="stable")
         self.place, self.column, self.v = place[by_place], column[by_place], v[by_place]
         self.more = more[by_place]
-        self.gates = [_chi2(probability, 2 * m) for m in range(len(self.order) + 1)]
+        self.gates = chi2_quantile(probability, 2 * np.arange(len(self.order) + 1))
         self.margin, self.max_nodes = margin, max_nodes
         self.nodes, self.complete = 0, True
         self.chosen: list[tuple[int, int]] = []
@@ -513,7 +514,8 @@ class Confirmation:
         self.associate = associate
         self.sightings = as_count("sightings", sightings, 1)
         self.patience = as_count("patience", patience)
-        self._gate, self._covs = _chi2(probability, 2), np.empty((0, 2, 2))
+        probability = as_scalar("probability", probability, *_ODDS)
+        self._gate, self._covs = float(chi2_quantile(probability, 2)), np.empty((0, 2, 2))
         self.tentative, self._seen = np.empty((0, 2)), np.zeros(0, dtype=int)
         self._unseen_for = np.zeros(0, dtype=int)
 
@@ -601,9 +603,9 @@ def _candidates(
     apart by no more than the reach in range plus the measured range times that in bearing.
     """
     z = as_array("z", z, ("k", 2))
-    inner = _chi2(probability, 2)
-    low = as_scalar("probability", probability)
-    outer = _chi2(as_scalar("new_probability", new_probability, low, 1 - 1e-12), 2)
+    low = as_scalar("probability", probability, *_ODDS)
+    high = as_scalar("new_probability", new_probability, low, _ODDS[1])
+    inner, outer = chi2_quantile([low, high], 2)
     landmarks = np.asarray(slam.landmarks)
     if len(landmarks) == 0 or len(z) == 0:
         empty = np.empty(0, dtype=np.intp)
@@ -654,12 +656,6 @@ def _best_first(pairs: _Pairs, score: Array, margin: float) -> Rows:
             taken.add(row)
             answer[j] = IGNORED if pairs.rivals(j, row, score, margin) else row
     return answer
-
-
-def _chi2(probability: float, degrees: int) -> float:
-    """Chi-square quantile; 0 of 0 degrees."""
-    probability = as_scalar("probability", probability, 1e-12, 1 - 1e-12)
-    return float(2 * gammaincinv(degrees / 2, probability)) if degrees else 0.0
 
 
 def _as_margin(margin: float) -> float:

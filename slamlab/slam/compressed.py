@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_scalar
+from slamlab.gaussian import root
 from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.slam._covariance import Covariance, downdate
 from slamlab.slam.ekf import Associate, Correction, EKFSlam, as_names, entries_of, with_pose
@@ -131,9 +132,8 @@ class CompressedEKFSlam:
         b, P = entries_of(outside), full.cov
         P_ab = P[np.ix_(a, b)]
         # P_bb - P_ba Psi P_ab by a square root of Psi, and x_b + P_ba theta.
-        values, vectors = np.linalg.eigh(accounts.Psi)
         P_bb = P[np.ix_(b, b)]
-        downdate(P_bb, (vectors * np.sqrt(np.clip(values, 0.0, None))).T @ P_ab)
+        downdate(P_bb, root(accounts.Psi).T @ P_ab)
         cross = accounts.Phi @ P_ab
         P_bb = np.tril(P_bb) + np.tril(P_bb, -1).T
         mean = np.concatenate([local.mean, full.mean[b] + accounts.theta @ P_ab])

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
 from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
+from slamlab.gaussian import chi2_quantile, root
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
 from slamlab.slam._landmark_filters import (
@@ -132,8 +133,7 @@ class FastSlam(PoseParticles):
             raise ValueError(f"version: expected 1 or 2, got {version!r}")
         self.version = int(version)
         self._rng = as_rng("rng", rng)
-        # Quantile of chi-square with two degrees of freedom.
-        self._gate = -2 * np.log1p(-as_scalar("gate", gate, 0.0, 1 - 1e-12))
+        self._gate = float(chi2_quantile(as_scalar("gate", gate, 0.0, 1 - 1e-12), 2))
         self._hit, self._miss = _log_odds(detection)
         self._cloud = ParticleFilter(np.broadcast_to(pose, (M, 3)), self._rng, None, threshold)
         self._odometry = Odometry(motion, self._cloud.particles)
@@ -162,9 +162,9 @@ class FastSlam(PoseParticles):
             covariance. The filter is unharmed.
         """
         u = as_array("u", u, ("p",)).copy()
-        root = _root(as_covariance("control_cov", control_cov, len(u)))
+        mixing = root(as_covariance("control_cov", control_cov, len(u)))
         with restored_on_failure(self._rng):
-            step = Step(u, dt, root, self._rng.standard_normal((self.n_particles, len(u))))
+            step = Step(u, dt, mixing, self._rng.standard_normal((self.n_particles, len(u))))
             odometry = self._odometry.followed_by(step)
             controls = step.controls(step.noise)
             self._cloud.predict(lambda poses, _: self.motion.step(poses, controls, dt))
@@ -309,10 +309,10 @@ class FastSlam(PoseParticles):
     def _associated(self, z: Array, R: Array, told: bool) -> Indices:
         """Column (M, k) of every measurement in every particle's own map; -2: left out."""
         # Version 2 has not drawn yet: it asks at the predicted pose, and knows how uncertain.
-        poses, root = self._cloud.particles, None
+        poses, spread = self._cloud.particles, None
         if self.version == 2 and self._odometry.steps:
-            poses, root = self._odometry.roll()
-        seen = Sighting(self._maps, self.sensor, poses, root, z, R, told)
+            poses, spread = self._odometry.roll()
+        seen = Sighting(self._maps, self.sensor, poses, spread, z, R, told)
         asked = self.associate
         columns = most_likely(seen, self._gate) if asked is None else ask(seen, asked)
         # New landmarks go to the first columns that are free, one after the other.
@@ -449,12 +449,6 @@ class FastSlam(PoseParticles):
 
     def _contents(self) -> str:
         return f"version {self.version}.0, {self.n_landmarks} landmarks, "
-
-
-def _root(cov: Array) -> Array:
-    """Matrix A with A A^T = cov; cov may be singular."""
-    values, vectors = np.linalg.eigh(cov)
-    return vectors * np.sqrt(np.clip(values, 0.0, None))
 
 
 def _log_odds(detection: tuple[float, float] | None) -> tuple[float, float]:

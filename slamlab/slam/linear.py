@@ -6,18 +6,19 @@ last digit, and each axis is a one-dimensional SLAM problem by itself. Chapter 1
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_covariance, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_scalar
+from slamlab.models import LandmarkSensor, MotionModel
 
 __all__ = ["CompassMotion", "Displacement"]
 
 
 @dataclass(frozen=True)
-class CompassMotion:
+class CompassMotion(MotionModel):
     """Motion along the axes of the world: u = (v_x, v_y) in the world, the heading never changes.
 
     Examples
@@ -42,36 +43,15 @@ class CompassMotion:
         F_u[..., 0, 0] = F_u[..., 1, 1] = dt
         return F_x, F_u
 
-    def sample(
-        self,
-        pose: ArrayLike,
-        u: ArrayLike,
-        dt: float,
-        control_cov: ArrayLike,
-        rng: np.random.Generator,
-    ) -> Array:
-        """Draw next poses (..., 3), each with its own noise of covariance `control_cov` on u."""
-        pose, u, dt = _checked(pose, u, dt)
-        values, vectors = np.linalg.eigh(as_covariance("control_cov", control_cov, 2))
-        root = vectors * np.sqrt(np.clip(values, 0.0, None))
-        lead = np.broadcast_shapes(pose.shape[:-1], u.shape[:-1])
-        noise = as_rng("rng", rng).standard_normal((*lead, 2)) @ root.T
-        return self.step(pose, u + noise, dt)
-
 
 @dataclass(frozen=True)
-class Displacement:
+class Displacement(LandmarkSensor):
     """A sensor that measures where a point is from the robot, along the axes of the world.
 
     Parameters
     ----------
     sigma : float
         Standard deviation of each of the two numbers (m), positive.
-
-    Attributes
-    ----------
-    cov : ndarray, shape (2, 2)
-        sigma^2 I.
 
     Examples
     --------
@@ -80,12 +60,15 @@ class Displacement:
     """
 
     sigma: float
-    cov: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check `sigma` and set `cov`."""
-        sigma = as_scalar("sigma", self.sigma, low=float(np.finfo(float).tiny), high=1e150)
-        object.__setattr__(self, "cov", sigma**2 * np.eye(2))
+        """Check `sigma`."""
+        as_scalar("sigma", self.sigma, low=float(np.finfo(float).tiny), high=1e150)
+
+    @property
+    def cov(self) -> Array:
+        """R = sigma^2 I, shape (2, 2)."""
+        return float(self.sigma) ** 2 * np.eye(2)
 
     def observe(self, pose: ArrayLike, landmark: ArrayLike) -> Array:
         """Return landmark - position, (..., 2) in metres."""
@@ -105,17 +88,9 @@ class Displacement:
         """Return G_pose (..., 2, 3) and G_z (..., 2, 2): constants."""
         return _constants(*_pair(pose, "z", z), sign=1.0)
 
-    def residual(self, z: ArrayLike, predicted: ArrayLike) -> Array:
-        """Return z - predicted (..., 2): nothing to wrap."""
-        return as_array("z", z, ("...", 2)) - as_array("predicted", predicted, ("...", 2))
-
     def reach(self, z: ArrayLike) -> Array:
         """Length (...) of displacements (..., 2)."""
         return np.asarray(np.linalg.norm(as_array("z", z, ("...", 2)), axis=-1))
-
-    def visible(self, pose: ArrayLike, landmark: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which landmarks are seen, shape (...): all of them."""
-        return np.ones(self.observe(pose, landmark).shape[:-1], dtype=bool)
 
 
 def _checked(pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array, float]:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 from slamlab._checks import Array, as_count, as_scalar
+from slamlab.gaussian import chi2_quantile
 from slamlab.geometry import transform, wrap_angle
 from slamlab.mapping.walls import Walls, extract_walls
 from slamlab.models import MotionModel, as_scan_sensor
@@ -121,7 +121,7 @@ class WallSlam:
         noise = getattr(lidar, "sigma_range", 0.0)  # a bare layout of beams has none
         self._sigma = as_scalar("lidar.sigma_range", noise, tiny, 1e300)
         gate = as_scalar("probability", probability, tiny, 1 - 1e-12)
-        self._gate = float(stats.chi2.ppf(gate, 2))
+        self._gate = float(chi2_quantile(gate, 2))
         self._min_length = as_scalar("min_length", min_length, 0, 1e300)
         self._confirm = as_count("confirm", confirm, 1)
         self._patience = as_count("patience", patience, 1)

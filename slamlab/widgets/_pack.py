@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 
 from slamlab._checks import Array, as_array, as_covariance, as_scalar, as_shaped
+from slamlab.gaussian import chi2_quantile
 
 MISSING = -32768
 """The 16-bit code of NaN."""
-
-_QUANTILES = {1: 3.841458820694124, 2: 5.991464547107979}
-"""Chi-square quantiles of 0.95 with one and with two degrees of freedom."""
 
 Packed = dict[str, Any]
 
@@ -88,7 +86,9 @@ def ellipses(name: str, covs: Any, shape: tuple[int | str, ...]) -> Array:
     filled = np.where(missing[..., None, None], 0.0, given)[..., :2, :2]
     plane = np.zeros((*missing.shape, 2, 2))
     plane[..., : min(size, 2), : min(size, 2)] = as_covariance(name, filled)
-    return np.where(missing[..., None], np.nan, _axes(plane, _QUANTILES[min(size, 2)]))
+    return np.where(
+        missing[..., None], np.nan, _axes(plane, float(chi2_quantile(0.95, min(size, 2))))
+    )
 
 
 def _axes(covs: Array, quantile: float) -> Array:
