@@ -21,7 +21,7 @@ PARTS := chromium lint unit speed notebooks same book-tests
 NOTEBOOKS := notebooks/*.ipynb notebooks/exercises/*.ipynb notebooks/solutions/*.ipynb
 
 .DEFAULT_GOAL := help
-.PHONY: help book test lab lint unit speed notebooks same book-tests chromium lock vendor slim clean
+.PHONY: help book pdf test lab lint unit speed notebooks same book-tests chromium lock vendor slim clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -37,6 +37,9 @@ $(VENV)/.%-installed: pyproject.toml requirements.lock | $(VENV)/bin/python
 
 book: $(VENV)/.book-installed  ## Build the book (runs what changed) and say where it is
 	@$(BIN)/python tools/build_book.py
+
+pdf: $(VENV)/.pdf-installed chromium book  ## Print the book into one file, _build/slam.pdf
+	$(BIN)/python tools/pdf.py
 
 lab: $(VENV)/.lab-installed  ## Open the notebooks in JupyterLab
 	$(BIN)/jupyter lab --notebook-dir=notebooks
