@@ -1,7 +1,7 @@
 """The formulas of P1 as the paper prints them, as models that a filter can be run with.
 
-P1 (17), (18), (26)-(29), (34), (41) and "repeat (16)-(36) for each landmark". For tests and for
-chapter 09, which runs them to see what each one costs.
+P1 (17), (18), (26)-(29), (34) and (41). For tests and for chapter 09, which runs them to see what
+each one costs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from slamlab.logs import Log
 from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.sensors import RangeBearing
 from slamlab.slam import EKFSlamBatch
-from slamlab.slam.batch import BatchInnovation
 
 __all__ = [
     "BearingAsPrinted",
@@ -26,7 +25,6 @@ __all__ = [
     "LeverlessBearingSlopesWorst",
     "LeverlessRangeSlope",
     "MotionAsPrinted",
-    "PredictsForEachLandmark",
     "Variant",
     "gain_as_printed",
     "variants",
@@ -153,26 +151,6 @@ def gain_as_printed(P: ArrayLike, H: ArrayLike, S: ArrayLike, R: ArrayLike) -> A
     return np.asarray(P @ H.T @ np.linalg.inv(S) + np.asarray(R, dtype=float))
 
 
-class PredictsForEachLandmark(EKFSlamBatch):
-    """A filter that predicts the covariance once for each landmark it then sees.
-
-    As P1's text after (36) demands, if "(16)-(36) are repeated" is taken to hold the prediction.
-    """
-
-    def move_cov(self, F: Array, Q: Array) -> None:
-        """Move the covariance, and remember how."""
-        super().move_cov(F, Q)
-        self._again = F, Q
-
-    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> BatchInnovation:
-        """Predict once more for each landmark seen but the first, then correct."""
-        seen = np.isfinite(z).all(-1).sum(-1)[:, None, None]
-        for k in range(1, int(seen.max(initial=0))):
-            F, Q = self._again
-            super().move_cov(np.where(seen > k, F, np.eye(3)), np.where(seen > k, Q, 0.0))
-        return super().update(z, ids)
-
-
 @dataclass(frozen=True)
 class Variant:
     """One way to run the filter.
@@ -181,20 +159,17 @@ class Variant:
     ----------
     motion, sensor
         What the filter believes; the world keeps the right models.
-    kind : type
-        `EKFSlamBatch`, or how it is got wrong.
     """
 
     motion: MotionModel
     sensor: LandmarkSensor
-    kind: type[EKFSlamBatch] = EKFSlamBatch
 
     def start(self, log: Log) -> EKFSlamBatch:
         """Return filters that start at the first true poses of a log and know no landmark."""
         if log.truth is None or log.landmarks is None:
             raise ValueError("log: expected one with truth and landmarks, from a simulation")
         n = len(log.landmarks)
-        return self.kind(self.motion, self.sensor, log.truth[0], n_landmarks=n)
+        return EKFSlamBatch(self.motion, self.sensor, log.truth[0], n_landmarks=n)
 
 
 def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
@@ -231,7 +206,6 @@ def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
         "(26), (27), (29) worst signs": Variant(motion, LeverlessBearingSlopesWorst(*arguments)),
         "(28) without L": Variant(motion, LeverlessRangeSlope(*arguments)),
         "(41) without the beam": Variant(motion, BeamlessLocate(*arguments)),
-        "prediction per landmark": Variant(motion, sensor, PredictsForEachLandmark),
     }
 
 
