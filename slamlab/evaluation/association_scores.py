@@ -1,12 +1,14 @@
 """How often an association names the right landmark: precision and recall of a run.
 
-Chapter 11; any system whose updates report the `ids` they gave.
+Chapters 11 and 12; any system whose updates report the `ids` they gave, or particles.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
+
+import numpy as np
 
 from slamlab._checks import as_count
 from slamlab.evaluation.run import Run
@@ -27,7 +29,8 @@ class AssociationScores:
     possible : int
         Measurements whose true landmark stood in the map.
     origins : dict
-        True landmark by which each landmark of the map was started, -1 for clutter.
+        True landmark by which each landmark of the map was started, -1 for clutter. Of particles
+        it is empty: each of them has its own map.
     """
 
     named: int
@@ -46,16 +49,20 @@ class AssociationScores:
         return self.right / self.possible if self.possible else 1.0
 
 
-def association_scores(run: Run, known_ids: int = 0) -> AssociationScores:
+def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> AssociationScores:
     """Count what the association of a run did.
 
     Parameters
     ----------
     run : Run
-        Of a system whose reports have `ids`, over a log with the true ids.
+        Of a system whose reports have `ids`, over a log with the true ids. Or of particles that
+        decide for themselves, with every step recorded and "columns", "started" and "ancestors"
+        kept; then the pairs of all particles are counted.
     known_ids : int, default 0
         As `run` was told: in the first so many steps the log's ids were handed over, and nothing
         is counted.
+    since : int, default 0
+        Pairs of earlier steps are not counted either; what they started is remembered.
 
     Returns
     -------
@@ -64,7 +71,7 @@ def association_scores(run: Run, known_ids: int = 0) -> AssociationScores:
     Raises
     ------
     ValueError
-        If the log has no ids, `known_ids` is negative, or the reports have no ids.
+        If the log has no ids, a count is negative, or the reports have no ids.
 
     Examples
     --------
@@ -80,9 +87,11 @@ def association_scores(run: Run, known_ids: int = 0) -> AssociationScores:
     >>> bool(scores.precision > 0.5)
     True
     """
-    told = as_count("known_ids", known_ids)
+    told, since = as_count("known_ids", known_ids), as_count("since", since)
     if run.log.ids is None:
         raise ValueError("run: expected a log with the true ids to compare with, it has none")
+    if {"columns", "started", "ancestors"} <= set(run.kept) and len(run.rows) == len(run.log):
+        return _of_particles(run, max(told, since))
     origins: dict[Hashable, int] = {}
     named = right = possible = 0
     for k, (truth, report) in enumerate(zip(run.log.ids, run.reports, strict=True)):
@@ -93,9 +102,31 @@ def association_scores(run: Run, known_ids: int = 0) -> AssociationScores:
             raise ValueError(f"run: expected reports with the ids given, got {report!r:.80}")
         pairs = list(zip(report.ids, truth.tolist(), strict=True))
         known = set(origins.values())
-        made = [(origins[name], one) for name, one in pairs if name in origins]
-        named, right = named + len(made), right + sum(a == b >= 0 for a, b in made)
-        possible += sum(one in known for _, one in pairs if one >= 0)
+        if k >= since:
+            made = [(origins[name], one) for name, one in pairs if name in origins]
+            named, right = named + len(made), right + sum(a == b >= 0 for a, b in made)
+            possible += sum(one in known for _, one in pairs if one >= 0)
         new = {name: one for name, one in pairs if name is not None and name not in origins}
         origins |= new
     return AssociationScores(named, right, possible, origins)
+
+
+def _of_particles(run: Run, since: int) -> AssociationScores:
+    """Count the pairs of all particles; each has its own list of what started its columns."""
+    kept, named, right, possible = run.kept, 0, 0, 0
+    width = 1 + max(int(columns.max(initial=0)) for columns in kept["columns"])
+    # -2: nothing stood in this column yet.
+    origins = np.full((len(kept["ancestors"][0]), width), -2)
+    for k, truth in enumerate(run.log.ids or ()):
+        columns, started = kept["columns"][k], kept["started"][k]
+        here = np.arange(len(origins))[:, None]
+        paired = (columns >= 0) & ~started
+        if k >= since:
+            hit = paired & (origins[here, columns] == truth) & (truth >= 0)
+            known = (origins[:, :, None] == truth).any(1) & (truth >= 0)
+            named, right = named + int(paired.sum()), right + int(hit.sum())
+            possible += int(known.sum())
+        particle, measurement = np.nonzero(started)
+        origins[particle, columns[started]] = truth[measurement]
+        origins = origins[kept["ancestors"][k]]
+    return AssociationScores(named, right, possible, {})

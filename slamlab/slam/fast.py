@@ -90,6 +90,11 @@ class FastSlam(PoseParticles):
     ----------
     ids : tuple
         Known association: names of the landmarks, in the order of `landmarks`.
+    columns : ndarray of int, shape (M, k)
+        Column of the particle's own map that each measurement of the last update belongs to; -2
+        where it was left out. Rows are the particles before they were resampled.
+    started : ndarray of bool, shape (M, k)
+        Which of these began a landmark.
 
     Raises
     ------
@@ -140,6 +145,7 @@ class FastSlam(PoseParticles):
         self._maps = LandmarkMaps(M)
         self._columns: dict[Hashable, int] = {}
         self._unknown = False
+        self.columns, self.started = np.empty((M, 0), np.intp), np.empty((M, 0), bool)
 
     # The algorithm.
 
@@ -235,6 +241,7 @@ class FastSlam(PoseParticles):
                 raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         # Nothing can fail any more: change the filter.
         self._columns, self._unknown = book, self._unknown or (names is None and len(z) > 0)
+        self.columns, self.started = columns, seen & ~met
         self._cloud.particles = poses
         self._maps.write(np.nonzero(seen)[0], columns[seen], kept)
         if names is None and self._miss < 0:

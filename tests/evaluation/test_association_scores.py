@@ -7,8 +7,8 @@ from slamlab.evaluation import association_scores, run
 from slamlab.localization import DeadReckoning
 from slamlab.robots import Unicycle
 from slamlab.simulation import ORCHARD_SENSOR, orchard_loop
-from slamlab.slam import EKFSlam
-from slamlab.slam.association import IGNORED, NEW
+from slamlab.slam import EKFSlam, FastSlam
+from slamlab.slam.association import IGNORED, NEW, nearest_neighbour
 
 TOLD = 51
 
@@ -67,3 +67,52 @@ def test_bad_input_is_named():
         association_scores(result, -1)
     with pytest.raises(ValueError, match="reports with the ids given"):
         association_scores(run(DeadReckoning(Unicycle(), log.truth[0]), log))
+
+
+KEEP = ("columns", "started", "ancestors")
+
+
+def particles(log, n=20, known_ids=False, **options):
+    slam = FastSlam(
+        Unicycle(), ORCHARD_SENSOR, log.truth[0], n, 2, rng=np.random.default_rng(1), **options
+    )
+    return run(slam, log, known_ids=known_ids, keep=KEEP)
+
+
+def test_particles_that_are_told_score_one_and_are_all_counted():
+    log = orchard_loop(np.random.default_rng(1), clutter_rate=0.0)
+    scores = association_scores(particles(log, known_ids=True))
+    assert (scores.precision, scores.recall, scores.origins) == (1.0, 1.0, {})
+    assert scores.named == scores.possible == 20 * (scores.named // 20) > 20 * 50
+    one = association_scores(particles(log, 1, known_ids=True))
+    assert one.named * 20 == scores.named
+    later = association_scores(particles(log, known_ids=True), since=51)
+    assert 0 < later.named < scores.named
+
+
+def test_particles_that_decide_are_counted_against_what_started_their_own_columns():
+    log = orchard_loop(np.random.default_rng(1), drift=0.1, clutter_rate=0.0)
+    decided = association_scores(particles(log))
+    assert decided.precision > 0.99
+    assert decided.recall > 0.9
+
+    def exchanged(particle, z):
+        rows = nearest_neighbour(particle, z)
+        rows[rows >= 0] = np.roll(rows[rows >= 0], 1)
+        return rows
+
+    wrong = association_scores(particles(log, 3, associate=exchanged))
+    assert wrong.named > 0
+    assert wrong.precision < 0.3
+    # Without the particles' own record nothing can be counted.
+    with pytest.raises(ValueError, match="expected reports with the ids given"):
+        association_scores(run(particles(log).system, log[:1]))
+
+
+def test_steps_before_since_start_landmarks_and_count_for_nothing():
+    log = orchard_loop(np.random.default_rng(1), drift=0.1, clutter_rate=1.0)
+    slam = EKFSlam(Unicycle(), ORCHARD_SENSOR, log.truth[0])
+    result = run(slam, log, known_ids=False)
+    everything, later = association_scores(result), association_scores(result, since=51)
+    assert 0 < later.named < everything.named
+    assert later.origins == everything.origins
