@@ -11,7 +11,7 @@ from slamlab.evaluation.contract import (
 from slamlab.evaluation.relations import relation_error
 from slamlab.evaluation.run import Run, run
 from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
-from slamlab.evaluation.wall_maps import WallScores, seen_lengths, wall_scores
+from slamlab.evaluation.wall_maps import WallScores, line_errors, seen_lengths, wall_scores
 
 __all__ = [
     "AssociationScores",
@@ -27,6 +27,7 @@ __all__ = [
     "check_motion_model",
     "chi2_band",
     "invariant_nees",
+    "line_errors",
     "monte_carlo",
     "nees",
     "nis",

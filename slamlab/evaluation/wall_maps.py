@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_scalar
+from slamlab.geometry import wrap_angle
+from slamlab.sensors import Wall
 
-__all__ = ["WallScores", "seen_lengths", "wall_scores"]
+__all__ = ["WallScores", "line_errors", "seen_lengths", "wall_scores"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +120,42 @@ def seen_lengths(points: ArrayLike, walls: ArrayLike, tolerance: float = 0.05) -
     any_met = met.any(0)
     seen[any_met] = np.nanmax(reach[:, any_met], 0) - np.nanmin(reach[:, any_met], 0)
     return seen
+
+
+def line_errors(lines: ArrayLike, walls: ArrayLike) -> Array:
+    """Return how far each line of a map is from the nearest true wall.
+
+    Parameters
+    ----------
+    lines : array_like, shape (k, 2)
+        Lines (r, alpha) of the map, in the frame of the true walls (m, rad).
+    walls : array_like, shape (n, 2, 2)
+        End points of the true walls (m).
+
+    Returns
+    -------
+    ndarray, shape (k, 2)
+        Errors of r and alpha (m, rad), in the name that the line has. Nearest is the wall with
+        the least sum of the error of r and three metres times that of alpha.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong or a wall has no length.
+
+    Examples
+    --------
+    >>> line_errors([[2.01, 0.0]], [[[2, -1], [2, 1]], [[0, 3], [4, 3]]]).round(3).tolist()
+    [[0.01, 0.0]]
+    """
+    lines, walls = as_array("lines", lines, ("k", 2)), _as_walls(walls)
+    ways = walls[:, 1] - walls[:, 0]
+    alpha = np.arctan2(ways[:, 0], -ways[:, 1])
+    r = walls[:, 0, 0] * np.cos(alpha) + walls[:, 0, 1] * np.sin(alpha)
+    # `residual` keeps the name of its second argument.
+    errors = -Wall(1, 1).residual(np.stack([r, wrap_angle(alpha)], -1), lines[:, None])
+    nearest = np.abs(errors * [1.0, 3.0]).sum(-1).argmin(1)
+    return np.asarray(errors[np.arange(len(lines)), nearest])
 
 
 def _as_walls(walls: ArrayLike) -> Array:

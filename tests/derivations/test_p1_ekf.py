@@ -340,6 +340,19 @@ def test_33_to_36_condition_the_joint_gaussian():
     assert np.abs(P - K @ (S - R) @ K.T - due_cov).max() > 1e-6
 
 
+def test_35_the_heading_stays_in_one_turn():
+    start, landmark = np.array([0.0, 0.0, 3.13]), np.array([-3.0, 0.5])
+    P = np.diag([1e-6, 1e-6, 0.04, 1e-6, 1e-6])
+    slam = EKFSlam(YOUBOT, SENSOR, [*start, *landmark], P, ids=[0])
+    z = SENSOR.observe(start + [0, 0, 0.1], landmark)
+    innovation = slam.update(z[None], [0])
+    plain = start[2] + (innovation.gain @ innovation.residual)[2]
+    assert plain > np.pi  # (35) to the letter
+    assert abs(slam.pose[2] - (plain - 2 * np.pi)) < 1e-12
+    assert abs(slam.pose[2] - (3.23 - 2 * np.pi)) < 0.01
+    assert abs(EKFSlam(YOUBOT, SENSOR, [0, 0, 4.0]).pose[2] - (4.0 - 2 * np.pi)) < 1e-12
+
+
 def test_34_as_printed_adds_what_cannot_be_added():
     slam = some_slam()
     H = whole_H(slam, [1])

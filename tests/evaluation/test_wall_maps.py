@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slamlab.evaluation.wall_maps import seen_lengths, wall_scores
+from slamlab.evaluation.wall_maps import line_errors, seen_lengths, wall_scores
 
 ROOM = np.array([[[0, 0], [4, 0]], [[4, 0], [4, 3]], [[4, 3], [0, 3]], [[0, 3], [0, 0]]], float)
 
@@ -72,3 +72,14 @@ def test_seen_lengths_span_the_points_met():
 def test_bad_input_is_named(arguments, message):
     with pytest.raises(ValueError, match=message):
         wall_scores(*arguments)
+
+
+def test_a_line_is_held_against_the_nearest_wall_under_either_name():
+    truth = [[0.0, 0.5 * np.pi], [4.0, 0.0], [3.0, 0.5 * np.pi], [0.0, 0.0]]
+    np.testing.assert_allclose(line_errors(truth, ROOM), 0, atol=1e-12)
+    other = [[-4.0, np.pi], [-3.0, -0.5 * np.pi]]
+    np.testing.assert_allclose(line_errors(other, ROOM[:, ::-1]), 0, atol=1e-12)
+    np.testing.assert_allclose(line_errors([[3.9, 0.02]], ROOM), [[-0.1, 0.02]], atol=1e-12)
+    # Of the other name the error of r has the other sign.
+    np.testing.assert_allclose(line_errors([[-3.9, np.pi]], ROOM), [[0.1, 0.0]], atol=1e-12)
+    assert line_errors(np.empty((0, 2)), ROOM).shape == (0, 2)
