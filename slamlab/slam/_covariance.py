@@ -125,6 +125,11 @@ class Covariance:
         if self._whole:
             self._P[:old, old:] = cross.T
 
+    def put(self, i: Entries, rows: Array) -> None:
+        """Write the rows i, and the columns, of P: rows (k, M), M - N new ones among them."""
+        self._resize(rows.shape[1])
+        self._P[i], self._P[:, i] = rows, rows.T
+
     def keep(self, entries: Entries) -> None:
         """Keep these rows and columns only, which marginalises the others."""
         kept = self.matrix[np.ix_(entries, entries)]

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_scalar
 from slamlab.gaussian import root
 from slamlab.models import LandmarkSensor, MotionModel
-from slamlab.slam._covariance import Covariance, downdate
-from slamlab.slam.ekf import Associate, Correction, EKFSlam, as_names, entries_of, with_pose
+from slamlab.slam._covariance import Covariance, times
+from slamlab.slam.ekf import Associate, Correction, EKFSlam, as_names, with_pose
 
 __all__ = ["CompressedEKFSlam"]
 
@@ -34,12 +34,17 @@ class CompressedEKFSlam:
         As `EKFSlam`. The first region is the whole map. The association sees the region.
     radius : float, default inf
         A new region is entered, the point landmarks within `radius` (m) of the robot, when a
-        known landmark outside the region is seen or the robot has driven half of `radius`.
+        known landmark outside the region is seen or the robot has driven `radius` - `reach`.
+    reach : float, optional
+        How far the sensor sees (m), at most `radius`; half of it if left out. A region that is
+        left after `radius` - `reach` holds all that is seen in it. Chapter 16.
 
     Attributes
     ----------
     measures : str
         "looks": sets of simultaneous measurements of landmarks.
+    motion, sensor
+        As given.
     local : EKFSlam
         The filter of the region: its pose, landmarks and covariances are those of the full
         filter.
@@ -78,9 +83,12 @@ class CompressedEKFSlam:
         *,
         associate: Associate | None = None,
         radius: float = np.inf,
+        reach: float | None = None,
     ) -> None:
         self.radius, self.regions = as_scalar("radius", radius, 0.0), 1
+        self._reach = None if reach is None else as_scalar("reach", reach, 0.0, self.radius)
         self._full = EKFSlam(motion, sensor, mean, cov, ids, associate=associate)
+        self.motion, self.sensor = self._full.motion, self._full.sensor
         self._open(self._full.ids)
         self._entered = self.pose
 
@@ -89,6 +97,11 @@ class CompressedEKFSlam:
         return f"CompressedEKFSlam({self.n_landmarks} landmarks, local={self.local!r})"
 
     # The region.
+
+    @property
+    def reach(self) -> float:
+        """How far the sensor sees (m), as given; half of `radius` if it was not."""
+        return self.radius / 2 if self._reach is None else self._reach
 
     def enter(self, ids: Sequence[Hashable] | ArrayLike) -> None:
         """Settle and go on with these landmarks as the region.
@@ -121,34 +134,37 @@ class CompressedEKFSlam:
     def settle(self) -> EKFSlam:
         """Bring the landmarks outside the region up to date and return the full filter.
 
-        O(n^2 n_a) for n_a landmarks in the region. Read the returned filter, change it through
-        this object only. The region stays the same.
+        O(n^2 k) for k numbers measured in the region. Read the returned filter, which is the same
+        object each time; change it through this one only. The region stays the same.
         """
         local, full, accounts = self.local, self._full, self._accounts
         if accounts.is_untouched:
             return full
-        a = with_pose(self._rows)
-        outside = np.setdiff1d(np.arange(full.n_landmarks), self._rows)
-        b, P = entries_of(outside), full.cov
-        P_ab = P[np.ix_(a, b)]
+        a, N = with_pose(self._rows), len(full.mean)
+        new = local.ids[len(self._rows) :]
+        entries = with_pose(np.append(self._rows, full.n_landmarks + np.arange(len(new))))
+        # P_ab, with zeros where a stands: what is added there is nothing.
+        P_ab = full._P.rows(a)
+        P_ab[:, a] = 0.0
         # P_bb - P_ba Psi P_ab by a square root of Psi, and x_b + P_ba theta.
-        P_bb = P[np.ix_(b, b)]
-        downdate(P_bb, root(accounts.Psi).T @ P_ab)
-        cross = accounts.Phi @ P_ab
-        P_bb = np.tril(P_bb) + np.tril(P_bb, -1).T
-        mean = np.concatenate([local.mean, full.mean[b] + accounts.theta @ P_ab])
-        # Back in the order in which the landmarks were met, new ones last.
-        place = {name: k for k, name in enumerate(local.ids)}
-        place |= {full.ids[row]: len(local.ids) + k for k, row in enumerate(outside)}
-        order = np.array([place[name] for name in self.ids], dtype=int)
-        waited = full.unseen_for[outside] + accounts.predictions
-        entries = with_pose(order)
-        P = np.block([[local.cov, cross], [cross.T, P_bb]])[np.ix_(entries, entries)]
-        self._full = _filter(full, local.next_id, mean[entries], Covariance(P), self.ids)
-        self._full.sightings = np.append(local.sightings, full.sightings[outside])[order]
-        self._full.unseen_for = np.append(local.unseen_for, waited)[order]
+        W = root(accounts.Psi)
+        weights = (W**2).sum(0)
+        told = weights > np.finfo(float).eps * weights.max()
+        full._P.correct(times(W.T[told], P_ab))
+        full._mean = np.append(full._mean + accounts.theta @ P_ab, np.zeros(2 * len(new)))
+        # P_ab <- Phi P_ab, and a itself as the region says.
+        rows = np.zeros((len(entries), len(full._mean)))
+        rows[:, :N] = times(accounts.Phi, P_ab)
+        rows[:, entries] = local.cov
+        full._P.put(entries, rows)
+        full._mean[entries], full._first = local.mean, full._mean
+        full.unseen_for += accounts.predictions
+        full._enrol(new)
+        seen = (entries[3::2] - 3) // 2
+        full.sightings[seen], full.unseen_for[seen] = local.sightings, local.unseen_for
+        full.next_id = local.next_id
         self._open(local.ids)
-        return self._full
+        return full
 
     # A step, in the region.
 
@@ -164,11 +180,11 @@ class CompressedEKFSlam:
     ) -> Correction:
         """Correct by landmarks of the region and add new ones, as `EKFSlam.update`."""
         names = () if ids is None else as_names("ids", ids)
-        outside = self._known.difference(self.local.ids).intersection(names)
+        outside = [n for n in names if n in self._known and n not in self.local._row_of]
         driven = np.hypot(*(self.local.pose - self._entered)[:2])
-        if outside or driven > self.radius / 2:
+        if outside or driven > self.radius - self.reach:
             near = self.near(self.radius)
-            self.enter([*{*near, *self._known.intersection(names)}])
+            self.enter([*dict.fromkeys([*near, *(n for n in names if n in self._known)])])
         return self.local.update(z, ids, covs)
 
     @property
@@ -201,7 +217,7 @@ class CompressedEKFSlam:
         full = self._full
         self._rows, self._known = full.rows_of(names), set(full.ids)
         a = with_pose(self._rows)
-        self._accounts = _Accounts(full.cov[np.ix_(a, a)])
+        self._accounts = _Accounts(full._P.block(a))
         self.local = _filter(full, full.next_id, full.mean[a], self._accounts, names)
         self.local.sightings = full.sightings[self._rows]
         self.local.unseen_for = full.unseen_for[self._rows]
