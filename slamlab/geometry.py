@@ -17,6 +17,7 @@ __all__ = [
     "inverse",
     "inverse_transform",
     "rotation",
+    "tilt",
     "transform",
     "wrap_angle",
 ]
@@ -68,6 +69,40 @@ def rotation(theta: ArrayLike) -> Array:
     theta = as_array("theta", theta)
     c, s = np.cos(theta), np.sin(theta)
     return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+
+
+def tilt(roll: ArrayLike, pitch: ArrayLike) -> Array:
+    """Rotation (..., 3, 3) of a flying body against its level frame: R_y(pitch) R_x(roll).
+
+    Axes ahead, left and up. Applied to what the body measured it gives the coordinates in a frame
+    that is level and has the heading of the body. Chapter 16.
+
+    Parameters
+    ----------
+    roll, pitch : array_like, shape (...)
+        Right wing down, and nose down (rad); leading axes broadcast.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite or the shapes do not fit.
+
+    Examples
+    --------
+    Nose straight down, the tree ahead of the nose stands below the aircraft:
+
+    >>> (tilt(0.0, np.pi / 2) @ [5.0, 0.0, 0.0]).round(6).tolist()
+    [0.0, 0.0, -5.0]
+    """
+    roll, pitch = as_array("roll", roll), as_array("pitch", pitch)
+    lead = as_batch("pitch", pitch.shape, roll.shape)
+    c, s = np.cos(roll), np.sin(roll)
+    C, S = np.cos(pitch), np.sin(pitch)
+    R = np.zeros((*lead, 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = C, S * s, S * c
+    R[..., 1, 1], R[..., 1, 2] = c, -s
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = -S, C * s, C * c
+    return R
 
 
 def _rotate(theta: Array, points: Array) -> Array:

@@ -30,6 +30,7 @@ from slamlab.slam import (
     FastSlam,
     GridFastSlam,
     HectorSlam,
+    LocalRange,
     ScanGraphSlam,
     WallSlam,
 )
@@ -148,6 +149,20 @@ SYSTEMS = {
     ),
     "CompressedEKFSlam": (
         lambda log, pose: CompressedEKFSlam(motion(log), SENSOR, pose, radius=2.0),
+        "looks",
+    ),
+    "LocalRange": (
+        lambda log, pose: LocalRange(ekf(log, pose), wanted=3, nearest=2.0, furthest=6.0),
+        "looks",
+    ),
+    "LocalRange, in a region": (
+        lambda log, pose: LocalRange(
+            CompressedEKFSlam(motion(log), SENSOR, pose),
+            wanted=3,
+            nearest=2.0,
+            furthest=6.0,
+            region=1.5,
+        ),
         "looks",
     ),
     "EKFSlamBatch": (

@@ -54,6 +54,7 @@ GOOD = {
     "points": POINTS, "pose": [0.5, 0.6, 0.2], "poses": np.tile([0.5, 0.6, 0.2], (5, 1)),
     "probability": 0.9, "q": np.random.default_rng(3).normal(size=(6, 3)), "radius": 2.0,
     "ranges": np.full(12, 1.5), "reference": POINTS, "residual": [0.1, 0.2], "resolution": 0.1,
+    "roll": 0.1,
     "row": 4, "scan": np.arange(1.0, 13), "scans": np.tile(np.arange(1.0, 13), (12, 1)),
     "segments": SEGMENT, "sensor": RangeBearing(0.1, 0.1), "shape": (10, 8), "side": 0.3,
     "sigma": 0.1, "sigma_bearing": 0.02, "sigma_range": 0.1, "spacing": 0.5,

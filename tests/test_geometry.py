@@ -12,6 +12,7 @@ from slamlab.geometry import (
     inverse,
     inverse_transform,
     rotation,
+    tilt,
     transform,
     wrap_angle,
 )
@@ -173,3 +174,18 @@ def test_arguments_stay_as_they_were():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_tilt_is_pitch_after_roll():
+    roll, pitch = 0.3, -0.2
+    c, s, C, S = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    R_x = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    R_y = np.array([[C, 0, S], [0, 1, 0], [-S, 0, C]])
+    R = tilt(roll, pitch)
+    np.testing.assert_allclose(R, R_y @ R_x, atol=1e-15)
+    assert np.abs(R - R_x @ R_y).max() > 0.05  # the other order is another attitude
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    both = tilt([0.1, roll], pitch)
+    np.testing.assert_allclose(both[1], R)
+    with pytest.raises(ValueError, match="pitch"):
+        tilt([0.1, 0.2], [0.1, 0.2, 0.3])

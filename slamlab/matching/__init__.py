@@ -1,7 +1,13 @@
-"""Scans against scans and grids: fields, Gauss-Newton, ICP, exhaustive search. Chapter 14."""
+"""Scans against scans and grids (chapter 14), and pairs of image points (chapter 16)."""
 
 from slamlab.matching._match import Match
 from slamlab.matching.correlative import match_correlative
+from slamlab.matching.eight_point import (
+    eight_point_rows,
+    epipolar_distances,
+    fundamental_matrix,
+    hartley_transform,
+)
 from slamlab.matching.field import Field, PointField, match_field
 from slamlab.matching.icp import AdaptiveGate, Outline, match_icp, normals, thin
 
@@ -11,6 +17,10 @@ __all__ = [
     "Match",
     "Outline",
     "PointField",
+    "eight_point_rows",
+    "epipolar_distances",
+    "fundamental_matrix",
+    "hartley_transform",
     "match_correlative",
     "match_field",
     "match_icp",

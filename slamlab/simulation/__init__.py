@@ -1,6 +1,7 @@
 """A robot in a world, driven by a pilot who knows what the robot believes: out comes a log."""
 
 from slamlab.simulation.drift import drifted
+from slamlab.simulation.flights import FIELD_SENSOR, field_flights
 from slamlab.simulation.landmarks import (
     ORCHARD_SENSOR,
     ROOM_SENSOR,
@@ -11,11 +12,13 @@ from slamlab.simulation.landmarks import (
 from slamlab.simulation.record import Script, Truth, record
 
 __all__ = [
+    "FIELD_SENSOR",
     "ORCHARD_SENSOR",
     "ROOM_SENSOR",
     "Script",
     "Truth",
     "drifted",
+    "field_flights",
     "landmark_drives",
     "orchard_loop",
     "record",

@@ -21,6 +21,7 @@ from slamlab.slam.graph import (
 from slamlab.slam.grid_fast import GridFastSlam
 from slamlab.slam.hector import HectorSlam
 from slamlab.slam.incremental import IncrementalGraph
+from slamlab.slam.local_range import LocalRange
 from slamlab.slam.scan_graph import Closure, ScanGraphSlam
 from slamlab.slam.wall_slam import WallSlam
 
@@ -35,6 +36,7 @@ __all__ = [
     "GridFastSlam",
     "HectorSlam",
     "IncrementalGraph",
+    "LocalRange",
     "PoseGraph",
     "Result",
     "ScanGraphSlam",

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from slamlab.evaluation import run
+from slamlab.printed.p4 import LocalBlockSlam
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import RangeBearing
+from slamlab.simulation import FIELD_SENSOR, field_flights
 from slamlab.slam import CompressedEKFSlam, EKFSlam
 
 DT, V = 0.1, YOUBOT.control_cov(0.5)
@@ -111,6 +114,18 @@ def test_a_landmark_outside_the_region_opens_a_new_one():
     assert_same(compressed, full)
 
 
+def test_a_landmark_met_in_the_old_region_and_far_away_comes_along():
+    compressed, full = small()
+    compressed.radius = 1.0
+    compressed.enter([4, 1])
+    z = full.sensor.observe(full.pose, full.landmarks[[1, 2]]) + 0.03
+    for one in (compressed, full):
+        one.update([[30.0, 0.5]], ["far"])
+        one.update(np.vstack([z, [[30.1, 0.5]]]), [1, 2, "far"])
+    assert "far" in compressed.local.ids
+    assert_same(compressed, full)
+
+
 def test_a_robot_that_has_driven_on_opens_a_new_region():
     compressed, full = small()
     compressed.radius = 6.0
@@ -175,3 +190,55 @@ def test_updating_the_local_block_alone_gives_no_covariance_in_any_of_200_trials
         assert np.linalg.eigvalsh(right)[0] > -1e-10
         smallest.append(np.linalg.eigvalsh(local)[0])
     assert max(smallest) < -1e-3
+
+
+def test_a_region_that_knows_its_reach_lasts_until_it_could_see_out():
+    compressed, full = small()
+    compressed.radius, compressed._reach = 6.0, 1.0
+    compressed.enter([0])
+    for _ in range(5):
+        compressed.predict([0.9, 0, 0], 1.0, V)
+        full.predict([0.9, 0, 0], 1.0, V)
+        compressed.update(np.empty((0, 2)), [])
+    assert compressed.regions == 2  # 4.5 m driven, 5 m allowed; half the radius would be 3 m
+    compressed.predict([0.9, 0, 0], 1.0, V)
+    full.predict([0.9, 0, 0], 1.0, V)
+    compressed.update(np.empty((0, 2)), [])
+    assert compressed.regions == 3
+    assert_same(compressed, full)
+
+
+def test_reach_is_at_most_the_radius_and_half_of_it_if_nothing_is_said():
+    arguments = (Unicycle(), SENSOR, [0, 0, 0])
+    assert CompressedEKFSlam(*arguments, radius=8.0).reach == 4.0
+    assert CompressedEKFSlam(*arguments, radius=8.0, reach=5.0).reach == 5.0
+    with pytest.raises(ValueError, match="reach"):
+        CompressedEKFSlam(*arguments, radius=8.0, reach=9.0)
+
+
+def test_settling_a_large_map_is_exact_too():
+    """Above 256 numbers only the lower triangle of the covariance is kept."""
+    log = field_flights(1, np.random.default_rng(1), side=150.0).single(0)
+    arguments = (Unicycle(), FIELD_SENSOR, log.truth[0])
+    full = run(EKFSlam(*arguments), log)
+    local = run(CompressedEKFSlam(*arguments, radius=40.0, reach=20.0), log)
+    assert len(full.system.mean) > 400
+    assert local.system.regions > 20
+    np.testing.assert_allclose(local.poses, full.poses, atol=1e-8)
+    np.testing.assert_allclose(local.covs, full.covs, atol=1e-8)
+    assert_same(local.system, full.system)
+
+
+def test_the_local_block_alone_ends_a_flight_early():
+    """P4's region read word by word; the compressed filter flies the same log to its end."""
+    log = field_flights(1, np.random.default_rng(1)).single(0)
+    arguments = (Unicycle(), FIELD_SENSOR, log.truth[0])
+    whole = run(CompressedEKFSlam(*arguments, radius=40.0, reach=20.0), log)
+    assert np.hypot(*(whole.poses[-1] - log.truth[-1])[:2]) < 1.5
+    slam, smallest = LocalBlockSlam(*arguments, radius=40.0, reach=20.0), []
+    for step in log[:60]:
+        if step.dt:
+            slam.predict(step.u, step.dt, step.control_cov)
+        slam.update(step.z, step.ids)
+        smallest.append(np.linalg.eigvalsh(slam.settle().cov)[0])
+    assert min(smallest) < -1e-3

@@ -1,0 +1,118 @@
+"""Flights over a field of trees, lane by lane: the world of chapter 16.
+
+Stands in for the flights of P4, of which only page 84 is at hand: no field, path or noise of its
+own is known.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamlab._checks import Array, as_count, as_rng, as_scalar
+from slamlab.gaussian import root
+from slamlab.logs import Log
+from slamlab.robots import Unicycle
+from slamlab.sensors import PointSensor
+
+__all__ = ["FIELD_SENSOR", "field_flights"]
+
+# Coordinates of a tree in the frame of the aircraft to 20 cm, as P4 measures them; 20 m far.
+FIELD_SENSOR = PointSensor(0.2**2 * np.eye(2), max_range=20.0)
+
+
+def field_flights(
+    n_runs: int,
+    rng: np.random.Generator,
+    sensor: PointSensor = FIELD_SENSOR,
+    *,
+    side: float = 90.0,
+    lane: float = 30.0,
+    n_landmarks: int | None = None,
+    sigmas: tuple[float, float] = (0.5, 0.03),
+    felled: float = 0.0,
+) -> Log:
+    """Fly over a square field lane by lane, turn by half circles, and come home across the lanes.
+
+    The autopilot holds the lanes: the true path is the same in every run, 5 m/s, 0.4 s a step.
+    What the aircraft is told of it, its speed and turn rate, carries noise, and so does every
+    measurement; the trees and the path do not depend on the sensor.
+
+    Parameters
+    ----------
+    n_runs : int
+        M, at least 1.
+    rng : numpy.random.Generator
+    sensor : PointSensor, default `FIELD_SENSOR`
+    side : float, default 90.0
+        Side of the field (m), which begins at the origin.
+    lane : float, default 30.0
+        Distance of two lanes (m), at most half the side.
+    n_landmarks : int, optional
+        Trees, at random places; one in 100 m^2 if left out.
+    sigmas : (float, float), default (0.5, 0.03)
+        Noise of the speed (m/s) and of the turn rate (rad/s) told in a step.
+    felled : float, default 0.0
+        Share of trees that are missing on the right half of the field, in [0, 1].
+
+    Returns
+    -------
+    Log
+        A batch with truth, landmarks and ids. The first step moves nothing; each step tells the
+        controls (T, M, 2) of a `Unicycle` and the looks (T, M, n, 2), NaN what is not seen.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> field_flights(2, np.random.default_rng(1))
+    Log(181 steps over 72 s, 2 runs, 3548 measurements of landmarks, truth)
+    """
+    n_runs, rng = as_count("n_runs", n_runs, 1), as_rng("rng", rng)
+    tiny = float(np.finfo(float).tiny)
+    side = as_scalar("side", side, tiny, 1e6)
+    lane = as_scalar("lane", lane, tiny, side / 2)
+    n = round(side**2 / 100) if n_landmarks is None else n_landmarks
+    n, felled = as_count("n_landmarks", n, 1), as_scalar("felled", felled, 0.0, 1.0)
+    noise = np.array([as_scalar("sigmas", sigma, 0.0, 1e3) for sigma in sigmas])
+    landmarks = rng.uniform(0.0, side, (n, 2))
+    landmarks = landmarks[(landmarks[:, 0] < side / 2) | (rng.random(n) >= felled)]
+    controls, dt = _lanes(side, lane), 0.4
+    poses = [np.array([lane / 2, lane / 2, 0.0])]
+    for control in controls:
+        poses.append(Unicycle().step(poses[-1], control, dt))
+    truth, n = np.array(poses)[:, None], len(landmarks)
+    steps = len(truth)
+    u = np.zeros((steps, n_runs, 2))
+    u[1:] = controls[:, None] + noise * rng.standard_normal((steps - 1, n_runs, 2))
+    error = rng.standard_normal((steps, n_runs, n, 2)) @ root(sensor.cov).T
+    there = sensor.visible(truth, landmarks)[:, None, :, None]
+    z = np.where(there, sensor.observe(truth, landmarks)[:, None] + error, np.nan)
+    return Log(
+        times=dt * np.arange(steps, dtype=float),
+        u=u,
+        dt=dt * np.minimum(np.arange(steps), 1),
+        control_cov=np.diag(noise**2),
+        looks=tuple(z),
+        ids=(np.arange(n),) * steps,
+        truth=truth.repeat(n_runs, axis=1),
+        landmarks=landmarks,
+    )
+
+
+def _leg(metres: float, turn: float = 0.0) -> Array:
+    """Return controls (k, 2) of a straight flight or an arc, in steps of about two metres."""
+    k = max(1, round(metres / 2.0))
+    return np.tile([metres / (0.4 * k), turn / (0.4 * k)], (k, 1))
+
+
+def _lanes(side: float, lane: float) -> Array:
+    """Return controls (T, 2): lanes with half circles between them, then home across all lanes."""
+    n, half, legs = int(side / lane + 1e-9), np.pi * lane / 2, []
+    for k in range(n):
+        legs += [_leg(side - lane), _leg(half, np.pi if k % 2 == 0 else -np.pi)]
+    home = -np.pi / 2 if n % 2 else np.pi / 2
+    legs[-1] = _leg(half / 2, home)
+    return np.concatenate([*legs, _leg((n - 1) * lane)])

@@ -1,0 +1,141 @@
+"""A range that adapts: see as few landmarks as will do, work in a region as small as will do.
+
+P4 adapts the range in which it looks to save time; its law stands on pages that are not at hand.
+This law is ours, and chapter 16 tests it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_array, as_scalar
+from slamlab.models import as_estimator
+from slamlab.slam.ekf import as_names
+
+__all__ = ["LocalRange"]
+
+
+class LocalRange:
+    """A SLAM system that looks only as far as it takes to see so many landmarks.
+
+    At a density rho of landmarks, rho pi r^2 of them lie within r. Whoever has seen n within r
+    therefore sees the wanted number within r sqrt(wanted / n).
+
+    Parameters
+    ----------
+    system : Estimator
+        Any that measures landmarks and knows its sensor: `EKFSlam`, `CompressedEKFSlam`.
+    wanted : float, default 10.0
+        Landmarks to see at once, positive.
+    nearest, furthest : float
+        Bounds of the range (m); it begins at the furthest.
+    region : float, optional
+        Let a `CompressedEKFSlam` work in a region of so many ranges; its `radius` is set.
+
+    Attributes
+    ----------
+    measures : str
+        "looks": sets of simultaneous measurements of landmarks.
+    system : Estimator
+        As given.
+    reach : float
+        The range of the next measurements (m).
+    n_seen : int
+        Landmarks seen at the last update.
+
+    Raises
+    ------
+    ValueError
+        If `system` is none that measures landmarks, a number is out of range, or a region is
+        wanted of a system that has none.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> from slamlab.sensors import PointSensor
+    >>> from slamlab.slam import EKFSlam
+    >>> inner = EKFSlam(Unicycle(), PointSensor(0.04 * np.eye(2)), [0, 0, 0])
+    >>> slam = LocalRange(inner, wanted=1, nearest=5.0, furthest=40.0)
+    >>> _ = slam.update([[30.0, 0.0], [3.0, 4.0], [0.0, 8.0], [6.0, 0.0]], ids=list("abcd"))
+    >>> slam.n_seen, slam.reach
+    (4, 20.0)
+    """
+
+    measures = "looks"
+
+    def __init__(
+        self,
+        system: Any,
+        *,
+        wanted: float = 10.0,
+        nearest: float,
+        furthest: float,
+        region: float | None = None,
+    ) -> None:
+        self.system: Any = as_estimator("system", system)
+        tiny = float(np.finfo(float).tiny)
+        if system.measures != "looks" or not hasattr(system, "sensor"):
+            raise ValueError(f"system: expected one with a sensor of landmarks, got {system!r}")
+        if region is not None and not hasattr(system, "radius"):
+            raise ValueError(f"region: expected a system with a radius, got {system!r}")
+        self.wanted = as_scalar("wanted", wanted, tiny, 1e9)
+        self.nearest = as_scalar("nearest", nearest, tiny, 1e9)
+        self.furthest = as_scalar("furthest", furthest, self.nearest, 1e9)
+        self.region = None if region is None else as_scalar("region", region, 1.0, 1e9)
+        self.n_seen = 0
+        self._look_to(self.furthest)
+
+    def __repr__(self) -> str:
+        """Say how far it looks, and who looks."""
+        return f"LocalRange({self.reach:.1f} m for {self.wanted:g} landmarks, {self.system!r})"
+
+    @property
+    def pose(self) -> Array:
+        """Estimated pose (m, m, rad), shape (3,)."""
+        return np.asarray(self.system.pose)
+
+    @property
+    def pose_cov(self) -> Array:
+        """Covariance of the pose, shape (3, 3)."""
+        return np.asarray(self.system.pose_cov)
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Move the pose, as the system does."""
+        self.system.predict(u, dt, control_cov)
+
+    def update(self, z: ArrayLike, ids: Sequence[Hashable | None] | None = None) -> Any:
+        """Correct by the landmarks within the range, then adapt the range.
+
+        Parameters
+        ----------
+        z : array_like, shape (k, 2)
+            Measurements of all landmarks that the sensor could see.
+        ids : sequence of hashable, length k, optional
+            As the system takes them.
+
+        Raises
+        ------
+        ValueError
+            As the system; nothing has changed then.
+        """
+        z = as_array("z", z, ("k", 2))
+        near = np.flatnonzero(self.system.sensor.reach(z) <= self.reach)
+        names = None
+        if ids is not None:
+            all_names = as_names("ids", ids, len(z))
+            names = [all_names[k] for k in near]
+        report = self.system.update(z[near], names)
+        self.n_seen = len(near)
+        # rho pi r^2 = n_seen, and rho pi r'^2 = wanted
+        ratio = np.sqrt(self.wanted / max(self.n_seen, 0.25))
+        self._look_to(float(np.clip(self.reach * ratio, self.nearest, self.furthest)))
+        return report
+
+    def _look_to(self, reach: float) -> None:
+        self.reach = reach
+        if self.region is not None:
+            self.system.radius = self.region * reach
