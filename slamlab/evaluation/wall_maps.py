@@ -145,7 +145,8 @@ def line_errors(lines: ArrayLike, walls: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> line_errors([[2.01, 0.0]], [[[2, -1], [2, 1]], [[0, 3], [4, 3]]]).round(3).tolist()
+    >>> walls = [[[2, -1], [2, 1]], [[0, 3], [4, 3]]]
+    >>> (line_errors([[2.01, 0.0]], walls).round(3) + 0.0).tolist()
     [[0.01, 0.0]]
     """
     lines, walls = as_array("lines", lines, ("k", 2)), _as_walls(walls)
