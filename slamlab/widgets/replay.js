@@ -269,6 +269,85 @@ function drawRun(ctx, view, run, step, on, colours, trace) {
   view.scaleBar(ctx, colours);
 }
 
+// ---- error over time ----------------------------------------------------------------------------
+
+/** Distance from the truth at every step, of each path that has one; null without. */
+function errorsOf(run) {
+  const { truth } = run.data;
+  const curves = {};
+  for (const kind of truth && run.steps > 1 ? PATHS : []) {
+    if (kind === "truth" || !run.data[kind]) continue;
+    curves[kind] = Float32Array.from({ length: run.steps }, (_, k) => {
+      const [[x, y], [tx, ty]] = [poseAt(run.data[kind], k), poseAt(truth, k)];
+      return Math.hypot(x - tx, y - ty);
+    });
+  }
+  return Object.keys(curves).length ? curves : null;
+}
+
+/** What the ellipse claims: the error stays below its longer half axis in 95 % of the steps. */
+function claimOf(run) {
+  if (!run.data.ellipses) return null;
+  return Float32Array.from({ length: run.steps }, (_, k) => poseAt(run.data.ellipses, k)[0]);
+}
+
+function drawClaim(ctx, view, ts, claim, colours) {
+  ctx.beginPath();
+  ctx.moveTo(view.px(ts[0]), view.py(0));
+  claim.forEach((c, k) => ctx.lineTo(view.px(ts[k]), view.py(Number.isNaN(c) ? 0 : c)));
+  ctx.lineTo(view.px(ts[ts.length - 1]), view.py(0));
+  ctx.fillStyle = colours.estimate;
+  ctx.globalAlpha = 0.16;
+  ctx.fill();
+  ctx.globalAlpha = 1;
+}
+
+/** The plot under the map: errors over time, a mark at the step shown; a tap goes to its step. */
+function errorView(run, { signal, step, on, colours, choose }) {
+  const curves = errorsOf(run);
+  if (!curves) return null;
+  const claim = claimOf(run);
+  const ts = run.times || Float32Array.from({ length: run.steps }, (_, k) => k + 1);
+  const steady = Object.entries(curves).filter(([kind]) => kind !== "dead_reckoning" && kind !== "wrong");
+  const shown = (steady.length ? steady.map(([, c]) => c) : Object.values(curves)).concat(claim ? [claim] : []);
+  let top = 0;
+  for (const curve of shown) for (const v of curve) if (v > top) top = v;
+  const view = new View([ts[0], Math.max(ts[run.steps - 1], ts[0] + 1e-6), 0, 1.1 * top || 1], {
+    equal: false, signal, bottom: 34,
+    label: "Distance from the truth in metres over time; shaded: what the 95 % ellipse claims. A tap goes to that moment.",
+    draw: (ctx) => {
+      view.clear(ctx, colours());
+      view.axes(ctx, colours(), { xLabel: run.times ? "t (s)" : "step", yLabel: "error (m)" });
+      view.clip(ctx);
+      if (claim && on.ellipses) drawClaim(ctx, view, ts, claim, colours());
+      for (const [kind, errors] of Object.entries(curves)) {
+        if (on[kind]) drawCurve(ctx, view, ts, errors, kind, false, colours());
+      }
+      const x = Math.round(view.px(ts[step()])) + 0.5;
+      ctx.setLineDash([]);
+      ctx.lineWidth = 1;
+      ctx.strokeStyle = colours().ink;
+      ctx.beginPath();
+      ctx.moveTo(x, view.plot.y);
+      ctx.lineTo(x, view.plot.y + view.plot.h);
+      ctx.stroke();
+      ctx.restore();
+      view.frame(ctx, colours());
+    },
+  });
+  view.canvas.className = "slam-errors";
+  let pressed = NaN;
+  view.canvas.addEventListener("pointerdown", (e) => { pressed = e.clientX; }, { signal });
+  view.canvas.addEventListener("click", (e) => {
+    if (!view.plot || Math.abs(e.clientX - pressed) > 4) return;  // a drag is no tap
+    const t = (e.clientX - view.canvas.getBoundingClientRect().left - view.ox) / view.sx;
+    let best = 0;
+    ts.forEach((at, k) => { if (Math.abs(at - t) < Math.abs(ts[best] - t)) best = k; });
+    choose(best);
+  }, { signal });
+  return view;
+}
+
 // ---- words ------------------------------------------------------------------------------------
 
 const metres = (v) => `${v.toFixed(v >= 100 ? 1 : 2)} m`;
@@ -323,40 +402,21 @@ function buildControls(run, player, go) {
   return { row, play, slider };
 }
 
-function buildChips(run, on, changed) {
-  const chips = LAYERS.filter(([name]) => hasLayer(run, name)).map(([name, label, kind, marker]) => {
-    on[name] = true;
-    const sample = swatch(kind, marker);
-    const chip = h("button", {
-      class: "slam-chip", type: "button", "aria-pressed": "true", "data-layer": name,
-      onclick: () => {
-        on[name] = !on[name];
-        chip.setAttribute("aria-pressed", String(on[name]));
-        changed();
-      },
-    }, sample, label);
-    chip.sample = sample;
-    return chip;
-  });
-  return { chips, row: h("div", { class: "slam-chips", role: "group", "aria-label": "Layers" }, ...chips) };
-}
-
-function keyboard(root, player, go, last, signal) {
+/** What a key does to the step: space plays, arrows, Page, Home and End move (Shift: by ten). */
+function keysOf(player, go, last) {
   const jumps = {
     ArrowRight: (s) => s + 1, ArrowUp: (s) => s + 1, ArrowLeft: (s) => s - 1, ArrowDown: (s) => s - 1,
     PageUp: (s) => s + 10, PageDown: (s) => s - 10, Home: () => 0, End: () => last,
   };
-  root.addEventListener("keydown", (e) => {
-    if (usesKey(e.target, e.key) || e.ctrlKey || e.metaKey || e.altKey) return;
+  return (e) => {
     if (e.key === " ") player.toggle();
     else if (jumps[e.key]) {
       player.pause();
       const reach = e.shiftKey ? 10 : 1;
       go((s) => (reach > 1 && e.key.startsWith("Arrow") ? s + reach * (jumps[e.key](s) - s) : jumps[e.key](s)));
-    } else return;
-    e.preventDefault();
-    e.stopPropagation();
-  }, { signal });
+    } else return false;
+    return true;
+  };
 }
 
 function render({ model, el }) {
@@ -374,6 +434,10 @@ function render({ model, el }) {
   const view = new View(run.bounds, {
     label: describe(run), signal, draw: (ctx) => drawRun(ctx, view, run, step, on, colours, trace),
   });
+  const errors = errorView(run, {
+    signal, step: () => step, on, colours: () => colours, choose: (k) => { player.pause(); go(() => k); },
+  });
+  const views = errors ? [view, errors] : [view];
   const facts_ = h("span", { class: "slam-facts" });
   const caption = h("span", { class: "slam-caption" });
   const line = h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" }, facts_, caption);
@@ -382,7 +446,7 @@ function render({ model, el }) {
     caption.textContent = run.captions ? run.captions[step] : "";
     controls.slider.put(step, `${facts(run, step).split(" · ").slice(0, 2).join(", ")}`);
     view.canvas.dataset.step = step;
-    view.redraw();
+    for (const each of views) each.redraw();
   };
   const report = () => {
     if (told === step) return;
@@ -405,35 +469,27 @@ function render({ model, el }) {
     signal,
   );
   const controls = buildControls(run, player, go);
-  const layers = buildChips(run, on, () => view.redraw());
-  const help = h("div", { class: "slam-help" }, "Space plays, arrows step, wheel zooms, drag moves, double click resets.");
-  root.append(view.node, controls.row, layers.row, line, help);
+  const layers = layerChips(LAYERS.filter(([name]) => hasLayer(run, name)), on, () => {
+    for (const each of views) each.redraw();
+  });
+  const help = h("div", { class: "slam-help" }, "Space plays, arrows step, Ctrl and wheel zoom, drag moves, double click resets.");
+  root.append(...views.map((each) => each.node), controls.row, layers.row, line, help);
 
-  keyboard(root, player, go, last, signal);
-  followTheme((dark) => {
-    colours = dark ? DARK : LIGHT;
-    root.dataset.theme = dark ? "dark" : "light";
-    for (const chip of layers.chips) chip.sample.paint(colours);
-    view.redraw();
-  }, signal);
-  const fit = () => {
-    const width = Math.floor(view.node.clientWidth);
-    if (width > 0) view.resize(width, Math.round(Math.min(run.height, Math.max(0.85 * width, 240))));
-  };
-  const observer = new ResizeObserver(fit);
-  observer.observe(view.node);
-  const moved = () => {
-    if (model.get("step") !== step && !player.playing) { told = model.get("step"); go(() => told); }
-  };
-  if (model.on) model.on("change:step", moved);
+  keyboard(root, keysOf(player, go, last), signal);
   refresh();
-  fit();
-  return () => {
-    stop.abort();
-    observer.disconnect();
-    if (model.off) model.off("change:step", moved);
-    root.remove();
-  };
+  return live({
+    root, views, model, stop, samples: layers.samples, event: "change:step",
+    paint: (chosen) => { colours = chosen; },
+    moved: () => {
+      if (model.get("step") !== step && !player.playing) { told = model.get("step"); go(() => told); }
+    },
+    fit: () => {
+      const width = Math.floor(view.node.clientWidth);
+      if (width <= 0) return;
+      view.resize(width, Math.round(Math.min(run.height, Math.max(0.85 * width, 240))));
+      if (errors) errors.resize(width, 130);
+    },
+  });
 }
 
 export default { render };

@@ -1,5 +1,5 @@
-// What Replay and Sweep share: unpacking, colours that follow the theme, the view that zooms and
-// pans, axes, and small controls. Plain JavaScript, joined in front of replay.js or sweep.js.
+// What all figures share: unpacking, colours that follow the theme, the view that zooms and pans,
+// axes, small controls, keys, and the life of a figure. Plain JavaScript, joined in front of each.
 
 // ---- unpacking (see _pack.py) ---------------------------------------------------------------
 
@@ -314,9 +314,10 @@ class View {
     canvas.style.touchAction = "pan-y";
     on(window, "scroll", () => { this.scrolled = performance.now(); }, { passive: true, capture: true });
     on(canvas, "wheel", (e) => {
-      // a page that scrolls past under the pointer, or a whole view turned out further, stays a page
+      // the wheel belongs to the page, unless the reader chose the figure or holds Ctrl
+      const meant = e.ctrlKey || e.metaKey || canvas.matches(":focus");
       const outward = e.deltaY > 0 && this.home;
-      if (outward || performance.now() - this.scrolled < 200 || !this.plot) return;
+      if (!meant || outward || performance.now() - this.scrolled < 200 || !this.plot) return;
       e.preventDefault();
       const lines = e.deltaMode === 1 ? 16 : 1;
       this.zoomAt(...place(e), Math.exp(-Math.max(-240, Math.min(240, e.deltaY * lines)) * 0.002));
@@ -485,6 +486,23 @@ class View {
   }
 }
 
+function drawCurve(ctx, view, xs, ys, kind, markers, colours) {
+  const marks = [];
+  strokeStyle(ctx, colours, kind);
+  ctx.beginPath();
+  let open = false;
+  for (let i = 0; i < ys.length; i++) {
+    if (Number.isNaN(ys[i]) || Number.isNaN(xs[i])) { open = false; continue; }
+    const [x, y] = [view.px(xs[i]), view.py(ys[i])];
+    if (open) ctx.lineTo(x, y);
+    else ctx.moveTo(x, y);
+    open = true;
+    if (markers) marks.push([x, y]);
+  }
+  ctx.stroke();
+  if (markers) drawMarkers(ctx, colours, kind, MARK[kind], marks, 4);
+}
+
 const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
 
 /** The card around a figure: title, question, and the theme that its children follow. */
@@ -577,4 +595,57 @@ function tell(model, name, value) {
   } catch (error) {
     console.debug("no kernel", error);
   }
+}
+
+// ---- keys, layers, and the life of a figure -----------------------------------------------------
+
+/** Keys of a figure: `act(event)` says whether it used the key; then nobody else gets it. */
+function keyboard(root, act, signal) {
+  root.addEventListener("keydown", (e) => {
+    if (usesKey(e.target, e.key) || e.ctrlKey || e.metaKey || e.altKey || !act(e)) return;
+    e.preventDefault();
+    e.stopPropagation();
+  }, { signal });
+}
+
+/** Buttons that show and hide layers [name, label, kind, marker]; all are shown at first. */
+function layerChips(layers, on, changed) {
+  const chips = layers.map(([name, label, kind, marker]) => {
+    on[name] = true;
+    const sample = swatch(kind, marker);
+    const chip = h("button", {
+      class: "slam-chip", type: "button", "aria-pressed": "true", "data-layer": name,
+      onclick: () => {
+        on[name] = !on[name];
+        chip.setAttribute("aria-pressed", String(on[name]));
+        changed();
+      },
+    }, sample, label);
+    chip.sample = sample;
+    return chip;
+  });
+  const row = h("div", { class: "slam-chips", role: "group", "aria-label": "Layers" }, ...chips);
+  return { row, samples: chips.map((chip) => chip.sample) };
+}
+
+/** Follow theme, size and model until the figure is taken away; returns what ends it.
+ *  `paint(colours)` comes with the theme, `fit()` with the size, `moved()` with the model. */
+function live({ root, views, samples, model, event, moved, paint, fit, stop }) {
+  followTheme((dark) => {
+    const colours = dark ? DARK : LIGHT;
+    root.dataset.theme = dark ? "dark" : "light";
+    for (const sample of samples) sample.paint(colours);
+    paint(colours);
+    for (const view of views) view.redraw();
+  }, stop.signal);
+  const observer = new ResizeObserver(fit);
+  for (const view of views) observer.observe(view.node);
+  if (model.on) model.on(event, moved);
+  fit();
+  return () => {
+    stop.abort();
+    observer.disconnect();
+    if (model.off) model.off(event, moved);
+    root.remove();
+  };
 }

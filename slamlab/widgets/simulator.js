@@ -444,71 +444,41 @@ function render({ model, el }) {
     button(ARROWS.back, "Drive back", "down arrow", moves.ArrowDown),
     button(ARROWS.right, "Turn right", "right arrow", moves.ArrowRight),
     word("Set down elsewhere", "J", moves.j), word("Start again", "Home", moves.Home), rooms.length > 1 ? choice : null);
-  const chips = SIM_LAYERS.map(([name, label, kind, marker]) => {
-    sim.on[name] = true;
-    const sample = swatch(kind, marker);
-    const chip = h("button", {
-      class: "slam-chip", type: "button", "aria-pressed": "true", "data-layer": name,
-      onclick: () => {
-        sim.on[name] = !sim.on[name];
-        chip.setAttribute("aria-pressed", String(sim.on[name]));
-        refresh();
-      },
-    }, sample, label);
-    chip.sample = sample;
-    return chip;
-  });
+  const layers = layerChips(SIM_LAYERS, sim.on, () => refresh());
   const panel = (title, ...nodes) => h("div", { class: "slam-panel" }, h("div", { class: "slam-panel-title" }, title), ...nodes);
   root.append(
     h("div", { class: "slam-panels" }, panel("The room", floor.node, controls), panel("What the lidar measures", chart.node)),
-    h("div", { class: "slam-chips", role: "group", "aria-label": "Layers" }, ...chips), line,
-    h("div", { class: "slam-help" }, "Arrow keys drive and turn by 5 cm and 5°, J sets the robot down elsewhere, Home starts again, wheel zooms."),
+    layers.row, line,
+    h("div", { class: "slam-help" }, "Arrow keys drive and turn by 5 cm and 5°, J sets the robot down elsewhere, Home starts again, Ctrl and wheel zoom."),
   );
 
-  root.addEventListener("keydown", (e) => {
-    if (usesKey(e.target, e.key) || e.ctrlKey || e.metaKey || e.altKey) return;
+  keyboard(root, (e) => {
     const act = moves[e.key] || moves[e.key.toLowerCase()];
-    if (!act) return;
-    act();
-    e.preventDefault();
-    e.stopPropagation();
-  }, { signal });
-  followTheme((dark) => {
-    colours = dark ? DARK : LIGHT;
-    root.dataset.theme = dark ? "dark" : "light";
-    for (const chip of chips) chip.sample.paint(colours);
-    floor.redraw();
-    chart.redraw();
+    if (act) act();
+    return Boolean(act);
   }, signal);
-  const fit = () => {
-    for (const view of [floor, chart]) {
-      const width = Math.floor(view.node.clientWidth);
-      if (width <= 0) continue;
-      const shape = view === floor ? (sim.room.bounds[3] - sim.room.bounds[2]) / (sim.room.bounds[1] - sim.room.bounds[0]) : 0.62;
-      view.resize(width, Math.round(Math.min(Math.max(shape * width, 200), 460)));
-    }
-  };
-  const observer = new ResizeObserver(fit);
-  observer.observe(floor.node);
-  observer.observe(chart.node);
-  const answered = () => {
-    const answer = model.get("answer");
-    if (!answer || answer.id !== sim.asked) return;
-    let gap = 0;
-    answer.ranges.forEach((r, i) => { if (r !== null) gap = Math.max(gap, Math.abs(r - sim.ranges[i])); });
-    const off = Math.hypot(answer.pose[0] - sim.pose[0], answer.pose[1] - sim.pose[1]);
-    sim.library = `Python: same beams to ${fixed(1000 * gap, 3)} mm; its finer map is off by ${centimetres(off)}${answer.ambiguous ? ", ambiguous" : ""}`;
-    refresh();
-  };
-  if (model.on) model.on("change:answer", answered);
   enter(rooms[0]);
-  fit();
-  return () => {
-    stop.abort();
-    observer.disconnect();
-    if (model.off) model.off("change:answer", answered);
-    root.remove();
-  };
+  return live({
+    root, views: [floor, chart], samples: layers.samples, model, stop, event: "change:answer",
+    paint: (chosen) => { colours = chosen; },
+    moved: () => {
+      const answer = model.get("answer");
+      if (!answer || answer.id !== sim.asked) return;
+      let gap = 0;
+      answer.ranges.forEach((r, i) => { if (r !== null) gap = Math.max(gap, Math.abs(r - sim.ranges[i])); });
+      const off = Math.hypot(answer.pose[0] - sim.pose[0], answer.pose[1] - sim.pose[1]);
+      sim.library = `Python: same beams to ${fixed(1000 * gap, 3)} mm; its finer map is off by ${centimetres(off)}${answer.ambiguous ? ", ambiguous" : ""}`;
+      refresh();
+    },
+    fit: () => {
+      for (const view of [floor, chart]) {
+        const width = Math.floor(view.node.clientWidth);
+        if (width <= 0) continue;
+        const shape = view === floor ? (sim.room.bounds[3] - sim.room.bounds[2]) / (sim.room.bounds[1] - sim.room.bounds[0]) : 0.62;
+        view.resize(width, Math.round(Math.min(Math.max(shape * width, 200), 460)));
+      }
+    },
+  });
 }
 
 export { castRay, castScan, locate, overlaps, readRoom, spectrumOf };

@@ -17,23 +17,6 @@ function readPanel(packed) {
   return panel;
 }
 
-function drawCurve(ctx, view, xs, ys, kind, markers, colours) {
-  const marks = [];
-  strokeStyle(ctx, colours, kind);
-  ctx.beginPath();
-  let open = false;
-  for (let i = 0; i < ys.length; i++) {
-    if (Number.isNaN(ys[i]) || Number.isNaN(xs[i])) { open = false; continue; }
-    const [x, y] = [view.px(xs[i]), view.py(ys[i])];
-    if (open) ctx.lineTo(x, y);
-    else ctx.moveTo(x, y);
-    open = true;
-    if (markers) marks.push([x, y]);
-  }
-  ctx.stroke();
-  if (markers) drawMarkers(ctx, colours, kind, MARK[kind], marks, 4);
-}
-
 function drawBars(ctx, view, panel, series, colours) {
   const entries = Object.entries(series);
   const slot = (panel.width * 0.86 * view.sx) / entries.length;
@@ -168,23 +151,22 @@ function buildNumbers(numbers) {
   return { table, put, sentence };
 }
 
-function keyboard(root, player, sliders, state, go, signal) {
+/** Space plays; arrows, Page, Home and End move the focused slider, up and down the second one. */
+function keysOf(player, sliders, go) {
   const jumps = {
     ArrowRight: (i) => i + 1, ArrowUp: (i) => i + 1, ArrowLeft: (i) => i - 1, ArrowDown: (i) => i - 1,
     PageUp: (i) => i + 5, PageDown: (i) => i - 5, Home: () => 0, End: () => Infinity,
   };
-  root.addEventListener("keydown", (e) => {
-    if (usesKey(e.target, e.key) || e.ctrlKey || e.metaKey || e.altKey) return;
+  return (e) => {
     const focused = sliders.findIndex((s) => s.input === e.target);
     const vertical = (e.key === "ArrowUp" || e.key === "ArrowDown") && sliders.length > 1;
     if (e.key === " ") player.toggle();
     else if (jumps[e.key]) {
       player.pause();
       go(focused >= 0 ? focused : Number(vertical), jumps[e.key]);
-    } else return;
-    e.preventDefault();
-    e.stopPropagation();
-  }, { signal });
+    } else return false;
+    return true;
+  };
 }
 
 function render({ model, el }) {
@@ -231,36 +213,23 @@ function render({ model, el }) {
   if (numbers.table) root.append(numbers.table);
   root.append(line);
 
-  keyboard(root, player, sliders, state, go, signal);
-  followTheme((dark) => {
-    state.colours = dark ? DARK : LIGHT;
-    root.dataset.theme = dark ? "dark" : "light";
-    for (const p of panels) {
-      for (const s of p.samples) s.paint(state.colours);
-      p.view.redraw();
-    }
-  }, signal);
-  const fit = () => {
-    for (const { view } of panels) {
-      const width = Math.floor(view.node.clientWidth);
-      if (width > 0) view.resize(width, Math.round(Math.min(380, Math.max(0.75 * width, 220))));
-    }
-  };
-  const observer = new ResizeObserver(fit);
-  for (const { view } of panels) observer.observe(view.node);
-  const moved = () => {
-    const given = model.get("indices");
-    if (given.join() !== state.indices.join() && !player.playing) { state.indices = [...given]; refresh(); }
-  };
-  if (model.on) model.on("change:indices", moved);
+  keyboard(root, keysOf(player, sliders, go), signal);
   refresh();
-  fit();
-  return () => {
-    stop.abort();
-    observer.disconnect();
-    if (model.off) model.off("change:indices", moved);
-    root.remove();
-  };
+  return live({
+    root, views: panels.map((p) => p.view), samples: panels.flatMap((p) => p.samples), model, stop,
+    event: "change:indices",
+    paint: (colours) => { state.colours = colours; },
+    moved: () => {
+      const given = model.get("indices");
+      if (given.join() !== state.indices.join() && !player.playing) { state.indices = [...given]; refresh(); }
+    },
+    fit: () => {
+      for (const { view } of panels) {
+        const width = Math.floor(view.node.clientWidth);
+        if (width > 0) view.resize(width, Math.round(Math.min(380, Math.max(0.75 * width, 220))));
+      }
+    },
+  });
 }
 
 export default { render };

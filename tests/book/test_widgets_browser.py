@@ -235,7 +235,9 @@ def test_wheel_zooms_drag_pans_and_double_click_resets(show):
     box = canvas.bounding_box()
     x, y = box["x"] + 300, box["y"] + 200
     page.mouse.move(x, y)
+    page.keyboard.down("Control")
     page.mouse.wheel(0, -240)
+    page.keyboard.up("Control")
     page.wait_for_function("document.querySelector('.slam-canvas').dataset.zoom > 1.3")
     zoomed = pixels(page)
     assert zoomed != home
@@ -256,6 +258,47 @@ def test_wheel_outward_on_the_whole_view_scrolls_the_page(show):
     page.mouse.wheel(0, 200)
     page.wait_for_function("window.scrollY > 100")
     assert page.locator(".slam-canvas").first.get_attribute("data-zoom") is None
+
+
+def test_wheel_belongs_to_the_page_until_the_figure_has_the_focus(show):
+    page = show(replay(), sweep(), height=500)
+    canvas = page.locator(".slam-canvas").first
+    page.mouse.move(300, 250)
+    page.mouse.wheel(0, 200)
+    page.wait_for_function("window.scrollY > 100")
+    page.mouse.wheel(0, -200)
+    page.wait_for_function("window.scrollY === 0")
+    assert canvas.get_attribute("data-zoom") is None
+    canvas.focus()
+    page.wait_for_timeout(250)
+    there = page.evaluate("window.scrollY")
+    page.mouse.wheel(0, -240)
+    page.wait_for_function("document.querySelector('.slam-canvas').dataset.zoom > 1.3")
+    assert page.evaluate("window.scrollY") == there
+
+
+def test_errors_are_drawn_over_time_and_a_tap_goes_to_its_moment(show):
+    page = show(replay())
+    errors = page.locator(".slam-errors")
+    picture = "document.querySelector('.slam-errors').toDataURL()"
+    before = page.evaluate(picture)
+    box = errors.bounding_box()
+    plot = box["width"] - 46 - 12  # View: margins left and right
+    errors.click(position={"x": 46 + plot / 2, "y": 40})
+    assert step_of(page) == pytest.approx(29.5, abs=1)
+    page.wait_for_timeout(60)
+    assert page.evaluate(picture) != before
+    page.mouse.move(box["x"] + 200, box["y"] + 40)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 260, box["y"] + 40, steps=3)
+    page.mouse.up()
+    assert step_of(page) == pytest.approx(29.5, abs=1)  # a drag is no tap
+
+
+@pytest.mark.parametrize("without", ["truth", "estimate"])
+def test_no_plot_of_errors_without_a_truth_or_a_path_to_compare(show, without):
+    page = show(replay(**{without: None, "covs": None, "dead_reckoning": None}))
+    assert page.locator(".slam-errors").count() == 0
 
 
 def test_reset_button_appears_with_a_zoom_and_goes_with_the_reset(show):
