@@ -21,13 +21,14 @@ from slamlab.localization import DeadReckoning, LikelihoodField, MonteCarloLocal
 from slamlab.logs import Log
 from slamlab.models import MotionModel
 from slamlab.robots import YOUBOT, Mecanum, RelativePose, Unicycle
-from slamlab.sensors import Lidar, PointSensor, RangeBearing, Wall
-from slamlab.simulation import landmark_drives
+from slamlab.sensors import Lidar, PointSensor, RangeBearing, StereoRig, Wall
+from slamlab.simulation import ground_laps, landmark_drives
 from slamlab.slam import (
     CompressedEKFSlam,
     EKFSlam,
     EKFSlamBatch,
     FastSlam,
+    GammaSlam,
     GridFastSlam,
     HectorSlam,
     LocalRange,
@@ -35,7 +36,7 @@ from slamlab.slam import (
     WallSlam,
 )
 from slamlab.slam.linear import CompassMotion, Displacement
-from slamlab.worlds import rooms
+from slamlab.worlds import Terrain, rooms
 
 MOTIONS = {
     "Unicycle": (Unicycle(), [1.0, 0.3]),
@@ -89,6 +90,12 @@ def scans(steps=12):
     ranges = LIDAR.scan(rooms.office(), poses, rng)
     V = np.diag(noise**2)
     return Log(np.cumsum(dt), u, dt, V, ranges=ranges, scan=LIDAR, truth=poses)
+
+
+@cache
+def ground():
+    draw = np.random.default_rng(1)
+    return ground_laps(Terrain.rough(draw), StereoRig(1500), draw, laps=0.1)
 
 
 @cache
@@ -177,11 +184,13 @@ SYSTEMS = {
     "HectorSlam": (lambda log, pose: HectorSlam(log.scan, pose), "ranges"),
     "ScanGraphSlam": (lambda log, pose: ScanGraphSlam(log.scan, pose), "ranges"),
     "GridFastSlam": (lambda log, pose: GridFastSlam(log.scan, pose, 6, rng=rng()), "ranges"),
+    "GammaSlam": (lambda log, pose: GammaSlam(log.scan, pose, 20, rng=rng()), "pictures"),
 }
 FEEDS = {
     "looks": [one_robot],
     "batches": [lambda: landmarks(3)],
     "ranges": [scans, corridor],
+    "pictures": [ground],
     "nothing": [one_robot, lambda: landmarks(3), scans, corridor],
 }
 # How far poses may stray when the world is turned and shifted (m, rad), and why.
@@ -192,6 +201,7 @@ STRAY = {
     "HectorSlam": (0.1, "cells of 0.05 m along the axes of the world"),
     "ScanGraphSlam": (0.02, "matches on cells along the axes of the world"),
     "GridFastSlam": (0.1, "cells of 0.1 m along the axes of the world"),
+    "GammaSlam": (0.1, "cells of 0.25 m along the axes of the world"),
 }
 
 
@@ -255,6 +265,8 @@ SWAPPED = [
     ("motion", lambda: HectorSlam(LIDAR, motion=LIDAR)),
     ("lidar", lambda: ScanGraphSlam(YOUBOT, motion=LIDAR)),
     ("lidar", lambda: GridFastSlam(YOUBOT, rng=rng(), motion=LIDAR)),
+    ("rig", lambda: GammaSlam(LIDAR, rng=rng())),
+    ("motion", lambda: GammaSlam(StereoRig(), rng=rng(), motion=LIDAR)),
 ]
 
 

@@ -18,8 +18,9 @@ from slamlab.localization import SignatureMap
 from slamlab.mapping import OccupancyGrid
 from slamlab.matching import PointField, match_correlative, match_field, match_icp
 from slamlab.navigation import PathMemory, SeenFloor
-from slamlab.sensors import Lidar
-from slamlab.worlds import BitmapWorld, WallWorld
+from slamlab.sensors import Lidar, StereoRig
+from slamlab.slam import GammaSlam, GridFastSlam
+from slamlab.worlds import BitmapWorld, Terrain, WallWorld
 
 __all__ = ["arguments", "run"]
 
@@ -62,6 +63,18 @@ def _matching() -> None:
     match_icp(points, points, guess)
 
 
+def _grid_slam() -> None:
+    """SLAM with particles that carry grids."""
+    rng = np.random.default_rng(1)
+    lidar, rig, here = Lidar(36, max_range=10.0), StereoRig(200), [3.0, 1.0, 0.3]
+    for model in ("matching", "penetration"):
+        scans = GridFastSlam(lidar, here, 2, rng=rng, model=model)
+        for _ in range(2):
+            scans.update(lidar.scan(_room(), here))
+    ground = Terrain.rough(rng, (6.0, 6.0))
+    GammaSlam(rig, here, 2, rng=rng).update(rig.scan(ground, here))
+
+
 def _signatures() -> None:
     """Scan signatures."""
     lidar = Lidar(36)
@@ -82,4 +95,11 @@ def _room() -> BitmapWorld:
     return BitmapWorld(occupied, 0.1)
 
 
-WORK: tuple[Callable[[], None], ...] = (_filter, _scans, _matching, _signatures, _path)
+WORK: tuple[Callable[[], None], ...] = (
+    _filter,
+    _scans,
+    _matching,
+    _grid_slam,
+    _signatures,
+    _path,
+)

@@ -6,6 +6,7 @@ from slamlab.sensors.point import PointSensor
 from slamlab.sensors.range_bearing import RangeBearing
 from slamlab.sensors.scan_motion import motion_between, turn_between
 from slamlab.sensors.sonar import Sonar
+from slamlab.sensors.stereo import StereoRig
 from slamlab.sensors.visual_odometer import StereoOdometer, VisualOdometer
 from slamlab.sensors.wall import Wall
 
@@ -16,6 +17,7 @@ __all__ = [
     "ScanGeometry",
     "Sonar",
     "StereoOdometer",
+    "StereoRig",
     "VisualOdometer",
     "Wall",
     "motion_between",

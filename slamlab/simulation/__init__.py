@@ -2,6 +2,7 @@
 
 from slamlab.simulation.drift import drifted
 from slamlab.simulation.flights import FIELD_SENSOR, field_flights
+from slamlab.simulation.ground import ground_laps
 from slamlab.simulation.landmarks import (
     ORCHARD_SENSOR,
     ROOM_SENSOR,
@@ -19,6 +20,7 @@ __all__ = [
     "Truth",
     "drifted",
     "field_flights",
+    "ground_laps",
     "landmark_drives",
     "orchard_loop",
     "record",

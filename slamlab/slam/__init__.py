@@ -10,6 +10,7 @@ from slamlab.slam.batch import EKFSlamBatch
 from slamlab.slam.compressed import CompressedEKFSlam
 from slamlab.slam.ekf import EKFSlam
 from slamlab.slam.fast import FastSlam
+from slamlab.slam.gamma import GammaSlam
 from slamlab.slam.graph import (
     Certificate,
     PoseGraph,
@@ -33,6 +34,7 @@ __all__ = [
     "EKFSlam",
     "EKFSlamBatch",
     "FastSlam",
+    "GammaSlam",
     "GridFastSlam",
     "HectorSlam",
     "IncrementalGraph",

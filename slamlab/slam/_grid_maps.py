@@ -1,7 +1,7 @@
 """Where the grid maps of many particles are kept: tiles shared until written, copies, or a tree.
 
 Three answers to one question, equal cell for cell: what does the copy of a particle cost? Used by
-grid FastSLAM (chapter 15); the tree is DP-SLAM's (Eliazar and Parr 2003).
+grid FastSLAM and Gamma-SLAM (chapter 15); the tree is DP-SLAM's (Eliazar and Parr 2003).
 """
 
 from __future__ import annotations
@@ -32,13 +32,20 @@ class TileMaps:
     origin : ndarray, shape (2,)
     share : bool
         Whether copies share tiles until one of them writes, or each gets its own at once.
+    channels : int
+        Numbers kept of a cell.
     """
 
     def __init__(
-        self, n_particles: int, resolution: float, origin: Array, share: bool = True
+        self,
+        n_particles: int,
+        resolution: float,
+        origin: Array,
+        share: bool = True,
+        channels: int = EMPTY.shape[-1],
     ) -> None:
         self.resolution, self.origin, self.share = resolution, origin, share
-        self.shared = SharedPages(n_particles, EMPTY)
+        self.shared = SharedPages(n_particles, np.zeros((TILE, TILE, channels), np.float32))
         self.low, self.size = np.zeros(2, int), np.zeros(2, int)  # column, row; in tiles
 
     @property
@@ -94,11 +101,11 @@ class TileMaps:
             self.shared.own(*np.nonzero(self.shared.table))
 
     def dense(self, particle: int) -> NDArray[np.float32]:
-        """Whole map of one particle, shape (rows, columns, 4)."""
+        """Whole map of one particle, shape (rows, columns, channels)."""
         pages, table = self.read()
         columns, rows = self.size
-        tiles = pages[table[particle]].reshape(rows, columns, TILE, TILE, 4)
-        return tiles.swapaxes(1, 2).reshape(rows * TILE, columns * TILE, 4)
+        tiles = pages[table[particle]].reshape(rows, columns, TILE, TILE, -1)
+        return tiles.swapaxes(1, 2).reshape(rows * TILE, columns * TILE, -1)
 
 
 @dataclass

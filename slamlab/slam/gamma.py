@@ -1,0 +1,209 @@
+"""Gamma-SLAM: particles that know a place by how rough the ground is in each of its cells.
+
+Marks, Howard, Bajracharya, Cottrell and Matthies, ICRA 2008: a stereo rig sees the heights of the
+ground, visual odometry proposes, each particle keeps its own variance grid. P5 section 2.3;
+chapter 15.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_choice,
+    as_count,
+    as_rng,
+    as_scalar,
+    as_shaped,
+)
+from slamlab.filters.particle import ParticleFilter, PoseParticles
+from slamlab.grids import Grid
+from slamlab.mapping import VarianceGrid
+from slamlab.mapping.variance import FEWEST, FLOOR, OF
+from slamlab.models import MotionModel, as_motion, as_scan_sensor
+from slamlab.robots import RelativePose
+from slamlab.sensors import StereoRig
+from slamlab.slam._grid_maps import TileMaps
+
+__all__ = ["GammaSlam"]
+
+
+class GammaSlam(PoseParticles):
+    """Rao-Blackwellized particle filter for SLAM on rough ground: each particle has its own map.
+
+    Given the path of a particle, the precision of the heights in each cell is gamma distributed,
+    exactly. Particles share the pages of their maps until one of them writes.
+
+    Parameters
+    ----------
+    rig : StereoRig
+        How the rays lie; anything else with `points` and `heights` of ranges will do.
+    pose : array_like, shape (3,), default (0, 0, 0)
+        Where the robot stands first (m, m, rad).
+    n_particles : int, default 60
+    rng : numpy.random.Generator
+    motion : MotionModel, default RelativePose()
+        How visual odometry moves the robot.
+    resolution : float, default 0.25
+        Side of a cell (m).
+    alpha, beta : float, default 1 and 1e-3
+        Shape and rate (m^2) of the precision in a cell that nobody saw.
+    density : {"heights", "variances"}, default "heights"
+        What a particle is weighed by: the density of the heights of a picture, or that of their
+        sample variances, which is not comparable between particles that sort the same heights
+        into different cells.
+    temper : float, default 0.3
+        Power of the likelihood: neighbouring points are far from independent.
+    threshold : float, default 0.5
+        Resample when the effective sample size falls below this share of the particles.
+
+    Attributes
+    ----------
+    map_bytes : int
+        Memory of all maps together.
+
+    Raises
+    ------
+    ValueError
+        If an argument has a wrong shape or value.
+
+    Examples
+    --------
+    >>> from slamlab.worlds import Terrain
+    >>> rig, ground = StereoRig(1000), Terrain.rough(np.random.default_rng(1))
+    >>> slam = GammaSlam(rig, [9.0, 9.0, 0.0], 30, rng=np.random.default_rng(2))
+    >>> for x in (9.0, 9.3, 9.6):
+    ...     if x > 9:
+    ...         slam.predict([0.3, 0.0, 0.0], 1.0, np.diag([0.05, 0.05, 0.01]) ** 2)
+    ...     evidence = slam.update(rig.scan(ground, [x, 9.0, 0.0]))
+    >>> bool(np.abs(slam.pose - [9.6, 9.0, 0.0]).max() < 0.06)
+    True
+    """
+
+    measures = "ranges"
+
+    def __init__(
+        self,
+        rig: StereoRig,
+        pose: ArrayLike = (0.0, 0.0, 0.0),
+        n_particles: int = 60,
+        *,
+        rng: np.random.Generator,
+        motion: MotionModel = RelativePose(),  # noqa: B008
+        resolution: float = 0.25,
+        alpha: float = 1.0,
+        beta: float = 1e-3,
+        density: str = "heights",
+        temper: float = 0.3,
+        threshold: float = 0.5,
+    ) -> None:
+        as_scan_sensor("rig", rig)
+        if not hasattr(rig, "heights"):
+            raise ValueError(
+                f"rig: expected a rig such as StereoRig(), got {type(rig).__name__}, which has no "
+                "heights"
+            )
+        self.rig, self.motion = rig, as_motion("motion", motion)
+        pose = as_array("pose", pose, (3,))
+        M = as_count("n_particles", n_particles, 1)
+        resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
+        self._prior = as_scalar("alpha", alpha, 1e-9, 1e9), as_scalar("beta", beta, 1e-12, 1e9)
+        self.density = as_choice("density", density, OF)
+        self._temper = as_scalar("temper", temper, 1e-9, 1e9)
+        self._cloud = ParticleFilter(np.tile(pose, (M, 1)), as_rng("rng", rng), None, threshold)
+        self._maps = TileMaps(M, resolution, pose[:2].copy(), channels=2)
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Move every particle by its own draw from the motion model: control u (p,), dt (s)."""
+        self._cloud.predict(lambda poses, rng: self.motion.sample(poses, u, dt, control_cov, rng))
+
+    def update(self, ranges: ArrayLike, ids: None = None) -> float:
+        """Sort, weigh, add, resample.
+
+        Parameters
+        ----------
+        ranges : array_like, shape (n_beams,)
+            Along the rays (m); NaN is a lost one, inf or ``rig.max_range`` one that met nothing.
+        ids : None
+            Pictures have no names.
+
+        Returns
+        -------
+        float
+            Logarithm of the weighted mean of the tempered likelihood; 0 for a picture that shows
+            nothing, which changes nothing.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a range negative. The filter is then as it was before.
+        """
+        ranges = as_shaped("ranges", ranges, (self.rig.n_beams,))
+        points, heights = self.rig.points(ranges), self.rig.heights(ranges)
+        seen = np.isfinite(points).all(-1)
+        if not seen.any():
+            return 0.0
+        from slamlab.slam._gamma_kernels import add, gather, mark, weigh
+
+        maps, poses, log_likelihood = self._maps, self._cloud.particles, np.zeros(self.n_particles)
+        # 1. Sort the points into cells: each particle its own way, for cells are of the world.
+        corners, cells = self._window(points[seen], poses)
+        level = heights[seen] - heights[seen].mean()
+        gather(np.ascontiguousarray(points[seen]), level, poses, maps.frame, corners, cells)
+        # 2. Weigh by the map that each particle made so far.
+        settings = (*self._prior, self.density == "heights", FEWEST, FLOOR)
+        weigh(*maps.read(), maps.columns, corners, cells, settings, log_likelihood)
+        # 3. alpha += nu/2, beta += nu s^2/2 in every map, before resampling: then copies share.
+        tiles = np.zeros((len(poses), int(maps.size.prod())), bool)
+        mark(maps.columns, corners, cells, tiles)
+        add(*maps.write(tiles), maps.columns, corners, cells)
+        # 4. Resample particles with their maps if the weights say so.
+        evidence = self._cloud.update(self._temper * log_likelihood)
+        if self.resampled:
+            maps.resample(self._cloud.ancestors)
+        return evidence
+
+    def _window(self, points: Array, poses: Array) -> tuple[Array, Array]:
+        """First cells (M, 2) and room (M, side, side, 2) for points around each pose."""
+        maps, reach = self._maps, float(np.hypot(*points.T).max())
+        maps.make_room(np.concatenate([poses[:, :2] - reach, poses[:, :2] + reach]))
+        resolution, *corner = maps.frame
+        corners = np.floor((poses[:, :2] - reach - corner) / resolution).astype(np.int64)
+        side = int(2 * reach / resolution) + 3
+        return corners, np.empty((len(poses), side, side, 2), np.float32)
+
+    @property
+    def map_bytes(self) -> int:
+        """Memory of all maps together."""
+        return self._maps.nbytes
+
+    def map(self, particle: int | None = None) -> VarianceGrid:
+        """Map of a particle, the heaviest by default; a copy.
+
+        Parameters
+        ----------
+        particle : int, optional
+            Row of `poses`.
+
+        Raises
+        ------
+        ValueError
+            If there is no such particle, or nothing was seen yet.
+        """
+        i = int(self._cloud.log_weights.argmax()) if particle is None else particle
+        if as_count("particle", i) >= self.n_particles:
+            raise ValueError(f"particle: expected one below {self.n_particles}, got {i}")
+        if not self._maps.size.any():
+            raise ValueError("particle: expected a map, nothing was seen yet")
+        cells, frame = self._maps.dense(i).astype(float), self._maps.frame
+        rows, columns = cells.shape[:2]
+        grid = VarianceGrid(Grid((rows, columns), frame[0], frame[1:]), *self._prior)
+        grid.alpha += 0.5 * cells[..., 0]
+        grid.beta += 0.5 * cells[..., 1]
+        return grid
+
+    def _contents(self) -> str:
+        return f"{self.map_bytes / 1e6:.1f} MB of maps, "
