@@ -24,3 +24,34 @@ document.addEventListener("DOMContentLoaded", function () {
     pre.tabIndex = 0;
   });
 });
+// The papers, line by line: a button a verdict; without this script all lines are shown.
+document.addEventListener("DOMContentLoaded", function () {
+  var counts = document.querySelector("table.paper-counts");
+  if (!counts) return;
+  var rows = Array.from(document.querySelectorAll("table.paper-lines tbody tr"));
+  var bar = document.createElement("div");
+  bar.className = "paper-filter";
+  bar.setAttribute("role", "group");
+  bar.setAttribute("aria-label", "Show the lines with this verdict only");
+  function add(label, name, shown) {
+    var button = document.createElement("button");
+    button.type = "button";
+    button.textContent = label;
+    button.setAttribute("aria-pressed", String(!name));
+    button.addEventListener("click", function () {
+      rows.forEach(function (row) { row.hidden = !shown(row); });
+      bar.querySelectorAll("button").forEach(function (each) {
+        each.setAttribute("aria-pressed", String(each === button));
+      });
+    });
+    bar.appendChild(button);
+  }
+  add("all (" + rows.length + ")", "", function () { return true; });
+  counts.querySelectorAll("tbody tr").forEach(function (line) {
+    var name = line.cells[0].textContent.trim();
+    var kind = "verdict-" + name.replace(/ /g, "-");
+    var of = rows.filter(function (row) { return row.classList.contains(kind); }).length;
+    if (of) add(name + " (" + of + ")", name, function (row) { return row.classList.contains(kind); });
+  });
+  (counts.closest(".table-scroll") || counts).after(bar);
+});

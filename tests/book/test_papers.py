@@ -1,0 +1,132 @@
+"""The papers, line by line: nothing is missing, and each place and each test named exists."""
+
+import ast
+import functools
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "book" / "extensions"))
+from paper_lines import (  # noqa: E402
+    KINDS,
+    READ,
+    VERDICTS,
+    errata,
+    errata_of,
+    find,
+    paper,
+    papers,
+)
+
+LINES = [(name, line) for name in papers() for line in paper(name)["lines"]]
+# What the papers number themselves; P3 and P4 name their formulas by step or variant.
+DUE = {
+    "P1": [*(f"({n})" for n in range(1, 44)), *(f"figure {n}" for n in range(1, 5))],
+    "P2": [*(f"({n})" for n in range(1, 19)), *(f"figure {n}" for n in range(1, 6))],
+    "P3": ["(1)", *(f"figure {n}" for n in range(1, 5)), "table 1", "algorithm 1.1-1.5",
+           "algorithm 1.6", "algorithm 1.7", "algorithm 2.1-2.3", "algorithm 2.4", "one point",
+           "point and derivative", "two points", "two points and derivative"],
+    "P4": ["(2a)", "(2b)", "(3a)", "(3b)", "(3c)", "(4a)", "(4b)", "(4c)"],
+    "P5": [*(f"({n})" for n in range(1, 16)), "(14), second",
+           *(f"figure {n}" for n in range(1, 22)), "`nvec`", "`Turndot`", "`Move`", "`Turn`",
+           "`Scan`", "`distancetodots`", "`Whatangle`", "`whatmove`", "`CanMove`", "`acf`"],
+}  # fmt: skip
+
+
+def numbers(name):
+    """All numbers that a name stands for: "(12), (13)", "(1)-(4)", "figures 18, 19"."""
+    found = {name, *re.findall(r"`\w+`", name), *re.findall(r"\(\d+\w?\)", name)}
+    for first, last in re.findall(r"\((\d+)\)-\((\d+)\)", name):
+        found |= {f"({n})" for n in range(int(first), int(last) + 1)}
+    for listed in re.findall(r"figures? ([\d, ]+)", name):
+        found |= {f"figure {n}" for n in re.findall(r"\d+", listed)}
+    return found | {name.partition(",")[0]}
+
+
+@functools.cache
+def functions_of(file):
+    """Names of the tests of a file, the skipped ones left out."""
+    tree = ast.parse((ROOT / file).read_text()) if (ROOT / file).is_file() else ast.Module([], [])
+    found = (node for node in tree.body if isinstance(node, ast.FunctionDef))
+    return {node.name for node in found if "skip" not in ast.dump(ast.List(node.decorator_list))}
+
+
+def faults(name, line):
+    """Say what is wrong with a line."""
+    found = [f"no such place: {at}" for at in line.get("at", []) if find(at) is None]
+    found += [f"no such cell: {c}" for c in line.get("cells", []) if find(c, code=True) is None]
+    for test in line["tests"]:
+        file, _, function = test.partition("::")
+        found += [f"no such test: {test}"] if function not in functions_of(file) else []
+    found += [f"no such row: {key}" for key in line.get("errata", []) if not errata_of(name, key)]
+    verdict = line.get("verdict")
+    known = (line["kind"] in KINDS, line["read"] in READ, verdict in VERDICTS, line["says"])
+    found += [] if all(known) else ["a word that the page does not explain"]
+    if verdict in ("not judged", "typo") and not line["notes"]:
+        found.append("no verdict, and no word why")
+    if verdict not in ("not judged", "typo") and not line["tests"] + line.get("cells", []):
+        found.append("a verdict that nothing proves")
+    if verdict in ("wrong", "refuted") and line["read"] != "clear":
+        found.append("wrong is said of what was read clearly")
+    if verdict == "wrong as read" and line["read"] == "clear":
+        found.append("it was read clearly: wrong")
+    return found
+
+
+@pytest.mark.parametrize("name", papers())
+def test_every_line_has_a_verdict_a_place_that_exists_and_a_test_that_exists(name):
+    wrong = {line["name"]: faults(name, line) for paper, line in LINES if paper == name}
+    assert {line: why for line, why in wrong.items() if why} == {}
+
+
+@pytest.mark.parametrize("name", papers())
+def test_no_numbered_formula_figure_or_program_is_missing(name):
+    there = set().union(*(numbers(line["name"]) for paper, line in LINES if paper == name))
+    assert set(DUE[name]) - there == set()
+
+
+def test_the_errata_are_a_part_of_the_lines_and_agree():
+    named = {}
+    for name, line in LINES:
+        for key in line.get("errata", []):
+            for row in errata_of(name, key):
+                named.setdefault(id(row), []).append((row, line))
+    assert [row[1][:3] for row in errata() if id(row) not in named] == []
+    for rows in named.values():
+        for (_, cells, _), line in rows:
+            assert ("wrong as read" == cells[3]) == (line["verdict"] == "wrong as read"), cells
+
+
+def test_each_paper_says_who_wrote_it_and_where_it_is_found():
+    bibliography = (ROOT / "book" / "references.bib").read_text(encoding="utf-8")
+    for name in papers():
+        data = paper(name)
+        assert all(data[key] for key in ("authors", "title", "year", "find"))
+        assert f"{{{data['key']}," in bibliography
+
+
+def test_the_page_shows_every_paper():
+    page = (ROOT / "book" / "papers.md").read_text(encoding="utf-8")
+    assert re.findall(r"```\{paper-lines\} (P\d)", page) == papers()
+    assert all(verdict in page for verdict in VERDICTS)
+
+
+SELF = str(Path(__file__).relative_to(ROOT))
+GOOD = {"name": "(1)", "kind": "formula", "says": "x", "read": "clear", "verdict": "right",
+        "notes": [], "tests": [f"{SELF}::test_the_guard_refuses"]}  # fmt: skip
+BAD = [
+    {"tests": []}, {"tests": ["tests/book/test_papers.py::test_nobody_wrote_this"]},
+    {"at": ["01: words that no chapter has, surely"]}, {"cells": ["01: One number by hand"]},
+    {"verdict": "fine"}, {"verdict": "wrong", "read": "doubtful"},
+    {"verdict": "not judged", "tests": []}, {"verdict": "wrong as read"},
+    {"errata": ["(99)"]}, {"kind": "poem"},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("change", BAD)
+def test_the_guard_refuses(change):
+    assert faults("P1", GOOD) == []
+    assert faults("P1", {**GOOD, **change})
