@@ -212,6 +212,13 @@ class HeightGrid(_CellMap):
     ------
     ValueError
         If `grid` is none, or a number out of range.
+
+    Examples
+    --------
+    >>> ground = HeightGrid(Grid((1, 1), 1.0), sigma=0.1)
+    >>> ground.insert([0, 0, 0], [[0.2, 0.3], [0.6, 0.4]], [0.4, 0.6])
+    >>> ground.mean.round(2).tolist(), np.sqrt(ground.var).round(2).tolist()
+    ([[0.5]], [[0.07]])
     """
 
     def __init__(

@@ -60,6 +60,12 @@ def ground_laps(
     ------
     ValueError
         If a number is out of range or the circle does not fit on the terrain.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> ground_laps(Terrain.rough(rng), StereoRig(100), rng, laps=0.5)
+    Log(74 steps over 73 s, scans of 100 beams, truth)
     """
     rng, radius = as_rng("rng", rng), as_scalar("radius", radius, 1e-3, 1e9)
     laps, step = as_scalar("laps", laps, 1e-3, 1e9), as_scalar("step", step, 1e-3, 1e9)
