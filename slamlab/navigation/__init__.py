@@ -3,7 +3,14 @@
 from slamlab.navigation.drive import YOUBOT_BODY, Body, RoomDriver
 from slamlab.navigation.explore import Explorer
 from slamlab.navigation.follow import Homer, RegulatedPurePursuit, ReturnLaw
-from slamlab.navigation.path_memory import Cubic, Loop, PathMemory, fit_cubic
+from slamlab.navigation.path_memory import (
+    VARIANTS,
+    Cubic,
+    Loop,
+    PathMemory,
+    fit_cubic,
+    refit_by_arc_length,
+)
 from slamlab.navigation.seen_floor import SeenFloor
 from slamlab.navigation.strategies import (
     InformationGain,
@@ -33,6 +40,8 @@ __all__ = [
     "SeenFloor",
     "Situation",
     "Strategy",
+    "VARIANTS",
     "YOUBOT_BODY",
     "fit_cubic",
+    "refit_by_arc_length",
 ]

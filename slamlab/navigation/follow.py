@@ -219,6 +219,8 @@ class Homer:
         Turn on the spot until the front looks along the path before driving.
     stop : float, default 0.02
         Arc length (m) before the start at which the robot stops.
+    turn_rate : float, optional
+        How fast it turns on the spot (rad/s); as fast as the law allows without it.
 
     Attributes
     ----------
@@ -247,10 +249,18 @@ class Homer:
     s: Array
 
     def __init__(
-        self, path: PathMemory, law: Law, *, turn_first: bool = False, stop: float = 0.02
+        self,
+        path: PathMemory,
+        law: Law,
+        *,
+        turn_first: bool = False,
+        stop: float = 0.02,
+        turn_rate: float | None = None,
     ) -> None:
         self._path, self._law = path, law
         self._turn_first, self._stop = bool(turn_first), as_scalar("stop", stop, 1e-6, 1e6)
+        rate = getattr(law, "max_turn_rate", 1.0) if turn_rate is None else turn_rate
+        self._turn_rate = as_scalar("turn_rate", rate, 1e-6, 1e6)
         self._turning: np.ndarray | None = None
 
     def __repr__(self) -> str:
@@ -271,9 +281,8 @@ class Homer:
         if self._turning.any():
             off = _off_the_path(self._path, view.pose, self.s)
             self._turning = self._turning & (np.abs(off) > 0.05)
-            rate = float(getattr(self._law, "max_turn_rate", 1.0))
             spot = np.zeros_like(u)
-            spot[..., -1] = np.clip(off / view.dt, -rate, rate)
+            spot[..., -1] = np.clip(off / view.dt, -self._turn_rate, self._turn_rate)
             u = np.where(self._turning[..., None], spot, u)
         # 2.4: home is where no path is left.
         return None if self.arrived.all() else np.where(self.arrived[..., None], 0.0, u)

@@ -303,6 +303,28 @@ class PathMemory:
 
     # Storing.
 
+    @classmethod
+    def from_points(
+        cls, points: ArrayLike, tolerance: float, variant: str = "two-points", **options: Any
+    ) -> PathMemory:
+        """Store a whole path of points (n, 2), n >= 1, and close it; options as above.
+
+        Raises
+        ------
+        ValueError
+            As the constructor, and as `add` of a point.
+
+        Examples
+        --------
+        >>> PathMemory.from_points([[0, 0], [0.5, 0], [1, 0]], 0.05)
+        PathMemory(1.00 m in 1 segments, 0 loops cut out, tolerance 0.05 m)
+        """
+        memory = cls(tolerance, variant, **options)
+        for point in _metres("points", points, ("n", 2)):
+            memory.add(point)
+        memory.close()
+        return memory
+
     def add(self, point: ArrayLike) -> None:
         """Store the next point (m, m) of the path, P3 steps 1.2 to 1.7.
 

@@ -230,3 +230,16 @@ def test_a_pilot_names_a_stop_that_is_none():
 def test_the_pilot_says_who_it_is():
     assert "ReturnLaw" in repr(Homer(STAIRS, ReturnLaw()))
     assert repr(STAIRS).startswith("PathMemory(2.0")
+
+
+def test_it_turns_on_the_spot_as_fast_as_it_is_told():
+    pose = far_end(STAIRS)
+    for rate, most in ((None, 1.5), (0.4, 0.4)):
+        pilot = Homer(STAIRS, ReturnLaw(), turn_first=True, turn_rate=rate)
+        believed = DeadReckoning(RelativePose(), pose)
+        log = record(None, Unicycle(), None, pilot, believed, rng(), start=pose, odometer=EXACT)
+        on_the_spot = log.notes["command"][:, 0] == 0
+        assert abs(log.notes["command"][on_the_spot, 1]).max() == pytest.approx(most)
+        assert pilot.arrived
+    with pytest.raises(ValueError, match="turn_rate"):
+        Homer(STAIRS, ReturnLaw(), turn_rate=0.0)

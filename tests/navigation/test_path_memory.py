@@ -520,3 +520,23 @@ def test_a_file_that_is_no_memory_is_named(tmp_path):
             PathMemory.load(tmp_path / name)
     with pytest.raises(FileNotFoundError):
         PathMemory.load(tmp_path / "nowhere.npz")
+
+
+def test_a_path_of_points_is_what_adding_them_one_by_one_makes():
+    side = np.linspace(0, 1, 21)[1:]
+    points = np.array(
+        [(s, 0) for s in side]
+        + [(1, s) for s in side]
+        + [(1 - s / 2, 1) for s in side]
+        + [(0.5, 1 - 1.5 * s) for s in side]
+    )
+    memory = PathMemory(0.05)
+    for point in points:
+        memory.add(point)
+    open_end = memory.length
+    memory.close()
+    whole = PathMemory.from_points(points, 0.05)
+    assert (whole.length, whole.n_segments) == (memory.length, memory.n_segments)
+    assert whole.length != open_end, "the loops that the last segment closes are cut out too"
+    with pytest.raises(ValueError, match="points: expected"):
+        PathMemory.from_points([1.0, 2.0], 0.05)
