@@ -201,6 +201,13 @@ def refit_by_arc_length(curve: Cubic, t: ArrayLike, points: ArrayLike) -> Cubic:
     ------
     ValueError
         If a shape is wrong or a number is not finite.
+
+    Examples
+    --------
+    >>> arc, t = Cubic([[0, 0], [0.3, 0], [0.9, 0], [-0.5, 0.6]]), np.linspace(0, 1, 50)
+    >>> speed = np.hypot(*refit_by_arc_length(arc, t, arc(t)).derivative(t * arc.length).T)
+    >>> bool(abs(speed - 1).max() < 0.1), bool(abs(speed - 1).max() > 0.01)
+    (True, True)
     """
     t = as_array("t", t, ("n",))
     points = as_array("points", points, (len(t), 2))

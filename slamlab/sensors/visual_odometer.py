@@ -42,7 +42,14 @@ def room_points(
     size: tuple[float, float] = (10.0, 8.0),
     height: float = 2.5,
 ) -> Array:
-    """Draw points (n, 3) of texture on the four walls of a room around the origin (m)."""
+    """Draw points (n, 3) of texture on the four walls of a room around the origin (m).
+
+    Examples
+    --------
+    >>> points = room_points(np.random.default_rng(0), 100, size=(4.0, 2.0))
+    >>> points.shape, bool((np.isclose(abs(points), [2, 1, np.nan]).any(1)).all())
+    ((100, 3), True)
+    """
     rng, n = as_rng("rng", rng), as_count("n", n, 1)
     width, depth = as_array("size", size, (2,))
     if min(width, depth) <= 0:
@@ -427,6 +434,13 @@ def fit_noise(true_steps: ArrayLike, measured_steps: ArrayLike) -> VisualOdomete
     ------
     ValueError
         If shapes differ, a number is not finite, or there are fewer than ten steps.
+
+    Examples
+    --------
+    >>> rng, steps = np.random.default_rng(0), np.tile([[0.02, 0, 0], [0, 0, 0.03]], (200, 1))
+    >>> measured = VisualOdometer.simple(0.01, 0.01).measure(np.zeros(3), steps, rng)
+    >>> np.sqrt(fit_noise(steps, measured).cov([0.02, 0, 0]).diagonal()).round(2).tolist()
+    [0.01, 0.01, 0.01]
     """
     true_steps = as_array("true_steps", true_steps, ("n", 3))
     measured = as_array("measured_steps", measured_steps, true_steps.shape)
