@@ -18,7 +18,8 @@ DT = 0.1
 
 
 def drive():
-    """P3's drive: 505 poses at 10 Hz, legs of 0.5 m, right angles, from (0, 0) to (-0.5, 0.5) m."""
+    """P3's drive: 505 poses at 10 Hz."""
+    # Legs of 0.5 m, right angles, from (0, 0) to (-0.5, 0.5) m.
     leg, bend = [[0.01, 0, 0]] * 50, [[0, 0, -np.pi / 2 / 68]] * 68
     poses = [np.array([0, 0, np.pi / 2])]
     for step in 2 * leg + 3 * (bend + leg) + leg:
