@@ -18,7 +18,7 @@ endif
 NBVAL := $(BIN)/python -m pytest -q -n 2 --dist loadfile --nbval --nbval-current-env \
   --nbval-cell-timeout 300
 PARTS := chromium lint unit speed notebooks same book-tests
-NOTEBOOKS := notebooks/*.ipynb notebooks/exercises/*.ipynb notebooks/solutions/*.ipynb
+NOTEBOOKS := notebooks/*.ipynb notebooks/exercises/*.ipynb notebooks/solutions/*.ipynb notebooks/labs/*.ipynb
 
 .DEFAULT_GOAL := help
 .PHONY: help book pdf test lab lint unit speed notebooks same book-tests chromium lock vendor slim clean

@@ -12,7 +12,7 @@ import builtins
 import json
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -23,9 +23,11 @@ import numpy as np
 import slamlab.exercises
 from slamlab.exercises import Check, Observation
 
-__all__ = ["checks_of", "decoded", "refusals"]
+__all__ = ["cells_of", "checks_of", "decoded", "limit_memory", "refusals"]
 
+OPEN = {"Check", "Report", "*", "labs", "lab_scores", "Setting", "practice", "practise"}
 UNNEEDED = {"gc", "inspect", "ctypes", "importlib", "runpy", "subprocess", "multiprocessing"}
+HIDDEN = ("slamlab/exercises", "solutions/", "/proc")
 INSIDE = {"_getframe", "modules", "settrace", "__globals__", "__subclasses__", "__code__"}
 
 
@@ -64,8 +66,11 @@ def _plain_line(line: str) -> str:
     return "" if line.lstrip().startswith(("%", "!")) else line
 
 
-def refusals(cells: list[str]) -> list[str]:
-    """Say what in a submission is no answer: references, checks or the interpreter touched."""
+def refusals(cells: list[str], closed: Sequence[str] = ()) -> list[str]:
+    """Say what in a submission is no answer: references, checks or the interpreter touched.
+
+    `closed` are rooms of the library that are not to be used either.
+    """
     said = []
     for cell in cells:
         try:
@@ -78,16 +83,23 @@ def refusals(cells: list[str]) -> list[str]:
                 names = [f"{module}.{alias.name}" for alias in node.names]
             elif isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.Attribute) and node.attr in INSIDE:
-                said.append(f"uses {ast.unparse(node)}")
+            elif isinstance(node, ast.Attribute):
+                text = ast.unparse(node)
+                said += [f"uses {text}"] if node.attr in INSIDE or text in closed else []
+                continue
+            elif isinstance(node, ast.Name):
+                said += [f"uses {node.id}"] if node.id == "__import__" else []
                 continue
             elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                hidden = "slamlab/exercises" in node.value or "solutions/" in node.value
+                hidden = any(place in node.value for place in HIDDEN)
                 said += [f"opens {node.value}"] if hidden else []
                 continue
             else:
                 continue
-            said += [f"imports {name}" for name in names if _forbidden(name)]
+            shut = [
+                name for name in names if f"{name}.".startswith(tuple(f"{r}." for r in closed))
+            ]
+            said += [f"imports {name}" for name in names if _forbidden(name) or name in shut]
     return list(dict.fromkeys(said))
 
 
@@ -98,7 +110,7 @@ def _forbidden(name: str) -> bool:
     if parts[:2] != ["slamlab", "exercises"] or len(parts) == 2:
         return False
     last = parts[-1]
-    return not (last.startswith(("check_", "ch")) or last in {"Check", "Report", "*"})
+    return not (last.startswith(("check_", "ch")) or last in OPEN)
 
 
 class _Closed(ModuleType):
@@ -156,7 +168,7 @@ def _executed(cell: str, space: dict[str, Any]) -> None:
     exec(compile(cell, "submission", "exec"), space)
 
 
-def _limit_memory(size: int) -> None:
+def limit_memory(size: int) -> None:
     try:
         import resource
     except ImportError:  # Windows
@@ -170,7 +182,7 @@ def main(file: str, chapter: str, output: str, seconds: str, megabytes: str) -> 
     looks = {name: check.observe for name, check in checks.items()}
     for check in checks.values():
         check.inputs  # noqa: B018 (drawn before anything of the student runs)
-    _limit_memory(int(megabytes) * 2**20)
+    limit_memory(int(megabytes) * 2**20)
     sys.argv = [file]
     _close()
     cells = cells_of(Path(file))

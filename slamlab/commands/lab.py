@@ -1,0 +1,63 @@
+"""Score a student's file on one of the four labs, beside the library's own systems.
+
+The file (.py or .ipynb) defines `make(setting)`, which returns an estimator; in lab IV the
+estimator has `command(view)` too, and in lab II the file defines `map_room(setting, log)`. It runs
+in a process of its own, with limits of time and memory, and is told step by step what a robot is
+told. The drives are drawn from a seed that the sheet shows; the truth stays with the score.
+"""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from slamlab.commands import _submission
+from slamlab.commands._student import Process
+from slamlab.exercises.lab_scores import Row, library_rows, row, sheet
+from slamlab.exercises.labs import LABS, Task, as_system_sees_it, tasks
+
+CLOSED = {
+    "I": ("slamlab.filters", "slamlab.slam", "slamlab.localization"),
+    "II": ("slamlab.mapping", "slamlab.slam", "slamlab.localization"),
+    "III": ("slamlab.filters", "slamlab.slam", "slamlab.localization"),
+    "IV": ("slamlab.navigation",),
+}
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare what the command takes."""
+    parser.add_argument("lab", choices=LABS)
+    parser.add_argument("file", type=Path, help=".py or .ipynb")
+    parser.add_argument("--seed", type=int, help="of the drives; drawn if left out")
+    parser.add_argument("--seconds", type=float, default=120.0, help="for each drive")
+    parser.add_argument("--megabytes", type=int, default=4096, help="memory of the file's process")
+    parser.add_argument("--alone", action="store_true", help="beside dead reckoning only")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print the score sheet."""
+    closed = (*CLOSED[options.lab], "slamlab.commands")
+    refused = _submission.refusals(_submission.cells_of(options.file), closed)
+    if refused:
+        raise ValueError(f"refused: {'; '.join(refused)}")
+    seed = secrets.randbits(32) if options.seed is None else options.seed
+    print(f"Lab {options.lab}: {options.file.name}, seed {seed}")
+    won = of = 0
+    for task in tasks(options.lab, np.random.default_rng((21, seed))):
+        bar = library_rows(options.lab, task, not options.alone)
+        good, asked = sheet(options.lab, task, _yours(options, task, closed), bar)
+        won, of = won + good, of + asked
+    print(f"\n{won} of {of} points")
+
+
+def _yours(options: argparse.Namespace, task: Task, closed: tuple[str, ...]) -> Row:
+    """Let the student's system do a drive in its own process."""
+    with Process(options.file, options.seconds, options.megabytes, closed) as process:
+        if options.lab != "II":
+            return row(options.lab, task, "you", partial(process.system, task.setting))
+        log = as_system_sees_it(task.log)
+        return row("II", task, "you", partial(process.ask, "map_room", task.setting, log))

@@ -1,0 +1,169 @@
+"""The labs' score sheets: a good system earns its points, a bad one none, a hostile one a note."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from slamlab.commands import lab, main
+from slamlab.exercises.labs import tasks
+
+LABS = Path(__file__).resolve().parents[2] / "notebooks" / "labs"
+GOOD = """import numpy as np
+
+
+class Tracker:
+    measures = "looks"
+
+    def __init__(self, setting):
+        self.setting = setting
+        self.pose, self.pose_cov = setting.start.copy(), setting.start_cov.copy()
+
+    def predict(self, u, dt, control_cov):
+        F, G = self.setting.motion.jacobians(self.pose, u, dt)
+        self.pose = self.setting.motion.step(self.pose, u, dt)
+        self.pose_cov = F @ self.pose_cov @ F.T + G @ control_cov @ G.T
+
+    def update(self, z, ids):
+        sensor = self.setting.sensor
+        for reading, beacon in zip(z, self.setting.beacons[ids]):
+            H, _ = sensor.jacobians(self.pose, beacon)
+            v = sensor.residual(reading, sensor.observe(self.pose, beacon))
+            S = H @ self.pose_cov @ H.T + sensor.cov
+            if v @ np.linalg.solve(S, v) < 12.0:
+                K = self.pose_cov @ H.T @ np.linalg.inv(S)
+                self.pose = self.pose + K @ v
+                self.pose_cov = (np.eye(3) - K @ H) @ self.pose_cov
+
+
+def make(setting):
+    return Tracker(setting)
+"""
+MAP = """import numpy as np
+
+
+def map_room(setting, log):
+    pose, n, cell = setting.start.copy(), 400, 0.05
+    corner, odds = pose[:2] - 10.0, np.zeros((n, n))
+    for u, dt, ranges in zip(log.u, log.dt, log.ranges):
+        pose = setting.motion.step(pose, u, dt) if dt else pose
+        ends = log.scan.points(ranges, pose)
+        ends = ends[np.isfinite(ends[:, 0])]
+        eye = pose[:2] + setting.lidar.offset * np.array([np.cos(pose[2]), np.sin(pose[2])])
+        for share in np.arange(0.02, 0.99, 0.02):
+            row, column = np.int_((eye + share * (ends - eye) - corner) / cell).T[::-1]
+            np.add.at(odds, (row, column), -0.05)
+        row, column = np.int_((ends - corner) / cell).T[::-1]
+        np.add.at(odds, (row, column), 0.8)
+    return 1 / (1 + np.exp(-np.clip(odds, -50, 50))), cell, corner
+"""
+WRONG = {  # what is handed in, a piece of what is said
+    "no_make": ("x = 1\n", "the file defines no function make"),
+    "typo": ("def make(:\n", "cell 1 raised SyntaxError"),
+    "no_system": ("def make(setting):\n    return 3\n", "what make returns has no measures, pose"),
+    "raises": (
+        GOOD.replace("K = self", "1 / 0\n                K = self"),
+        "update: ZeroDivisionError: division by zero, line 23",
+    ),
+    "nan": (GOOD.replace("self.pose + K @ v", "self.pose * np.nan"), "pose: expected finite"),
+    "shape": (GOOD.replace("self.pose + K @ v", "K @ v[:, None]"), "pose"),
+    "endless": (GOOD.replace("K = self", "while True: pass\n                K = self"), "not end"),
+    "hungry": (
+        GOOD.replace("import numpy as np", "import numpy as np\nx = np.ones(10**12)"),
+        "no",
+    ),
+    "dies": (GOOD + "\n\nimport os\nos._exit(1)\n", "its process ended early"),
+}
+CHEATS = {
+    "from slamlab.slam import EKFSlam\n": "imports slamlab.slam.EKFSlam",
+    "import slamlab.filters.extended as ekf\n": "imports slamlab.filters.extended",
+    "from slamlab import filters\n": "imports slamlab.filters",
+    "import slamlab\nslamlab.slam.EKFSlam\n": "uses slamlab.slam",
+    "from slamlab.exercises.labs import tasks\n": "imports slamlab.exercises.labs.tasks",
+    "__import__('slamlab.slam')\n": "uses __import__",
+    "open('/proc/1/environ')\n": "opens /proc/1/environ",
+    "import inspect\n": "imports inspect",
+}
+
+
+def sheet(tmp_path, capsys, number, text, *words, name="mine.py"):
+    file = tmp_path / name
+    file.write_text(text)
+    assert main(["lab", number, str(file), "--seed", "3", *words]) == 0
+    return capsys.readouterr().out
+
+
+def points(text):
+    return tuple(map(int, re.search(r"(\d+) of (\d+) points", text).groups()))
+
+
+def test_a_good_tracker_earns_every_point_and_stands_beside_the_library(tmp_path, capsys):
+    text = sheet(tmp_path, capsys, "I", GOOD)
+    assert points(text) == (12, 12)
+    assert text.startswith("Lab I: mine.py, seed 3\n")
+    for who in ("you", "dead reckoning", "EKF, every reading", "EKF with a gate"):
+        assert len(re.findall(rf"(?m)^{who}  ", text)) == 3
+
+
+def test_a_tracker_that_believes_echoes_or_itself_too_much_loses_points(tmp_path, capsys):
+    gateless = sheet(tmp_path, capsys, "I", GOOD.replace("< 12.0", "< 1e9"))
+    assert points(gateless) == (10, 12)
+    sure = sheet(tmp_path, capsys, "I", GOOD.replace("+ sensor.cov", "+ sensor.cov / 30"))
+    assert points(sure)[0] <= 9
+    assert "NO  so, and mean NEES" in sure
+
+
+def test_the_same_seed_gives_the_same_drives(tmp_path, capsys):
+    def errors():
+        text = sheet(tmp_path, capsys, "I", GOOD, "--alone")
+        return re.findall(r"(?m)^you +(\S+ +\S+)", text)
+
+    assert errors() == errors()
+    assert len(errors()) == 3
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_goes_wrong_is_said_and_the_sheet_goes_on(tmp_path, capsys, monkeypatch, name):
+    monkeypatch.setattr(lab, "tasks", lambda *given: tasks(*given)[:1])
+    text, said = WRONG[name]
+    words = ("--alone", "--seconds", "6")
+    report = sheet(tmp_path, capsys, "I", text, *words)
+    assert said in report
+    assert points(report) == (0, 3)
+    assert report.count("dead reckoning  ") == 1
+
+
+@pytest.mark.parametrize("line", CHEATS)
+def test_what_is_not_the_students_own_is_refused(tmp_path, capsys, line):
+    file = tmp_path / "mine.py"
+    file.write_text(line + GOOD)
+    assert main(["lab", "I", str(file)]) == 1
+    assert f"refused: {CHEATS[line]}" in capsys.readouterr().err
+
+
+def test_the_truth_is_not_told(tmp_path, capsys):
+    spy = MAP + "\n\ndraw = map_room\n\n\ndef map_room(setting, log):\n"
+    spy += "    assert log.truth is None and not log.notes and log.landmarks is None\n"
+    spy += "    assert not hasattr(setting, 'world')\n    return draw(setting, log)\n"
+    text = sheet(tmp_path, capsys, "II", spy, "--alone")
+    assert "AssertionError" not in text
+    found = [float(x) for x in re.findall(r"(?m)^you +(\S+)", text)]
+    assert min(found) > 30
+
+
+@pytest.mark.parametrize(
+    "name", ["I_track", "II_map_a_room", "III_slam", "IV_explore_and_come_home"]
+)
+def test_the_starter_runs_and_earns_nothing(capsys, name):
+    number = name.split("_")[0]
+    assert main(["lab", number, str(LABS / f"{name}.ipynb"), "--seed", "1", "--alone"]) == 0
+    text = capsys.readouterr().out
+    assert points(text)[0] == 0
+    assert len(re.findall(r"(?m)^you +[\d.]+ ", text)) == {"I": 3, "III": 3}.get(number, 2)
+
+
+def test_a_notebook_is_taken_like_a_file(tmp_path, capsys):
+    cell = {"cell_type": "code", "source": GOOD.splitlines(True), "metadata": {}, "outputs": []}
+    book = json.dumps({"cells": [cell], "metadata": {}, "nbformat": 4, "nbformat_minor": 5})
+    assert points(sheet(tmp_path, capsys, "I", book, "--alone", name="a.ipynb")) == (9, 9)
