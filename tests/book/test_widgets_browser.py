@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from ipywidgets.embed import embed_data
 
-from slamlab.widgets import Bars, Curves, Image, Replay, Scatter, Sweep
+from slamlab.widgets import Bars, Curves, Image, Replay, ScanDrag, Scatter, Sighting, Sweep
 
 sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = shutil.which("chromium")
@@ -605,3 +605,57 @@ def test_a_frame_of_a_full_replay_takes_less_than_16_ms(show):
     frames = [spent for _, spent in page.evaluate("window.frames")][1:]
     print(f"a frame takes {np.median(frames):.1f} ms in the median of {len(frames)}")
     assert 0.2 < np.median(frames) < 16
+
+
+def state_of(page, kind):
+    return json.loads(page.locator(f".slam-{kind}").get_attribute("data-state"))
+
+
+def test_a_dragged_robot_moves_and_the_filter_answers(show):
+    page = show(Sighting(robot=[10.0, 0.0], landmark=[14.0, 3.0]))
+    before = state_of(page, "sighting")
+    box = page.locator(".slam-canvas").bounding_box()
+    words = page.locator(".slam-text").inner_text()
+    # The view is 18 m by 15 m, fitted into the plot; the robot stands at its middle height.
+    x = page.evaluate(
+        """() => { const c = document.querySelector('.slam-canvas'); const w = c.clientWidth - 58,
+        v = c.clientHeight - 46; const s = Math.min(w / 18, v / 15);
+        return [46 + w / 2 + s * (10 - 8.5), 10 + v / 2, s]; }"""
+    )
+    start = (box["x"] + x[0], box["y"] + x[1])
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(start[0] - x[2], start[1] - 4 * x[2], steps=4)
+    page.mouse.up()
+    after = state_of(page, "sighting")
+    assert after["robot"] == pytest.approx([9.0, 4.0], abs=0.1)
+    assert after["landmark"] == before["landmark"]
+    assert page.locator(".slam-canvas").get_attribute("data-zoom") is None  # and not the view
+    assert page.locator(".slam-text").inner_text() != words
+    assert after["nis"] > 50 > before["nis"]
+
+
+def test_arrow_keys_move_what_is_chosen(show):
+    page = show(Sighting(robot=[10.0, 0.0], landmark=[14.0, 3.0]))
+    page.locator(".slam-canvas").focus()
+    page.keyboard.press("ArrowUp")
+    assert state_of(page, "sighting")["robot"] == pytest.approx([10.0, 0.1])
+    page.get_by_role("button", name="landmark").click()
+    page.keyboard.press("Shift+ArrowLeft")
+    assert state_of(page, "sighting")["landmark"] == pytest.approx([13.0, 3.0])
+
+
+def test_a_dragged_scan_is_brought_back_by_its_rounds(show):
+    walls = [[[0, 0], [4, 0]], [[4, 0], [4, 3]], [[4, 3], [0, 3]], [[0, 3], [0, 0]]]
+    room = np.concatenate([np.linspace(a, b, 40, endpoint=False) for a, b in walls])
+    page = show(ScanDrag(room, room - [2, 1.5], [2, 1.5, 0]))
+    page.locator(".slam-canvas").focus()
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp", "q"):
+        page.keyboard.press(key)
+    there = state_of(page, "scandrag")["pose"]
+    assert there == pytest.approx([2.1, 1.55, np.deg2rad(2)], abs=1e-6)
+    page.get_by_role("button", name="one round").click()
+    assert state_of(page, "scandrag")["rounds"] == 1
+    page.get_by_role("button", name="Play").click()
+    page.get_by_role("button", name="Play").wait_for()
+    assert state_of(page, "scandrag")["pose"] == pytest.approx([2, 1.5, 0], abs=2e-3)

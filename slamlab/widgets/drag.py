@@ -1,0 +1,207 @@
+"""Sighting and ScanDrag: figures whose things are dragged, and an algorithm answers in the page.
+
+The algorithms run in `sighting.js` and `scan_drag.js`; tests hold them against the library's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import anywidget
+import numpy as np
+import traitlets
+from numpy.typing import ArrayLike
+
+from slamlab._checks import as_array, as_count, as_scalar
+from slamlab.matching import Outline
+from slamlab.widgets import _pack
+from slamlab.widgets._pack import script
+
+__all__ = ["ScanDrag", "Sighting"]
+
+HEADINGS = (1, 2, 5, 10, 20, 30, 40)
+"""Doubts about the heading (degrees) that the slider of `Sighting` offers."""
+
+GATES = (0.1, 0.2, 0.3, 0.5, 0.8, 1.2)
+"""Gates (m) that the slider of `ScanDrag` offers."""
+
+
+class Sighting(anywidget.AnyWidget):
+    """A robot drives straight and blindly, then sees one landmark; drag both and watch the EKF.
+
+    Beside the extended filter's ellipses stand sampled robots, weighed by the same sighting: the
+    belief that the filter approximates. The robot's true heading follows from where it stands.
+
+    Parameters
+    ----------
+    way : float, default 10.0
+        Length of the blind drive from the origin along x (m).
+    sigma_position : float, default 0.1
+        Doubt about the start, each coordinate (m).
+    heading : {1, 2, 5, 10, 20, 30, 40}, default 20
+        Doubt about the heading at the start (degrees); a slider changes it.
+    sigma_range, sigma_bearing : float
+        Noise of the sensor (m, rad).
+    robot, landmark : array_like, shape (2,)
+        Where both stand at first (m).
+    n_robots : int, default 4000
+        How many robots are sampled.
+    rng : numpy.random.Generator, optional
+        Draws them; seed 0 without it.
+    title, question : str
+        Name of the figure and the question it answers.
+
+    Attributes
+    ----------
+    payload : dict
+        What the browser gets.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> Sighting(heading=10)
+    Sighting(10 m blind, heading to 10 degrees)
+    """
+
+    _esm = script("shared.js", "drag.js", "sighting.js")
+    _css = script("widgets.css")
+    payload = traitlets.Dict().tag(sync=True)
+
+    def __init__(
+        self,
+        way: float = 10.0,
+        sigma_position: float = 0.1,
+        heading: int = 20,
+        sigma_range: float = 0.1,
+        sigma_bearing: float = np.deg2rad(1.0),
+        robot: ArrayLike = (9.0, 4.0),
+        landmark: ArrayLike = (14.0, 3.0),
+        n_robots: int = 4000,
+        rng: np.random.Generator | None = None,
+        title: str = "",
+        question: str = "",
+    ) -> None:
+        if heading not in HEADINGS:
+            raise ValueError(f"heading: expected one of {HEADINGS} (degrees), got {heading!r}")
+        way = as_scalar("way", way, 0.1, 1e4)
+        normals = (rng or np.random.default_rng(0)).standard_normal(
+            (as_count("n_robots", n_robots, 10), 3)
+        )
+        half = 0.75 * way
+        spread = [as_scalar("sigma_position", sigma_position, 1e-6, 1e4)] * 2
+        payload: dict[str, Any] = {
+            "way": way,
+            "spread": [*spread, float(np.deg2rad(heading))],
+            "headings": list(HEADINGS),
+            "sigmas": [
+                as_scalar("sigma_range", sigma_range, 1e-6, 1e4),
+                as_scalar("sigma_bearing", sigma_bearing, 1e-6, np.pi),
+            ],
+            "robot": [float(v) for v in as_array("robot", robot, (2,))],
+            "landmark": [float(v) for v in as_array("landmark", landmark, (2,))],
+            "normals": _pack.pack_numbers(normals),
+            "bounds": [-0.05 * way, 1.75 * way, -half, half],
+            "title": _pack.text("title", title),
+            "question": _pack.text("question", question),
+        }
+        super().__init__(payload=payload)
+
+    def __repr__(self) -> str:
+        """Name the drive: the same text on every machine."""
+        heading = np.rad2deg(self.payload["spread"][2])
+        return f"Sighting({self.payload['way']:g} m blind, heading to {heading:.0f} degrees)"
+
+
+class ScanDrag(anywidget.AnyWidget):
+    """A scan that lies on another one: drag it, turn it, and let ICP bring it back.
+
+    Parameters
+    ----------
+    reference : array_like, shape (m, 2), or Outline
+        Points of the first scan (m); those off walls are left out.
+    points : array_like, shape (k, 2)
+        Points of the second scan in the frame of the robot (m).
+    truth : array_like, shape (3,)
+        Where the robot was (m, m, rad).
+    start : array_like, shape (3,), optional
+        Where the scan lies at first; at the truth without it.
+    gate : {0.1, 0.2, 0.3, 0.5, 0.8, 1.2}, default 0.5
+        Farther neighbours (m) are no partners; a slider changes it.
+    width : float, default 0.05
+        As in `matching.match_icp` (m).
+    bounds : sequence of four floats, optional
+        x low, x high, y low, y high of the view; from the reference without it.
+    title, question : str
+        Name of the figure and the question it answers.
+
+    Attributes
+    ----------
+    payload : dict
+        What the browser gets.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a number out of range, or no wall is among the reference.
+
+    Examples
+    --------
+    >>> x, y = np.linspace(0, 3, 31), np.linspace(0, 2, 21)
+    >>> corner = np.vstack([np.stack([x, 0 * x], -1), np.stack([0 * y, y], -1)])
+    >>> ScanDrag(corner, corner, truth=[0, 0, 0], start=[0.3, 0.1, 0.1])
+    ScanDrag(52 points on 48)
+    """
+
+    _esm = script("shared.js", "drag.js", "scan_drag.js")
+    _css = script("widgets.css")
+    payload = traitlets.Dict().tag(sync=True)
+
+    def __init__(
+        self,
+        reference: ArrayLike | Outline,
+        points: ArrayLike,
+        truth: ArrayLike,
+        start: ArrayLike | None = None,
+        gate: float = 0.5,
+        width: float = 0.05,
+        bounds: Sequence[float] | None = None,
+        title: str = "",
+        question: str = "",
+    ) -> None:
+        outline = reference if isinstance(reference, Outline) else Outline.of(reference)
+        on_wall = np.isfinite(outline.normals[:, 0])
+        if on_wall.sum() < 3:
+            raise ValueError("reference: expected at least 3 points on walls, got fewer")
+        if gate not in GATES:
+            raise ValueError(f"gate: expected one of {GATES} (m), got {gate!r}")
+        base = outline.points[on_wall]
+        points = as_array("points", points, ("k", 2))
+        truth = as_array("truth", truth, (3,))
+        start = truth if start is None else as_array("start", start, (3,))
+        if bounds is None:
+            low, high = base.min(axis=0) - 0.5, base.max(axis=0) + 0.5
+            bounds = [low[0], high[0], low[1], high[1]]
+        payload: dict[str, Any] = {
+            "reference": _pack.pack_numbers(base),
+            "normals": _pack.pack_numbers(outline.normals[on_wall]),
+            "points": _pack.pack_numbers(points),
+            "truth": [float(v) for v in truth],
+            "start": [float(v) for v in start],
+            "gates": list(GATES),
+            "gate": GATES.index(gate),
+            "width": as_scalar("width", width, 1e-6, 1e6),
+            "bounds": _pack.box("bounds", bounds),
+            "title": _pack.text("title", title),
+            "question": _pack.text("question", question),
+        }
+        super().__init__(payload=payload)
+
+    def __repr__(self) -> str:
+        """Name the sizes: the same text on every machine."""
+        k, m = (self.payload[name]["shape"][0] for name in ("points", "reference"))
+        return f"ScanDrag({k} points on {m})"
