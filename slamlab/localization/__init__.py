@@ -3,7 +3,13 @@
 from slamlab.localization.dead_reckoning import DeadReckoning
 from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.localization.monte_carlo import MonteCarloLocalization
-from slamlab.localization.signature import Location, SignatureMap, autocorrelation
+from slamlab.localization.signature import (
+    Location,
+    SignatureMap,
+    autocorrelation,
+    spectrum,
+    three_numbers,
+)
 
 __all__ = [
     "DeadReckoning",
@@ -12,4 +18,6 @@ __all__ = [
     "MonteCarloLocalization",
     "SignatureMap",
     "autocorrelation",
+    "spectrum",
+    "three_numbers",
 ]

@@ -1,23 +1,31 @@
-"""P5's program as its thesis prints it, faults included: the lidar, `CanMove`, two motions.
+"""P5's program as its thesis prints it, faults included: lidar, `CanMove`, motions, `acf`.
 
-Chapters 06, 08 and 18 run these beside `sensors.Lidar`, `SquareRobot.drive_hits`, `turn_between`
-and `motion_between`, which replace them.
+Chapters 06, 08, 18 and 19 run these beside `sensors.Lidar`, `SquareRobot`, `turn_between`,
+`motion_between` and `autocorrelation`, which replace them.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab.models import World
+from slamlab.sensors import Lidar
 
 __all__ = [
+    "RobotAsPrinted",
+    "acf_as_printed",
     "can_move_as_printed",
     "displacement_as_printed",
     "dots_as_printed",
     "forward_is_open_as_printed",
+    "nvec_as_printed",
     "scan_as_printed",
     "turn_as_printed",
+    "turndot_as_printed",
 ]
 
 
@@ -202,6 +210,116 @@ def displacement_as_printed(before: ArrayLike, after: ArrayLike) -> Array:
     before, after = _scans(before, after)
     half = before.shape[-1] // 2
     return np.stack([before[..., half] - after[..., half], before[..., 0] - after[..., 0]], -1)
+
+
+def acf_as_printed(arr: Sequence[int], bits: int = 32) -> list[int]:
+    """P5's `acf`, line by line, with the `int` of C#.
+
+    `i <= arrtmp.Count()` runs once too often: n + 1 values, the last repeats the first. And `s`
+    wraps at 2^31, so that rooms of some thousand pixels give negative sums of squares.
+
+    Examples
+    --------
+    >>> acf_as_printed([5, 1, 4, 2, 8, 3])
+    [119, 72, 103, 60, 103, 72, 119]
+    """
+    arrtmp, tmp, half = list(arr), [], 2 ** (as_count("bits", bits, 2) - 1)
+    i = 0
+    while i <= len(arrtmp):
+        s = 0
+        for a, b in zip(arr, arrtmp, strict=True):
+            product = (a * b + half) % (2 * half) - half
+            s = (s + product + half) % (2 * half) - half
+        tmp.append(s)
+        arrtmp = [arrtmp[-1], *arrtmp[:-1]]  # arrayShiftRight
+        i += 1
+    return tmp
+
+
+def nvec_as_printed(dot1: ArrayLike, dot2: ArrayLike) -> Array:
+    """P5's `nvec`: the unit vector (2,) from dot2 to dot1; NaN if they are one point.
+
+    Examples
+    --------
+    >>> nvec_as_printed([3, 4], [0, 0]).tolist()
+    [0.6, 0.8]
+    """
+    difference = as_array("dot1", dot1, (2,)) - as_array("dot2", dot2, (2,))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(difference / np.hypot(*difference))
+
+
+def turndot_as_printed(dot: ArrayLike, centre: ArrayLike, degrees: float) -> Array:
+    """P5's `Turndot`: a point (2,) turned about another, in the frame it is given.
+
+    The old x is kept for the second line, as it must be. On P5's screen y points down, so that a
+    positive angle turns clockwise there.
+
+    Examples
+    --------
+    >>> turndot_as_printed([2, 1], [1, 1], 90).round(9).tolist()
+    [1.0, 2.0]
+    """
+    (x, y), (cx, cy) = as_array("dot", dot, (2,)), as_array("centre", centre, (2,))
+    angle, xt = np.deg2rad(as_scalar("degrees", degrees)), x
+    x = cx + (x - cx) * np.cos(angle) - (y - cy) * np.sin(angle)
+    y = cy + (y - cy) * np.cos(angle) + (xt - cx) * np.sin(angle)
+    return np.array([x, y])
+
+
+class RobotAsPrinted:
+    r"""P5's `Move` and `Turn`, which note on a stack what two scans say of each motion.
+
+    The robot itself is set exactly; nothing asks for obstacles here (`CanMove` does elsewhere).
+
+    Parameters
+    ----------
+    world : World
+    lidar : Lidar
+        A full circle.
+    pose : array_like, shape (3,)
+    pixel : float, default 0.01
+        Side of a pixel (m): P5's list of distances holds whole ones.
+
+    Attributes
+    ----------
+    pose : ndarray, shape (3,)
+        The true one.
+    stack : list of str
+        ``"m\n<back>\n<front>"`` in pixels after a drive, ``"t\n<places>"`` after a turn.
+
+    Examples
+    --------
+    >>> from slamlab.sensors import Lidar
+    >>> from slamlab.worlds import rooms
+    >>> robot = RobotAsPrinted(rooms.thesis_room(), Lidar(120), [2.0, 2.4, 0.0])
+    >>> robot.move(20)
+    >>> robot.turn(25)  # 8 places of 3 degrees are 24
+    >>> robot.stack
+    ['m\n-20\n20', 't\n8']
+    """
+
+    def __init__(self, world: World, lidar: Lidar, pose: ArrayLike, pixel: float = 0.01) -> None:
+        self._world, self._lidar = world, lidar
+        self._pixel = as_scalar("pixel", pixel, 1e-9, 1e9)
+        self.pose, self.stack = as_array("pose", pose, (3,)).copy(), list[str]()
+
+    def _scan(self) -> Array:
+        return np.rint(self._lidar.scan(self._world, self.pose) / self._pixel)
+
+    def move(self, step: float) -> None:
+        """Drive `step` pixels ahead."""
+        tmp0 = self._scan()
+        way = as_scalar("step", step) * self._pixel
+        self.pose = self.pose + way * np.array([np.cos(self.pose[2]), np.sin(self.pose[2]), 0])
+        back, front = displacement_as_printed(tmp0, self._scan())
+        self.stack.append(f"m\n{back:.0f}\n{front:.0f}")
+
+    def turn(self, angle: float) -> None:
+        """Turn by `angle` degrees on the spot."""
+        tmp0 = self._scan()
+        self.pose = self.pose + [0.0, 0.0, np.deg2rad(as_scalar("angle", angle))]
+        self.stack.append(f"t\n{turn_as_printed(tmp0, self._scan())}")
 
 
 def _scans(before: ArrayLike, after: ArrayLike) -> tuple[Array, Array]:

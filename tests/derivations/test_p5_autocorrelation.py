@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
-from slamlab.localization.signature import (
-    autocorrelation,
-    spectrum,
-    three_numbers,
-)
-from slamlab.printed.p5 import turn_as_printed
+from slamlab.geometry import between
+from slamlab.localization import SignatureMap, autocorrelation, spectrum, three_numbers
+from slamlab.navigation import Explorer, Quadrants
+from slamlab.printed.p5 import acf_as_printed, turn_as_printed
+from slamlab.robots import SquareRobot, Unicycle
 from slamlab.sensors import Lidar, turn_between
+from slamlab.simulation import Truth, record
 from slamlab.worlds import rooms
 
 PIXELS = st.lists(st.integers(0, 566), min_size=2, max_size=60)  # 566: diagonal of 400 x 400
@@ -26,25 +27,6 @@ def by_definition(d):
     """R[tau] = sum_j d[j] d[(j - tau) mod N] in whole numbers of any size."""
     N = len(d)
     return [sum(d[j] * d[(j - tau) % N] for j in range(N)) for tau in range(N)]
-
-
-def acf_as_printed(arr, bits=32):
-    """P5's listing, line by line; `int s` of C# wraps at 2^31 unless told otherwise."""
-    arrtmp, tmp, s = list(arr), [], 0
-    i = 0
-    while i <= len(arrtmp):
-        for j in range(len(arr)):
-            s = wrapped(s + wrapped(arr[j] * arrtmp[j], bits), bits)
-        tmp.append(s)
-        s = 0
-        arrtmp = [arrtmp[-1], *arrtmp[:-1]]  # arrayShiftRight
-        i += 1
-    return tmp
-
-
-def wrapped(value, bits):
-    half = 2 ** (bits - 1)
-    return (value + half) % (2 * half) - half
 
 
 def exact(d):
@@ -318,3 +300,26 @@ def test_a_turn_between_two_beams_is_found_to_a_fraction_of_a_beam():
     whole = np.rad2deg(np.abs(turns - np.rint(turns * 120 / (2 * np.pi)) * 2 * np.pi / 120))
     assert np.median(error) < 0.2 * np.median(whole)
     assert error.max() < 1.0
+
+
+# Section 3.3: the whole trial.
+
+
+@pytest.mark.parametrize(("room", "turned"), [("thesis_room", 0.0), ("thesis_room_two", 25.0)])
+def test_an_explorer_finds_its_coordinates_by_the_scan_and_not_by_three_numbers(room, turned):
+    """P5, 3.3: "coordinates were determined at every position"; a turned start turns the map."""
+    world, lidar, robot = getattr(rooms, room)(), Lidar(120), SquareRobot(0.30)
+    rng = np.random.default_rng(0)
+    pilot = Explorer(robot, lidar, Quadrants(), rng, bounds=world.bounds, max_path=12)
+    log = record(world, Unicycle(), lidar, pilot, Truth(), rng, dt=1.0, max_time=600,
+                 start=[0.6, 0.6, np.deg2rad(turned)], footprint=robot.footprint)  # fmt: skip
+    atlas = SignatureMap.build(world, lidar, stride=2)
+    stored, asked = (np.floor(r / 0.01 + 1e-3) for r in (atlas.scans.astype(float), log.ranges))
+    nearest = cKDTree(three_numbers(stored)).query(three_numbers(asked))[1]
+    for places, low, high in ((atlas.places[nearest], 0.3, 0.8),
+                              (atlas.locate(log.ranges).pose[:, :2], 0.0, 0.0)):  # fmt: skip
+        wrong = (np.linalg.norm(places - log.truth[:, :2], axis=1) > 0.1).mean()
+        assert low <= wrong <= high
+    own = lidar.points(log.ranges, between(log.truth[0], log.truth)) @ [1, 1j]
+    true = (lidar.points(log.ranges, log.truth) - log.truth[0, :2]) @ [1, 1j]
+    assert np.rad2deg(np.angle(np.vdot(own, true))) == pytest.approx(turned, abs=1e-9)

@@ -9,10 +9,13 @@ import pytest
 
 from slamlab.navigation import Explorer, Quadrants
 from slamlab.printed.p5 import (
+    RobotAsPrinted,
     can_move_as_printed,
     displacement_as_printed,
     forward_is_open_as_printed,
+    nvec_as_printed,
     turn_as_printed,
+    turndot_as_printed,
 )
 from slamlab.robots import SquareRobot, Unicycle
 from slamlab.sensors import (
@@ -179,3 +182,47 @@ def test_the_two_trials_end_without_collision_only_with_the_mended_guard():
                 hits.setdefault(guard, []).append(log.notes["hit"].any())
         assert not any(hits["swept"])
         assert np.mean(hits[forward_is_open_as_printed]) >= 0.75
+
+
+def test_nvec_is_the_unit_vector_and_has_none_for_one_point():
+    np.testing.assert_allclose(nvec_as_printed([4, 6], [1, 2]), [0.6, 0.8])
+    assert np.isnan(nvec_as_printed([1, 2], [1, 2])).all()
+
+
+def test_the_stack_of_move_and_turn_holds_drives_in_pixels_and_turns_in_beams():
+    robot = RobotAsPrinted(rooms.thesis_room(), Lidar(120), [2.0, 2.4, 0.0])
+    robot.move(20)
+    robot.turn(24)
+    robot.turn(25)
+    assert robot.stack == ["m\n-20\n20", "t\n8", "t\n8"], "24 and 25 degrees are one to it"
+    np.testing.assert_allclose(robot.pose, [2.2, 2.4, np.deg2rad(49)])
+
+
+def test_turndot_turns_a_point_about_another():
+    dot, centre = np.array([2.0, 1.0]), np.array([1.0, -1.0])
+    for degrees in (0, 25, 90, 180, -130):
+        a = np.deg2rad(degrees)
+        R = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
+        turned = turndot_as_printed(dot, centre, degrees)
+        np.testing.assert_allclose(turned, centre + R @ (dot - centre), atol=1e-14)
+        # The transpose turns the other way.
+        assert degrees % 180 == 0 or not np.allclose(turned, centre + R.T @ (dot - centre))
+
+
+def test_canmove_skews_its_quarters_when_eight_does_not_divide_the_beams():
+    """72 beams of 5 degrees: eighths of 9 beams. 36 beams of 10 degrees: 4 instead of 4.5."""
+    for n_beams, first_blocked in ((72, 45.0), (36, 40.0)):
+        step = 360 / n_beams
+        one = [np.where(np.arange(n_beams) == k, 0.3, 9.0) for k in range(n_beams // 4)]
+        blocked = [k * step for k, ranges in enumerate(one) if can_move_as_printed(ranges, 0.4)]
+        assert max(blocked) + step == first_blocked
+    # On the other side 36 beams reach 80 degrees to the right: beam 28 of "seven eighths".
+    assert can_move_as_printed(np.where(np.arange(36) == 28, 0.3, 9.0), 0.4) == 2
+
+
+def test_three_beams_alone_miss_what_stands_between_them():
+    """P5's text compares the beams at 0, 45 and -45 degrees, its listing all of the quarter."""
+    ranges = np.where(np.arange(N) == 7, 0.3, 9.0)  # a leg at 21 degrees
+    assert can_move_as_printed(ranges, 0.4) == 2
+    assert (ranges[[0, 15, 105]] >= 0.4).all()
+    assert ROBOT.drive_hits(LIDAR.points(ranges), 0.4)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from slamlab.geometry import transform
-from slamlab.printed.p5 import can_move_as_printed
+from slamlab.printed.p5 import can_move_as_printed, turndot_as_printed
 from slamlab.robots import SquareRobot
 
 ROBOT = SquareRobot(0.30)
@@ -155,6 +155,12 @@ def test_four_left_turns_of_p5_turndot_close_the_square():
     np.testing.assert_allclose(
         turned, np.roll(transform(pose, ROBOT.footprint), -1, 0), atol=1e-15
     )
+    corners = transform(pose, ROBOT.footprint)
+    printed = [turndot_as_printed(corner, pose[:2], 90.0) for corner in corners]
+    np.testing.assert_allclose(printed, turned, atol=1e-15)
+    # As it would be without `xt`, with the new x in the second line, the square is torn.
+    x = pose[0] - (corners[0, 1] - pose[1])
+    assert abs(pose[1] + (x - pose[0]) - turned[0, 1]) > 0.01
 
 
 @pytest.mark.parametrize(
