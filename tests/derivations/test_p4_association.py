@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from slamlab.robots import Unicycle
-from slamlab.sensors import RangeBearing
+from slamlab.sensors import PointSensor, RangeBearing
 from slamlab.slam import EKFSlam
 from slamlab.slam.association import IGNORED, NEW, nearest_euclidean, nearest_neighbour
 
@@ -41,7 +41,14 @@ def differs(a, b):
 # --- (2a), (2b) ---
 
 
-def test_2a_needs_its_bearing_wrapped():
+def test_2a_is_right_for_coordinates_and_a_bearing_must_be_wrapped():
+    """Page 84 measures coordinates in the body frame, by (4a); no angle is subtracted."""
+    point = PointSensor(0.01 * np.eye(2))
+    pose, tree, z = np.array([1.0, 2.0, 3.1]), np.array([4.0, -1.0]), np.array([0.3, 0.2])
+    turned = pose + [0, 0, 2 * np.pi]
+    np.testing.assert_allclose(
+        z - point.observe(pose, tree), z - point.observe(turned, tree), atol=1e-12
+    )
     sensor = RangeBearing(0.1, 0.02)
     slam = EKFSlam(Unicycle(), sensor, [0, 0, 3.1])
     slam.update([[2.0, 0.05]], [0])
