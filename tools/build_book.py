@@ -165,6 +165,7 @@ def main() -> int:
     parser.add_argument("--strict", action="store_true", help="fail if the text of a cell differs")
     arguments = parser.parse_args()
     drop_stale_cache(arguments.setting)
+    os.environ["SLAMLAB_VECTOR"] = "1"  # pages get drawings where they are small
     begin = time.perf_counter()
     cache = get_cache(CACHE)
     if not execute(cache, arguments.setting):

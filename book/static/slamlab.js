@@ -55,3 +55,23 @@ document.addEventListener("DOMContentLoaded", function () {
   });
   (counts.closest(".table-scroll") || counts).after(bar);
 });
+
+// On a phone the labels of a wide figure would shrink to specks: it scrolls in a box of its own.
+document.addEventListener("DOMContentLoaded", function () {
+  if (!window.matchMedia("(max-width: 600px)").matches) return;
+  document.querySelectorAll(".bd-article .cell_output > img").forEach(function (picture) {
+    var place = function () {
+      var width = Number(picture.getAttribute("width")) || picture.naturalWidth;
+      if (width < 480 || picture.parentElement.classList.contains("figure-scroll")) return;
+      var box = document.createElement("div");
+      box.className = "figure-scroll";
+      box.tabIndex = 0;
+      box.setAttribute("role", "region");
+      box.setAttribute("aria-label", "Figure, scrolls sideways");
+      picture.parentNode.insertBefore(box, picture);
+      box.appendChild(picture);
+    };
+    if (picture.complete) place();
+    else picture.addEventListener("load", place);
+  });
+});

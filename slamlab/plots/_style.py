@@ -6,10 +6,13 @@ without colour.
 
 from __future__ import annotations
 
+import os
 from importlib import resources
 from typing import Any
 
 import matplotlib.style
+import numpy as np
+from matplotlib.figure import Figure
 
 from slamlab._checks import as_choice
 
@@ -38,8 +41,16 @@ _LINES: dict[str, dict[str, Any]] = {
 }
 
 
+MOST_POINTS = 3000
+"""Figures of more points than this stay pixels: as a drawing they would be large."""
+
+
 def use_style() -> None:
-    """Use the course's style sheet, and in a notebook draw at twice the density."""
+    """Use the course's style sheet, and in a notebook draw at twice the density.
+
+    Where SLAMLAB_VECTOR is set, as when the book is built, figures of few points are drawings
+    (SVG) besides.
+    """
     sheet = resources.files("slamlab.plots") / "slamlab.mplstyle"
     with resources.as_file(sheet) as path:
         matplotlib.style.use(path)
@@ -48,8 +59,36 @@ def use_style() -> None:
         from matplotlib_inline.backend_inline import set_matplotlib_formats
     except ImportError:
         return
-    if get_ipython() is not None:
-        set_matplotlib_formats("retina")
+    shell = get_ipython()
+    if shell is None:
+        return
+    set_matplotlib_formats("retina")
+    if os.environ.get("SLAMLAB_VECTOR"):
+        drawings = shell.display_formatter.formatters["image/svg+xml"]
+        drawings.for_type(Figure, _drawing)
+
+
+def _drawing(figure: Figure) -> str | None:
+    """Return the figure as SVG; None, which means none, if it has an image or many points."""
+    from IPython.core.pylabtools import print_figure
+
+    if _is_heavy(figure):
+        return None
+    with matplotlib.rc_context({"svg.hashsalt": "slamlab"}):
+        return print_figure(figure, "svg", metadata={"Date": None})
+
+
+def _is_heavy(figure: Figure) -> bool:
+    """Whether a figure has an image or more than `MOST_POINTS` points."""
+    points = 0
+    for axes in figure.axes:
+        if axes.images:
+            return True
+        points += sum(np.size(line.get_xdata()) for line in axes.lines)
+        for collection in axes.collections:
+            points += sum(np.size(path.vertices) // 2 for path in collection.get_paths())
+            points += np.size(collection.get_offsets()) // 2
+    return points > MOST_POINTS
 
 
 def line_style(kind: str) -> dict[str, Any]:

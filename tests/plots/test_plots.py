@@ -98,3 +98,33 @@ def test_a_claim_shows_no_digit_that_differs_between_machines():
         "0.123 ... 2",
         "7",
     ]
+
+
+def test_a_figure_of_few_points_is_a_drawing_and_others_are_pixels():
+    from slamlab.plots import _style
+
+    figure, ax = plt.subplots()
+    plots.path(ax, np.zeros((50, 2)), "truth")
+    text = _style._drawing(figure)
+    assert text.lstrip().startswith("<?xml")
+    assert "<svg" in text
+    assert text == _style._drawing(figure)
+    plots.particles(ax, np.random.default_rng(0).normal(size=(_style.MOST_POINTS + 1, 2)))
+    assert _style._drawing(figure) is None
+    figure, ax = plt.subplots()
+    plots.occupancy(ax, [[0.5]], [0, 1, 0, 1])
+    assert _style._drawing(figure) is None
+
+
+def test_drawings_are_asked_for_by_the_environment(monkeypatch):
+    from IPython.core.interactiveshell import InteractiveShell
+
+    shell = InteractiveShell.instance()
+    formatter = shell.display_formatter.formatters["image/svg+xml"]
+    monkeypatch.delenv("SLAMLAB_VECTOR", raising=False)
+    plots.use_style()
+    assert plt.Figure not in formatter.type_printers
+    monkeypatch.setenv("SLAMLAB_VECTOR", "1")
+    plots.use_style()
+    assert formatter.type_printers.pop(plt.Figure)
+    InteractiveShell.clear_instance()
