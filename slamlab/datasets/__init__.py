@@ -4,6 +4,7 @@ from slamlab.datasets.carmen import read_carmen
 from slamlab.datasets.killian import Killian, killian
 from slamlab.datasets.relations import Relations, read_relations
 from slamlab.datasets.rosbag import read_rosbag
+from slamlab.datasets.simulator_log import read_simulator
 from slamlab.datasets.synthetic import ManhattanGraph, manhattan_graph
 from slamlab.datasets.tum import read_tum, write_tum
 from slamlab.datasets.victoria_park import read_landmark_log, victoria_park
@@ -18,6 +19,7 @@ __all__ = [
     "read_landmark_log",
     "read_relations",
     "read_rosbag",
+    "read_simulator",
     "read_tum",
     "victoria_park",
     "write_tum",

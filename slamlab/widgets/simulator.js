@@ -1,218 +1,24 @@
-// Simulator: P5's program. Drive a square robot with a lidar through a room of pixels, see what the
-// beams measure, the map that grows from them, and where their signature says that the robot is.
-// Needs shared.js in front of it. Beams and bodies are those of slamlab.worlds.BitmapWorld, in the
-// same arithmetic; a test compares both.
-
-const HARMONICS = 16;
-const CANDIDATES = 32;
-const STEP = 0.05;
-const TURN = (5 * Math.PI) / 180;
-const DEGREE = Math.PI / 180;
-const TOUCH = 1e-9;
-/** Two places whose scans fit equally well up to this (m a beam) cannot be told apart. */
-const AMBIGUOUS = 0.02;
-
-const wrap = (a) => Math.PI - ((((Math.PI - a) % (2 * Math.PI)) + 2 * Math.PI) % (2 * Math.PI));
-
-// ---- the world ----------------------------------------------------------------------------------
-
-/** A room of the payload, unpacked: cells, table of signatures, and the places of the table. */
-function readRoom(room, sensor) {
-  const solid = unpack(room.occupied).values;
-  const places = [];
-  for (let row = 0; row < room.rows; row += room.stride) {
-    for (let column = 0; column < room.columns; column += room.stride) {
-      if (solid[row * room.columns + column]) continue;
-      places.push([
-        room.origin[0] + (column + 0.5) * room.resolution, room.origin[1] + (row + 0.5) * room.resolution,
-      ]);
-    }
-  }
-  const size = [room.columns * room.resolution, room.rows * room.resolution];
-  const bounds = [room.origin[0], room.origin[0] + size[0], room.origin[1], room.origin[1] + size[1]];
-  const reach = Math.min(sensor.max_range ?? Infinity, Math.hypot(...size));
-  return { ...room, solid, places, bounds, reach, spectra: unpack(room.spectra).values, scans: new Map() };
-}
-
-/** Is this cell occupied? There is nothing for beams beyond the bitmap. */
-const isSolid = (room, row, column) =>
-  row >= 0 && row < room.rows && column >= 0 && column < room.columns && room.solid[row * room.columns + column] > 0;
-
-/** Distance (m) at which a beam meets an occupied cell: from grid line to grid line, exact.
- *  Through a corner it goes only if one of the two cells beside it is free. */
-function castRay(room, x, y, angle, maxRange = Infinity) {
-  const [dx, dy] = [Math.cos(angle), Math.sin(angle)];
-  const [px, py] = [(x - room.origin[0]) / room.resolution, (y - room.origin[1]) / room.resolution];
-  const [stepX, stepY] = [dx > 0 ? 1 : -1, dy > 0 ? 1 : -1];
-  let [column, row] = [Math.floor(px), Math.floor(py)];
-  const longest = maxRange / room.resolution;
-  let t = 0;
-  while (t <= longest) {
-    if (row < 0 || row >= room.rows || column < 0 || column >= room.columns) return Infinity;
-    if (isSolid(room, row, column)) return t * room.resolution;
-    const tx = dx !== 0 ? (column + (dx > 0 ? 1 : 0) - px) / dx : Infinity;
-    const ty = dy !== 0 ? (row + (dy > 0 ? 1 : 0) - py) / dy : Infinity;
-    const corner = Math.abs(tx - ty) <= TOUCH;
-    if (corner && isSolid(room, row, column + stepX) && isSolid(room, row + stepY, column)) {
-      return tx <= longest ? tx * room.resolution : Infinity;
-    }
-    t = corner ? Math.max(tx, ty) : Math.min(tx, ty);
-    if (tx < ty || corner) column += stepX;
-    if (ty < tx || corner) row += stepY;
-  }
-  return Infinity;
-}
-
-/** All beams from a pose: beam i at 2 pi i / n to the left of straight ahead. */
-function castScan(room, [x, y, theta], sensor) {
-  const ranges = new Float64Array(sensor.n_beams);
-  const turn = (2 * Math.PI) / sensor.n_beams;
-  for (let i = 0; i < ranges.length; i++) ranges[i] = castRay(room, x, y, theta + i * turn, sensor.max_range ?? Infinity);
-  return ranges;
-}
-
-/** Does a square of half side h overlap an occupied cell, or leave the bitmap? Separating axes. */
-function overlaps(room, [x, y, theta], h) {
-  const [c, s] = [Math.cos(theta), Math.sin(theta)];
-  const e = room.resolution / 2;
-  const inner = h - TOUCH;
-  const spread = Math.abs(c) + Math.abs(s);
-  const low = (v, origin) => Math.floor((v - inner * spread - origin) / room.resolution);
-  const high = (v, origin) => Math.floor((v + inner * spread - origin) / room.resolution);
-  for (let row = low(y, room.origin[1]); row <= high(y, room.origin[1]); row++) {
-    for (let column = low(x, room.origin[0]); column <= high(x, room.origin[0]); column++) {
-      const inside = row >= 0 && row < room.rows && column >= 0 && column < room.columns;
-      if (inside && !room.solid[row * room.columns + column]) continue;
-      const dx = room.origin[0] + (column + 0.5) * room.resolution - x;
-      const dy = room.origin[1] + (row + 0.5) * room.resolution - y;
-      if (Math.abs(dx) >= inner * spread + e || Math.abs(dy) >= inner * spread + e) continue;
-      if (Math.abs(dx * c + dy * s) >= inner + e * spread) continue;
-      if (Math.abs(dy * c - dx * s) >= inner + e * spread) continue;
-      return true;
-    }
-  }
-  return false;
-}
-
-/** Turn and drive in small parts; stop before the first that touches. Returns [pose, whole way?]. */
-function move(room, pose, distance, angle, h) {
-  const parts = Math.max(Math.ceil(Math.abs(distance) / 0.005), Math.ceil(Math.abs(angle) / (0.5 * DEGREE)), 1);
-  let here = pose;
-  for (let k = 0; k < parts; k++) {
-    const next = [
-      here[0] + (distance / parts) * Math.cos(here[2]), here[1] + (distance / parts) * Math.sin(here[2]),
-      wrap(here[2] + angle / parts),
-    ];
-    if (overlaps(room, next, h)) return [here, false];
-    here = next;
-  }
-  return [here, true];
-}
-
-// ---- localization -------------------------------------------------------------------------------
-
-/** Root of the power spectrum of a scan: what its autocorrelation holds. See chapter 19. */
-function spectrumOf(ranges, reach) {
-  const n = ranges.length;
-  const out = new Float64Array(HARMONICS);
-  for (let k = 0; k < HARMONICS; k++) {
-    let [re, im] = [0, 0];
-    for (let i = 0; i < n; i++) {
-      const value = Math.min(ranges[i], reach);
-      re += value * Math.cos((2 * Math.PI * k * i) / n);
-      im += value * Math.sin((2 * Math.PI * k * i) / n);
-    }
-    out[k] = Math.hypot(re, im) * Math.sqrt((k === 0 ? 1 : 2) / n);
-  }
-  return out;
-}
-
-/** Heading in whole beams, and mean misfit (m, a beam counts 0.5 m at most), of a scan at a place.
- *  Headings within 30 degrees of `avoid` are left out. */
-function alignAt(room, index, ranges, sensor, avoid = NaN) {
-  const n = ranges.length;
-  if (!room.scans.has(index)) room.scans.set(index, castScan(room, [...room.places[index], 0], sensor));
-  const there = room.scans.get(index);
-  let [best, shift] = [Infinity, 0];
-  for (let k = 0; k < n; k++) {
-    if (Math.abs(wrap((k * 2 * Math.PI) / n - avoid)) < 30 * DEGREE) continue;
-    let sum = 0;
-    for (let i = 0; i < n && sum < best * n; i++) {
-      const gap = Math.abs(Math.min(ranges[i], room.reach) - Math.min(there[(i + k) % n], room.reach));
-      sum += gap < 0.5 ? gap : 0.5;
-    }
-    if (sum / n < best) [best, shift] = [sum / n, k];
-  }
-  return { index, pose: [...room.places[index], wrap((shift * 2 * Math.PI) / n)], misfit: best };
-}
-
-/** Mean misfit (m) of a scan against what would be measured at a pose; a beam counts 0.5 m at most.
- *  Infinity as soon as it is worse than `limit`. */
-function misfitAt(room, [x, y, theta], ranges, sensor, limit = Infinity) {
-  const n = ranges.length;
-  let sum = 0;
-  for (let i = 0; i < n; i++) {
-    const there = castRay(room, x, y, theta + (i * 2 * Math.PI) / n, room.reach);
-    sum += Math.min(Math.abs(Math.min(ranges[i], room.reach) - Math.min(there, room.reach)), 0.5);
-    if (sum >= limit * n) return Infinity;
-  }
-  return sum / n;
-}
-
-/** Move a pose of the table to where the scan fits best: smaller and smaller steps, no derivative,
- *  and no farther than three quarters of the table's pitch. */
-function refine(room, found, ranges, sensor) {
-  let [pose, misfit] = [found.pose, misfitAt(room, found.pose, ranges, sensor)];
-  const pitch = room.stride * room.resolution;
-  const beam = (2 * Math.PI) / sensor.n_beams;
-  for (let size = 0.4; size > 0.02; size /= 2) {
-    for (let better = true, rounds = 0; better && rounds < 3; rounds++) {
-      better = false;
-      for (const [k, step] of [[0, size * pitch], [1, size * pitch], [2, size * beam]]) {
-        for (const sign of [1, -1]) {
-          const next = pose.map((v, i) => (i === k ? v + sign * step : v));
-          if (k < 2 && Math.abs(next[k] - found.pose[k]) > 0.75 * pitch) continue;
-          const worth = misfitAt(room, next, ranges, sensor, misfit);
-          if (worth < misfit) [pose, misfit, better] = [next, worth, true];
-        }
-      }
-    }
-  }
-  return { pose: [pose[0], pose[1], wrap(pose[2])], misfit };
-}
-
-/** Where was this scan taken? The nearest signatures propose, the whole scans decide, and the best
- *  and the best elsewhere are refined before they are compared. */
-function locate(room, ranges, sensor) {
-  const wanted = spectrumOf(ranges, room.reach);
-  const order = room.places.map((_, index) => {
-    let sum = 0;
-    for (let k = 0; k < HARMONICS; k++) sum += (room.spectra[index * HARMONICS + k] - wanted[k]) ** 2;
-    return [sum, index];
-  }).sort((a, b) => a[0] - b[0]);
-  const found = order.slice(0, CANDIDATES).map(([, index]) => alignAt(room, index, ranges, sensor));
-  found.sort((a, b) => a.misfit - b.misfit);
-  const apart = (f, g) => Math.hypot(f.pose[0] - g.pose[0], f.pose[1] - g.pose[1]) > 0.5
-    || Math.abs(wrap(f.pose[2] - g.pose[2])) > 30 * DEGREE;
-  // The rival stands elsewhere, or at the same place and looks elsewhere.
-  const turned = alignAt(room, found[0].index, ranges, sensor, found[0].pose[2]);
-  const rivals = [found.find((f) => apart(f, found[0])), turned].filter(Boolean);
-  rivals.sort((f, g) => f.misfit - g.misfit);
-  const pair = [found[0], rivals[0]].map((f) => refine(room, f, ranges, sensor));
-  pair.sort((f, g) => f.misfit - g.misfit);
-  const [best, second] = pair;
-  const margin = second.misfit - best.misfit;
-  return { best, second, margin, ambiguous: margin < AMBIGUOUS };
-}
-
-// ---- drawing ------------------------------------------------------------------------------------
+// Simulator: P5's program, and what mends it. Drive a square robot with a lidar through a room of
+// pixels, or let it explore; see what the beams measure, the map that grows, where two estimators
+// put the robot, and what P5's listings recover of its motions. Needs shared.js and
+// simulator_world.js in front of it.
 
 const SIM_LAYERS = [
   ["walls", "walls", "wall", "area"],
   ["map", "map", "lidar", "dot"],
   ["beams", "beams", "lidar", "line"],
-  ["estimate", "estimate", "estimate", "line"],
+  ["track", "track", "truth", "line"],
+  ["estimate", "repaired estimate", "estimate", "line"],
+  ["printed", "three numbers, as printed", "wrong", "diamond"],
 ];
+const GUARDS = { swept: "the area that the body sweeps", printed: "CanMove, as printed", none: "nobody" };
+const MAPS = { truth: "true pose, as P5 does", estimate: "repaired estimate", printed: "three numbers, as printed" };
+const POINTERS = { place: "place and turn the robot", wall: "draw walls", rub: "rub walls out", view: "look around" };
+const PEN = 0.06;
+const WRONG = 0.1;
+const LARGEST = 640;
+
+// ---- drawing ------------------------------------------------------------------------------------
 
 function square(ctx, view, [x, y, theta], h, fill) {
   const [c, s] = [Math.cos(theta), Math.sin(theta)];
@@ -227,27 +33,16 @@ function square(ctx, view, [x, y, theta], h, fill) {
   ctx.stroke();
 }
 
-function ends(pose, ranges) {
-  const points = [];
-  for (let i = 0; i < ranges.length; i++) {
-    if (!Number.isFinite(ranges[i])) continue;
-    const a = pose[2] + (i * 2 * Math.PI) / ranges.length;
-    points.push([pose[0] + ranges[i] * Math.cos(a), pose[1] + ranges[i] * Math.sin(a)]);
-  }
-  return points;
-}
-
 function drawFloor(ctx, view, sim, colours) {
   view.clear(ctx, colours);
   view.axes(ctx, colours);
   view.clip(ctx);
   const { room, on, half } = sim;
   if (on.walls) {
-    const key = `${room.name} ${colours.paper}`;
-    if (sim.pictureKey !== key) {
+    if (sim.pictureOf !== room || sim.pictureIn !== colours.paper) {
       const muted = { ...colours, ink: colours.frame };
-      sim.picture = View.picture(room.solid, room.columns, room.rows, muted);
-      sim.pictureKey = key;
+      sim.picture = View.picture(room.solid.map((v) => (v ? 252 : 0)), room.columns, room.rows, muted);
+      [sim.pictureOf, sim.pictureIn] = [room, colours.paper];
     }
     view.drawPicture(ctx, sim.picture, room.bounds);
   }
@@ -268,14 +63,21 @@ function drawFloor(ctx, view, sim, colours) {
     const r = Math.max(1.2, 0.012 * view.sx);
     for (const [x, y] of sim.dots) ctx.fillRect(view.px(x) - r, view.py(y) - r, 2 * r, 2 * r);
   }
+  if (on.track) {
+    strokeStyle(ctx, colours, "truth");
+    ctx.beginPath();
+    sim.log.forEach(({ pose }, k) => (k ? ctx.lineTo(view.px(pose[0]), view.py(pose[1])) : ctx.moveTo(view.px(pose[0]), view.py(pose[1]))));
+    ctx.stroke();
+  }
   ctx.setLineDash([]);
   ctx.lineWidth = 2;
   ctx.strokeStyle = colours.truth;
   ctx.fillStyle = colours.paper;
   square(ctx, view, sim.pose, half, true);
-  if (on.estimate) {
+  if (on.printed && sim.three) drawMarkers(ctx, colours, "wrong", "diamond", [[view.px(sim.three[0]), view.py(sim.three[1])]], 9);
+  if (on.estimate && sim.found) {
     if (sim.found.ambiguous) {
-      ctx.strokeStyle = colours.wrong;
+      ctx.strokeStyle = colours.estimate;
       ctx.setLineDash([4, 3]);
       square(ctx, view, sim.found.second.pose, 0.75 * half, false);
     }
@@ -283,7 +85,7 @@ function drawFloor(ctx, view, sim, colours) {
     ctx.setLineDash([]);
     ctx.lineWidth = 2.5;
     // A little smaller, so that the true robot shows around it.
-    square(ctx, view, sim.estimate, 0.75 * half, false);
+    square(ctx, view, sim.found.best.pose, 0.75 * half, false);
   }
   ctx.restore();
   view.frame(ctx, colours);
@@ -291,11 +93,15 @@ function drawFloor(ctx, view, sim, colours) {
 
 function curve(ctx, view, ranges, reach) {
   const n = ranges.length;
+  const first = Math.ceil(-n / 2);
+  let open = false;
   ctx.beginPath();
-  for (let k = 0; k <= n; k++) {
-    const degrees = -180 + (360 * k) / n;
-    const i = (((k - n / 2) % n) + n) % n;
-    ctx.lineTo(view.px(degrees), view.py(Math.min(ranges[Math.round(i) % n], reach)));
+  for (let i = first; i <= first + n; i++) {
+    const range = ranges[((i % n) + n) % n];
+    const at = [view.px((360 * i) / n), view.py(Math.min(range, reach))];
+    if (Number.isNaN(range)) open = false;
+    else if (open) ctx.lineTo(...at);
+    else { ctx.moveTo(...at); open = true; }
   }
   ctx.stroke();
 }
@@ -304,11 +110,11 @@ function drawChart(ctx, view, sim, colours) {
   view.clear(ctx, colours);
   view.axes(ctx, colours, { xLabel: "beam, degrees left of straight ahead", yLabel: "range (m)" });
   view.clip(ctx);
-  if (sim.on.estimate) {
+  if (sim.on.estimate && sim.found) {
     ctx.strokeStyle = colours.estimate;
     ctx.lineWidth = 1.5;
     ctx.setLineDash([5, 4]);
-    curve(ctx, view, castScan(sim.room, sim.estimate, sim.sensor), sim.room.reach);
+    curve(ctx, view, castScan(sim.room, sim.found.best.pose, sim.sensor.n_beams), sim.room.reach);
   }
   ctx.strokeStyle = colours.lidar;
   ctx.lineWidth = 2;
@@ -323,24 +129,36 @@ function drawChart(ctx, view, sim, colours) {
 const fixed = (v, digits) => v.toFixed(digits).replace("-", "−").replace(/^−(0(\.0+)?)$/, "$1");
 const centimetres = (v) => (v < 0.01 ? "less than 1 cm" : v < 1 ? `${fixed(100 * v, 0)} cm` : `${fixed(v, 2)} m`);
 const pointOf = ([x, y, theta]) => `x ${fixed(x, 2)} m, y ${fixed(y, 2)} m, heading ${fixed(theta / DEGREE, 0)}°`;
+const apartOf = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 
 function saysWhere(sim) {
-  const [x, y, theta] = sim.pose;
-  const off = Math.hypot(sim.estimate[0] - x, sim.estimate[1] - y);
-  const turn = Math.abs(wrap(sim.estimate[2] - theta)) / DEGREE;
-  return `Robot at ${pointOf(sim.pose)} · estimate off by ${centimetres(off)} and ${fixed(turn, 0)}°`;
+  const where = `Robot at ${pointOf(sim.pose)}`;
+  if (!sim.found) return `${where} · the beams tell nothing`;
+  const turn = Math.abs(wrap(sim.found.best.pose[2] - sim.pose[2])) / DEGREE;
+  return `${where} · estimate off by ${centimetres(apartOf(sim.found.best.pose, sim.pose))} and ${fixed(turn, 0)}°`
+    + ` · three numbers off by ${centimetres(apartOf(sim.three, sim.pose))}`;
 }
 
 function saysHow(sim) {
   const parts = [sim.note];
-  const { best, second, margin, ambiguous } = sim.found;
-  const away = Math.hypot(second.pose[0] - best.pose[0], second.pose[1] - best.pose[1]);
-  const turn = Math.abs(wrap(second.pose[2] - best.pose[2])) / DEGREE;
-  const rival = `${centimetres(away)} away, turned by ${fixed(turn, 0)}°`;
-  if (ambiguous) parts.push(`Ambiguous: a pose ${rival}, fits nearly as well`);
-  else parts.push(`The next best pose, ${rival}, fits worse by ${fixed(100 * margin, 1)} cm a beam`);
+  if (sim.found) {
+    const { best, second, margin, ambiguous } = sim.found;
+    const turn = Math.abs(wrap(second.pose[2] - best.pose[2])) / DEGREE;
+    const rival = `${centimetres(apartOf(second.pose, best.pose))} away, turned by ${fixed(turn, 0)}°`;
+    if (ambiguous) parts.push(`Ambiguous: a pose ${rival}, fits nearly as well`);
+    else parts.push(`The next best pose, ${rival}, fits worse by ${fixed(100 * margin, 1)} cm a beam`);
+  }
   if (sim.library) parts.push(sim.library);
   return parts.filter(Boolean).join(" · ");
+}
+
+/** What P5's stack holds of a motion, beside the truth and the repair. */
+function saysMotion({ kind, size, printed, better, beam }) {
+  if (kind === "m") {
+    const [back, front] = printed.map((v) => (Number.isFinite(v) ? `${fixed(100 * v, 1)} cm` : "no number"));
+    return ["drive", `${fixed(100 * size, 1)} cm`, `m: back ${back}, front ${front}`, ""];
+  }
+  return ["turn", `${fixed(size / DEGREE, 1)}°`, `t: ${fixed(printed, 0)}, times ${show(beam)}° = ${fixed(printed * beam, 0)}°`, `${fixed(better / DEGREE, 1)}°`];
 }
 
 // ---- the figure ---------------------------------------------------------------------------------
@@ -352,33 +170,53 @@ const ARROWS = {
   back: icon('<path d="M12 20l7-9H5zM9.5 4h5v7h-5z" fill="currentColor"/>'),
 };
 
-/** A free pose drawn by a small generator of its own: the same series on every machine. */
-function somewhere(sim) {
-  const next = () => {
-    sim.seed = (Math.imul(sim.seed, 1664525) + 1013904223) >>> 0;
-    return sim.seed / 4294967296;
-  };
-  const [x0, x1, y0, y1] = sim.room.bounds;
-  for (let k = 0; k < 1000; k++) {
-    const pose = [x0 + (x1 - x0) * next(), y0 + (y1 - y0) * next(), wrap(2 * Math.PI * next())];
-    // Free for any heading: the robot must be able to turn where it is set down.
-    if (!overlaps(sim.room, [pose[0], pose[1], 0], sim.half * Math.SQRT2)) return pose;
+/** A number field with label and unit; a value out of range goes to the nearest end. */
+function field(label, unit, value, [low, high, step], changed) {
+  const input = h("input", { class: "slam-field", type: "number", min: low, max: high, step, value, "aria-label": `${label} (${unit})` });
+  input.addEventListener("change", () => {
+    const given = Number(input.value);
+    input.value = String(Number.isFinite(given) && input.value !== "" ? Math.min(Math.max(given, low), high) : value);
+    changed(Number(input.value));
+  });
+  return h("label", { class: "slam-setting" }, `${label} `, input, ` ${unit}`);
+}
+
+function select(label, options, changed) {
+  const node = h("select", { class: "slam-speed", "aria-label": label, title: label, onchange: () => changed(node.value) },
+    ...Object.entries(options).map(([value, text]) => h("option", { value }, text)));
+  return node;
+}
+
+/** The pixels of a picture file; null where the browser cannot read it. */
+async function pixelsOf(file) {
+  try {
+    const bitmap = await createImageBitmap(file);
+    const { width, height } = bitmap;
+    if (Math.max(width, height) > LARGEST) return { width, height, data: null };
+    const ctx = h("canvas", { width, height }).getContext("2d", { willReadFrequently: true });
+    ctx.drawImage(bitmap, 0, 0);
+    return { width, height, data: ctx.getImageData(0, 0, width, height).data };
+  } catch (error) {
+    console.debug("no picture", error);
+    return null;
   }
-  return sim.pose;
 }
 
 function render({ model, el }) {
   const stop = new AbortController();
   const { signal } = stop;
   const payload = model.get("payload");
-  const sensor = payload.sensor;
-  const rooms = payload.rooms.map((room) => readRoom(room, sensor));
-  const sim = { sensor, half: payload.side / 2, on: {}, dots: [], seed: 1, asked: 0, note: "" };
+  const rooms = payload.rooms.map(readRoom);
+  const random = generator(1);
+  const sim = {
+    sensor: { n_beams: payload.n_beams, sigma: 0, lost: 0 }, half: payload.side / 2, on: {}, asked: 0, note: "", library: "",
+    step: 0.05, turn: 5 * DEGREE, mapAt: "truth", pointer: "place", guard: "swept", strategy: "quadrants", pilot: null, log: [], dots: [], stack: [],
+  };
   let colours = LIGHT;
 
   const root = card(el, payload, "simulator");
   const floor = new View(rooms[0].bounds, {
-    label: `${payload.title || "Simulator"}. Plan of the room with robot, map and estimate. The text below tells the state.`,
+    label: `${payload.title || "Simulator"}. Plan of the room with robot, map and estimates. The text below tells the state.`,
     signal, draw: (ctx) => drawFloor(ctx, floor, sim, colours),
   });
   const chart = new View([-180, 180, 0, 1], {
@@ -388,75 +226,301 @@ function render({ model, el }) {
   const facts_ = h("span", { class: "slam-facts" });
   const caption = h("span", { class: "slam-caption" });
   const line = h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" }, facts_, caption);
+  const tally = h("table", { class: "slam-numbers" });
+  const stackRows = h("tbody", {});
+
+  // ---- state ----
 
   const refresh = () => {
     facts_.textContent = saysWhere(sim);
     caption.textContent = saysHow(sim);
+    const wrong = (name) => `${sim.log.filter((entry) => entry[name] > WRONG).length} of ${sim.log.length}`;
+    const rows = [
+      ["driven", `${fixed(sim.driven, 2)} m`], ["collisions", String(sim.collisions)], ["floor seen", `${fixed(100 * sim.seen.share, 0)} %`],
+      ["positions more than 10 cm off, repaired", wrong("off")], ["the same, three numbers", wrong("offPrinted")],
+    ];
+    tally.replaceChildren(...rows.map(([name, value]) => h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value))));
+    stackRows.replaceChildren(...sim.stack.slice(-8).reverse().map((motion) => h("tr", {}, ...saysMotion(motion).map((text) => h("td", {}, text)))));
     root.dataset.pose = sim.pose.map((v) => v.toFixed(6)).join();
-    root.dataset.estimate = sim.estimate.map((v) => v.toFixed(6)).join();
-    root.dataset.ambiguous = String(sim.found.ambiguous);
+    root.dataset.estimate = sim.found ? sim.found.best.pose.map((v) => v.toFixed(6)).join() : "";
+    root.dataset.printed = sim.three ? sim.three.map((v) => v.toFixed(6)).join() : "";
+    root.dataset.ambiguous = String(Boolean(sim.found && sim.found.ambiguous));
+    root.dataset.log = String(sim.log.length);
     floor.redraw();
     chart.redraw();
   };
-  const look = (note = "") => {
-    sim.note = note;
-    sim.library = "";
-    sim.ranges = castScan(sim.room, sim.pose, sensor);
-    sim.found = locate(sim.room, sim.ranges, sensor);
-    sim.estimate = sim.found.best.pose;
-    sim.dots.push(...ends(sim.pose, sim.ranges));
+  /** Measure, find the place in two ways, draw the map; a motion is a further step of the log. */
+  const look = (note = "", motion = null) => {
+    Object.assign(sim, { note, library: "", ranges: measure(sim.room, sim.pose, sim.sensor, random), found: null, three: null });
+    if (sim.ranges.some((r) => Number.isFinite(r)) && tableOf(sim.room, sim.sensor.n_beams).places.length) {
+      sim.found = locate(sim.room, sim.ranges);
+      sim.three = locateAsPrinted(sim.room, sim.ranges);
+    }
+    const heading = sim.found ? sim.found.best.pose[2] : sim.pose[2];
+    const at = { truth: sim.pose, estimate: sim.found && sim.found.best.pose, printed: sim.three && [...sim.three, heading] }[sim.mapAt];
+    if (at) sim.dots.push(...ends(at, sim.ranges));
     if (sim.dots.length > 60000) sim.dots.splice(0, sim.dots.length - 60000);
+    sim.seen.insert(sim.pose, sim.ranges);
+    const last = sim.log[sim.log.length - 1];
+    const u = motion && last ? betweenPoses(last.pose, sim.pose) : [0, 0, 0];
+    if (motion || !last) {
+      const off = sim.found ? [apartOf(sim.found.best.pose, sim.pose), apartOf(sim.three, sim.pose)] : [Infinity, Infinity];
+      sim.log.push({ time: last ? last.time + 1 : 0, u, pose: sim.pose, ranges: sim.ranges, off: off[0], offPrinted: off[1] });
+    }
+    if (motion && last) {
+      const kind = motion[1] ? "t" : "m";
+      const better = kind === "t" ? turnBetween(last.ranges, sim.ranges) : NaN;
+      const printed = kind === "t" ? whatAngle(last.ranges, sim.ranges) : whatMove(last.ranges, sim.ranges);
+      sim.driven += Math.hypot(u[0], u[1]);
+      sim.stack.push({ kind, size: kind === "t" ? u[2] : u[0], printed, better, beam: 360 / sim.sensor.n_beams });
+    }
     refresh();
     sim.asked += 1;
-    tell(model, "ask", { id: sim.asked, room: rooms.indexOf(sim.room), pose: sim.pose });
+    const known = rooms.indexOf(sim.room);
+    if (known >= 0 && known < payload.rooms.length && !sim.sensor.sigma && !sim.sensor.lost) {
+      tell(model, "ask", { id: sim.asked, room: known, pose: sim.pose, n_beams: sim.sensor.n_beams });
+    }
   };
-  const enter = (room) => {
-    sim.room = room;
-    sim.pose = room.start;
-    sim.dots = [];
+  /** Begin a new log where the robot stands. */
+  const begin = (note = "") => {
+    Object.assign(sim, { log: [], dots: [], stack: [], driven: 0, collisions: 0, seen: new Seen(sim.room, sim.pose) });
+    look(note);
+  };
+  const enter = (room, note = "") => {
+    const pose = room.start || roomyPlace(room, sim.half);
+    halt();
+    if (!pose) {
+      sim.note = `${room.name}: there is no place where the robot can turn`;
+      refresh();
+      return false;
+    }
+    Object.assign(sim, { room, pose });
     floor.box = room.bounds;
     chart.box = [-180, 180, 0, room.reach];
     floor.reset();
     chart.reset();
-    look();
+    begin(note);
+    return true;
   };
   const drive = (distance, angle) => {
     const [pose, whole] = move(sim.room, sim.pose, distance, angle, sim.half);
     sim.pose = pose;
-    look(whole ? "" : "Blocked: the robot touches");
+    if (!whole) sim.collisions += 1;
+    look(whole ? "" : "Blocked: the robot touches", [distance, angle]);
+    return whole;
+  };
+  const put = (pose, note) => {
+    halt();
+    if (overlaps(sim.room, pose, sim.half)) return false;
+    sim.pose = [pose[0], pose[1], wrap(pose[2])];
+    begin(note);
+    return true;
   };
 
-  const moves = {
-    ArrowUp: () => drive(STEP, 0), ArrowDown: () => drive(-STEP, 0),
-    ArrowLeft: () => drive(0, TURN), ArrowRight: () => drive(0, -TURN),
-    j: () => { sim.pose = somewhere(sim); look("Set down somewhere else"); },
-    Home: () => enter(sim.room),
+  // ---- autonomous motion ----
+
+  let timer = 0;
+  const halt = (note = "") => {
+    clearTimeout(timer);
+    timer = 0;
+    sim.pilot = null;
+    explore.textContent = "Explore";
+    explore.setAttribute("aria-pressed", "false");
+    line.setAttribute("aria-live", "polite");
+    if (note) { sim.note = note; refresh(); }
   };
-  const button = (image, label, key, act) => h("button", {
-    class: "slam-button", type: "button", "aria-label": label, title: `${label} (${key})`, html: image, onclick: act,
-  });
-  const word = (text, key, act) => h("button", { class: "slam-chip", type: "button", title: `${text} (${key})`, onclick: act }, text);
-  const choice = h("select", { class: "slam-speed", "aria-label": "Room", title: "Room", onchange: () => enter(rooms[Number(choice.value)]) },
-    ...rooms.map((room, k) => h("option", { value: k }, room.name)));
+  const go = (hit) => {
+    const motion = sim.pilot.command(sim.pose, sim.ranges, sim.room.reach, hit);
+    if (!motion || sim.driven > 40) { halt(motion ? "40 m driven: enough" : "No way on"); return; }
+    const whole = drive(...motion);
+    timer = setTimeout(() => go(!whole), 60);
+  };
+  const explore = h("button", {
+    class: "slam-chip", type: "button", "aria-pressed": "false", title: "Explore, or stop (E)",
+    onclick: () => {
+      if (sim.pilot) { halt("Stopped"); return; }
+      sim.pilot = new Pilot(sim.half, STRATEGIES[sim.strategy], sim.guard, random);
+      explore.textContent = "Stop";
+      explore.setAttribute("aria-pressed", "true");
+      line.setAttribute("aria-live", "off");
+      go(false);
+    },
+  }, "Explore");
+
+  // ---- controls ----
+
+  const moves = {
+    ArrowUp: () => drive(sim.step, 0), ArrowDown: () => drive(-sim.step, 0),
+    ArrowLeft: () => drive(0, sim.turn), ArrowRight: () => drive(0, -sim.turn),
+    j: () => put(somewhere(sim.room, sim.half, random) || sim.pose, "Set down somewhere else"),
+    e: () => explore.click(), Home: () => enter(sim.room),
+  };
+  /** A button that repeats while it is held. */
+  const hold = (image, label, key, act) => {
+    let again = 0;
+    const release = () => { clearInterval(again); again = 0; };
+    const node = h("button", { class: "slam-button", type: "button", "aria-label": label, title: `${label} (${key}); hold to go on`, html: image });
+    const on = (name, f) => node.addEventListener(name, f, { signal });
+    on("pointerdown", (e) => {
+      if (e.button !== 0) return;
+      release();
+      halt();
+      act();
+      again = setInterval(act, 120);
+    });
+    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) on(name, release);
+    on("contextmenu", (e) => e.preventDefault());
+    on("click", (e) => { if (e.detail === 0) act(); });
+    signal.addEventListener("abort", release);
+    return node;
+  };
+  const word = (text, key, act) => h("button", { class: "slam-chip", type: "button", title: key ? `${text} (${key})` : text, onclick: act }, text);
+  const choice = select("Room", Object.fromEntries(rooms.map((room, k) => [k, room.name])), (value) => enter(rooms[Number(value)]));
+  const add = (room) => {
+    rooms.push(room);
+    choice.append(h("option", { value: rooms.length - 1 }, room.name));
+    choice.value = String(rooms.length - 1);
+  };
+  const picture = h("input", { type: "file", accept: "image/bmp,image/png,.bmp,.png", class: "slam-file", "aria-label": "Load a room from a BMP or PNG picture", onchange: async () => {
+    const file = picture.files[0];
+    const pixels = file ? await pixelsOf(file) : null;
+    picture.value = "";
+    if (!file) return;
+    if (!pixels || !pixels.data) {
+      sim.note = pixels ? `${file.name}: ${pixels.width} by ${pixels.height} pixels, expected ${LARGEST} at most` : `${file.name}: expected a BMP or PNG picture`;
+      refresh();
+      return;
+    }
+    const room = roomFromPixels(file.name, pixels.data, pixels.width, pixels.height, 0.01);
+    const before = sim.room;
+    if (enter(room, `${file.name}: ${pixels.width} by ${pixels.height} pixels of 1 cm, dark is wall`)) add(room);
+    else sim.room = before;
+  } });
+  const save = () => {
+    const url = URL.createObjectURL(new Blob([csvOf(sim.log, sim.sensor.n_beams)], { type: "text/csv" }));
+    const link = h("a", { href: url, download: "simulator.csv" });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(url), 1000);
+  };
+  const lidar = (change) => {
+    halt();
+    Object.assign(sim.sensor, change);
+    begin();
+  };
+  const setBeams = (degrees) => {
+    const n = Math.round(360 / degrees);
+    lidar({ n_beams: n });
+    sim.note = `${n} beams, one every ${fixed(360 / n, 2)}°`;
+    refresh();
+  };
+
   const controls = h("div", { class: "slam-controls slam-drive", role: "group", "aria-label": "Drive" },
-    button(ARROWS.left, "Turn left", "left arrow", moves.ArrowLeft),
-    button(ARROWS.forward, "Drive forward", "up arrow", moves.ArrowUp),
-    button(ARROWS.back, "Drive back", "down arrow", moves.ArrowDown),
-    button(ARROWS.right, "Turn right", "right arrow", moves.ArrowRight),
-    word("Set down elsewhere", "J", moves.j), word("Start again", "Home", moves.Home), rooms.length > 1 ? choice : null);
+    hold(ARROWS.left, "Turn left", "left arrow", moves.ArrowLeft),
+    hold(ARROWS.forward, "Drive forward", "up arrow", moves.ArrowUp),
+    hold(ARROWS.back, "Drive back", "down arrow", moves.ArrowDown),
+    hold(ARROWS.right, "Turn right", "right arrow", moves.ArrowRight),
+    field("step", "cm", 5, [0.5, 100, 0.5], (v) => { sim.step = v / 100; }),
+    field("turn", "°", 5, [0.5, 180, 0.5], (v) => { sim.turn = v * DEGREE; }));
+  const row = (label, ...nodes) => h("div", { class: "slam-controls slam-drive", role: "group", "aria-label": label }, ...nodes);
+  const strategy = select("Strategy", Object.fromEntries(Object.entries(STRATEGIES).map(([k, v]) => [k, v.label])), (v) => { halt(); sim.strategy = v; });
+  strategy.value = sim.strategy;
+  const named = (text, node) => h("label", { class: "slam-setting" }, `${text} `, node);
+  const pointer = select("Pointer", POINTERS, (v) => { sim.pointer = v; });
   const layers = layerChips(SIM_LAYERS, sim.on, () => refresh());
   const panel = (title, ...nodes) => h("div", { class: "slam-panel" }, h("div", { class: "slam-panel-title" }, title), ...nodes);
   root.append(
-    h("div", { class: "slam-panels" }, panel("The room", floor.node, controls), panel("What the lidar measures", chart.node)),
-    layers.row, line,
-    h("div", { class: "slam-help" }, "Arrow keys drive and turn by 5 cm and 5°, J sets the robot down elsewhere, Home starts again, Ctrl and wheel zoom."),
+    h("div", { class: "slam-panels" },
+      panel("The room", floor.node, controls, line),
+      panel("What the lidar measures", chart.node, row("Lidar",
+        field("beam every", "°", Math.round(360 / payload.n_beams), [1, 30, 1], setBeams),
+        field("noise", "cm", 0, [0, 20, 0.5], (v) => lidar({ sigma: v / 100 })),
+        field("lost", "%", 0, [0, 50, 1], (v) => lidar({ lost: v / 100 }))), tally)),
+    row("Room", named("room", choice), h("label", { class: "slam-chip" }, "Load a picture", picture), named("pointer", pointer),
+      word("Set down elsewhere", "J", moves.j), word("Start again", "Home", moves.Home)),
+    row("Explore", explore, named("by", strategy), named("guarded by", select("Guard", GUARDS, (v) => { halt(); sim.guard = v; }))),
+    row("Map and log", named("map at", select("Map drawn at", MAPS, (v) => { sim.mapAt = v; sim.dots = []; look(); })), word("Save the log (CSV)", "", save)),
+    layers.row,
+    h("details", { class: "slam-stack" }, h("summary", {}, "The stack of motions, as P5 recovers them from two scans"),
+      h("table", { class: "slam-numbers" }, h("thead", {}, h("tr", {}, ...["motion", "true", "P5's stack, as printed", "by correlation"].map((t) => h("th", { scope: "col" }, t)))), stackRows)),
+    h("div", { class: "slam-help" }, "Tap to place the robot, drag from it to turn it. "
+      + "Arrow keys drive and turn, J sets the robot down elsewhere, E explores, Home starts again, Ctrl and wheel zoom."),
   );
 
+  // ---- the pointer in the room ----
+
+  const worldAt = (e) => {
+    const box = floor.canvas.getBoundingClientRect();
+    return [(e.clientX - box.left - floor.ox) / floor.sx, (e.clientY - box.top - floor.oy) / floor.sy];
+  };
+  let held = null;
+  const nearRobot = (point) => apartOf(point, sim.pose) < Math.max(1.6 * sim.half, 24 / floor.sx);
+  const paint = (point) => {
+    paintWall(sim.room, held.point, point, PEN, sim.pointer === "wall");
+    held.point = point;
+    sim.pictureOf = null;
+    floor.redraw();
+  };
+  const on = (name, f, options = {}) => floor.node.addEventListener(name, f, { signal, capture: true, ...options });
+  on("touchstart", (e) => {
+    if (e.touches.length !== 1 || sim.pointer === "view") return;
+    if (sim.pointer !== "place" || nearRobot(worldAt(e.touches[0]))) e.preventDefault();
+  }, { passive: false });
+  on("pointerdown", (e) => {
+    if (e.button !== 0 || e.target !== floor.canvas || sim.pointer === "view" || !e.isPrimary) return;
+    const point = worldAt(e);
+    halt();
+    held = { id: e.pointerId, from: [e.clientX, e.clientY], point, turning: nearRobot(point), moved: false };
+    if (sim.pointer !== "place") {
+      if (!sim.room.drawn) {
+        const copy = copyOf(sim.room, `${sim.room.name}, redrawn`);
+        copy.drawn = true;
+        sim.room = copy;
+        add(copy);
+      }
+      paint(point);
+    }
+    if (e.pointerType === "touch" && sim.pointer === "place" && !held.turning) return;
+    e.stopPropagation();
+    floor.canvas.focus();
+    floor.canvas.setPointerCapture(e.pointerId);
+  });
+  on("pointermove", (e) => {
+    if (!held || e.pointerId !== held.id) return;
+    const point = worldAt(e);
+    held.moved = held.moved || Math.hypot(e.clientX - held.from[0], e.clientY - held.from[1]) > 6;
+    if (sim.pointer !== "place") paint(point);
+    else if (held.moved && held.turning) {
+      const turned = [sim.pose[0], sim.pose[1], Math.atan2(point[1] - sim.pose[1], point[0] - sim.pose[0])];
+      if (!overlaps(sim.room, turned, sim.half)) { sim.pose = turned; floor.redraw(); }
+    } else if (held.moved && e.pointerType !== "touch") {
+      const aimed = [...held.point, Math.atan2(point[1] - held.point[1], point[0] - held.point[0])];
+      if (!overlaps(sim.room, aimed, sim.half)) { sim.pose = aimed; floor.redraw(); }
+    }
+  });
+  on("pointerup", (e) => {
+    if (!held || e.pointerId !== held.id) return;
+    const { point, turning, moved } = held;
+    held = null;
+    if (sim.pointer !== "place") {
+      if (overlaps(sim.room, sim.pose, sim.half)) sim.pose = roomyPlace(sim.room, sim.half) || sim.pose;
+      begin("The room was redrawn");
+    } else if (moved && (turning || e.pointerType !== "touch")) begin("Placed and turned");
+    else if (!moved && !turning && !put([...point, sim.pose[2]], "Placed")) {
+      sim.note = "No room there: the robot would touch";
+      refresh();
+    }
+  });
+  on("pointercancel", () => { held = null; });
+
   keyboard(root, (e) => {
+    if (e.target.tagName === "INPUT") return false;
     const act = moves[e.key] || moves[e.key.toLowerCase()];
-    if (act) act();
-    return Boolean(act);
+    if (!act) return false;
+    if (e.key.startsWith("Arrow")) halt();
+    act();
+    return true;
   }, signal);
+  signal.addEventListener("abort", () => clearTimeout(timer));
   enter(rooms[0]);
   return live({
     root, views: [floor, chart], samples: layers.samples, model, stop, event: "change:answer",
@@ -466,7 +530,7 @@ function render({ model, el }) {
       if (!answer || answer.id !== sim.asked) return;
       let gap = 0;
       answer.ranges.forEach((r, i) => { if (r !== null) gap = Math.max(gap, Math.abs(r - sim.ranges[i])); });
-      const off = Math.hypot(answer.pose[0] - sim.pose[0], answer.pose[1] - sim.pose[1]);
+      const off = apartOf(answer.pose, sim.pose);
       sim.library = `Python: same beams to ${fixed(1000 * gap, 3)} mm; its finer map is off by ${centimetres(off)}${answer.ambiguous ? ", ambiguous" : ""}`;
       refresh();
     },
@@ -481,5 +545,8 @@ function render({ model, el }) {
   });
 }
 
-export { castRay, castScan, locate, overlaps, readRoom, spectrumOf };
+export {
+  Pilot, STRATEGIES, Seen, bridged, canMove, castRay, castScan, csvOf, driveHits, freeDistance, generator, locate, locateAsPrinted, move,
+  overlaps, quarterBeams, readRoom, roomFromPixels, roomyPlace, spectrumOf, tableOf, threeNumbers, turnBetween, turnHits, turnable, whatAngle, whatMove,
+};
 export default { render };

@@ -1,7 +1,7 @@
 """Simulator: P5's program as an interactive figure, in JupyterLab and in the static page.
 
-Rooms, a small table of signatures and the settings are packed here; driving, ray casting and
-localization run in `simulator.js`. Where a kernel is alive, the library answers beside it.
+Rooms are packed here; driving, ray casting, localization and exploration run in
+`simulator_world.js`. Where a kernel is alive, the library answers beside it.
 """
 
 from __future__ import annotations
@@ -15,21 +15,22 @@ import traitlets
 from numpy.typing import ArrayLike
 
 from slamlab._checks import as_array, as_count
-from slamlab.localization.signature import SignatureMap, spectrum
+from slamlab.localization.signature import SignatureMap
 from slamlab.robots import SquareRobot
 from slamlab.sensors import Lidar
 from slamlab.widgets import _pack
-from slamlab.widgets._pack import Packed, script
+from slamlab.widgets._pack import script
 from slamlab.worlds import BitmapWorld
 
 __all__ = ["Simulator"]
 
-N_HARMONICS = 16
-"""Harmonics of a signature; `simulator.js` has the same number."""
-
 
 class Simulator(anywidget.AnyWidget):
     """Drive a square robot with a lidar through rooms of pixels, and see where it seems to be.
+
+    The reader may load a BMP or PNG picture as a room or draw one, place the robot, choose beams,
+    noise, step and turn, let it explore by P5's strategies under its guard or a mended one, and
+    save the log, which `slamlab.datasets.read_simulator` reads.
 
     Parameters
     ----------
@@ -41,11 +42,9 @@ class Simulator(anywidget.AnyWidget):
     robot : SquareRobot, optional
         Side 0.30 m without it.
     lidar : Lidar, optional
-        Full circle, at the centre, without noise; 120 beams without it.
-    stride : int, default 10
-        The page's table holds the signature of every `stride`-th cell.
+        Full circle, at the centre, endless, without noise; 120 beams without it. 12 to 360 beams.
     fine_stride : int, default 4
-        The same for the map with which Python answers; it is built when first asked.
+        The map with which Python answers holds every such cell; it is built when first asked.
     title, question : str
         Name of the figure and the question it answers.
 
@@ -61,17 +60,17 @@ class Simulator(anywidget.AnyWidget):
     Raises
     ------
     ValueError
-        If there is no room, a room has no free place for the table, a start is blocked, or the
-        lidar is not of the kind described.
+        If there is no room, a room has no place for the robot, a start is blocked, or the lidar
+        is not of the kind described.
 
     Examples
     --------
     >>> from slamlab.worlds import rooms
-    >>> Simulator({"thesis": rooms.thesis_room()}, stride=40)
+    >>> Simulator({"thesis": rooms.thesis_room()})
     Simulator(thesis; 120 beams)
     """
 
-    _esm = script("shared.js", "simulator.js")
+    _esm = script("shared.js", "simulator_world.js", "simulator.js")
     _css = script("widgets.css", "simulator.css")
     payload = traitlets.Dict().tag(sync=True)
     ask = traitlets.Dict().tag(sync=True)
@@ -83,7 +82,6 @@ class Simulator(anywidget.AnyWidget):
         starts: Mapping[str, ArrayLike] | None = None,
         robot: SquareRobot | None = None,
         lidar: Lidar | None = None,
-        stride: int = 10,
         fine_stride: int = 4,
         title: str = "",
         question: str = "",
@@ -91,23 +89,18 @@ class Simulator(anywidget.AnyWidget):
         if not isinstance(worlds, Mapping) or not worlds:
             raise ValueError(f"worlds: expected names with BitmapWorlds, got {worlds!r}")
         robot, lidar = robot or SquareRobot(0.30), _checked_lidar(lidar or Lidar(120))
-        stride = as_count("stride", stride, 1)
         self._fine_stride = as_count("fine_stride", fine_stride, 1)
         self._worlds, self._lidar = list(worlds.values()), lidar
-        self._maps: dict[int, SignatureMap] = {}
+        self._maps: dict[tuple[int, int], SignatureMap] = {}
         given = dict(starts or {})
         unknown = set(given) - set(worlds)
         if unknown:
             raise ValueError(f"starts: expected names of rooms, got {sorted(unknown)}")
         payload = {
             "rooms": [
-                _room(name, world, given.get(name), robot, lidar, stride)
-                for name, world in worlds.items()
+                _room(name, world, given.get(name), robot) for name, world in worlds.items()
             ],
-            "sensor": {
-                "n_beams": lidar.n_beams,
-                "max_range": None if np.isinf(lidar.max_range) else float(lidar.max_range),
-            },
+            "n_beams": lidar.n_beams,
             "side": robot.side,
             "title": _pack.text("title", title),
             "question": _pack.text("question", question),
@@ -126,11 +119,12 @@ class Simulator(anywidget.AnyWidget):
         if not asked:
             return
         room, pose = int(asked["room"]), np.array(asked["pose"], dtype=float)
-        world = self._worlds[room]
-        ranges = self._lidar.scan(world, pose)
-        if room not in self._maps:
-            self._maps[room] = SignatureMap.build(world, self._lidar, self._fine_stride)
-        found = self._maps[room].locate(ranges)
+        key = room, int(asked.get("n_beams", self._lidar.n_beams))
+        world, lidar = self._worlds[room], Lidar(key[1])
+        ranges = lidar.scan(world, pose)
+        if key not in self._maps:
+            self._maps[key] = SignatureMap.build(world, lidar, self._fine_stride)
+        found = self._maps[key].locate(ranges)
         self.answer = {
             "id": asked["id"],
             "ranges": [None if np.isinf(r) else float(r) for r in ranges],
@@ -140,23 +134,18 @@ class Simulator(anywidget.AnyWidget):
 
 
 def _checked_lidar(lidar: Lidar) -> Lidar:
-    full = lidar.field_of_view >= 2 * np.pi - 1e-9
+    full = lidar.field_of_view >= 2 * np.pi - 1e-9 and np.isinf(lidar.max_range)
     quiet = lidar.sigma_range == 0 and lidar.p_miss == 0
-    if not full or not quiet or lidar.offset != 0 or lidar.n_beams < 2 * N_HARMONICS:
+    if not full or not quiet or lidar.offset != 0 or not 12 <= lidar.n_beams <= 360:
         raise ValueError(
-            "lidar: expected a full circle of at least 32 beams at the centre, without noise, "
-            f"got {lidar!r}"
+            "lidar: expected a full circle of 12 to 360 endless beams at the centre, without "
+            f"noise, got {lidar!r}"
         )
     return lidar
 
 
 def _room(
-    name: str,
-    world: BitmapWorld,
-    start: ArrayLike | None,
-    robot: SquareRobot,
-    lidar: Lidar,
-    stride: int,
+    name: str, world: BitmapWorld, start: ArrayLike | None, robot: SquareRobot
 ) -> dict[str, Any]:
     """One room as the browser gets it."""
     if not isinstance(world, BitmapWorld):
@@ -170,23 +159,8 @@ def _room(
         "resolution": world.resolution,
         "origin": [float(v) for v in world.origin],
         "occupied": _pack.pack_image(world.occupied.astype(float), 0.0, 1.0),
-        "spectra": _table(name, world, lidar, stride),
-        "stride": stride,
         "start": [float(v) for v in pose],
     }
-
-
-def _table(name: str, world: BitmapWorld, lidar: Lidar, stride: int) -> Packed:
-    """Signatures (n, 16) of the free cells of the grid, row by row."""
-    places = world.centres(stride)
-    places = places[world.is_free(places)]
-    if len(places) == 0:
-        raise ValueError(f"worlds[{name!r}]: expected free cells on a grid of {stride}, got none")
-    poses = np.column_stack([places, np.zeros(len(places))])
-    left, bottom, right, top = world.bounds
-    reach = min(float(lidar.max_range), float(np.hypot(right - left, top - bottom)))
-    ranges = np.minimum(lidar.scan(world, poses), reach)
-    return _pack.pack_numbers(spectrum(ranges, N_HARMONICS))
 
 
 def _start(

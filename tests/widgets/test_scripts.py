@@ -9,8 +9,14 @@ import pytest
 from slamlab.plots import COLOURS
 from slamlab.widgets._pack import script
 
-FIGURES = ["replay.js", "sweep.js", "simulator.js", "sighting.js", "scan_drag.js"]
-DRAGGED = FIGURES[-2:]
+# What a figure has in front of it, and what is its own.
+FIGURES = {
+    "replay": ([], ["replay.js"]),
+    "sweep": ([], ["sweep.js"]),
+    "simulator": ([], ["simulator_world.js", "simulator.js"]),
+    "sighting": (["drag.js"], ["sighting.js"]),
+    "scan_drag": (["drag.js"], ["scan_drag.js"]),
+}
 SHARED = script("shared.js")
 
 
@@ -34,22 +40,24 @@ def test_figures_have_the_colours_of_the_plots():
 
 
 def test_everything_that_is_defined_is_used():
-    assert unused(SHARED, script("drag.js", *FIGURES)) == set()
-    assert unused(script("drag.js"), script(*DRAGGED)) == set()
-    for name in FIGURES:
-        assert unused(script(name)) == set(), name
+    own = {name: script(*files) for name, (_, files) in FIGURES.items()}
+    dragged = "".join(own[name] for name, (front, _) in FIGURES.items() if front)
+    assert unused(SHARED, script("drag.js") + "".join(own.values())) == set()
+    assert unused(script("drag.js"), dragged) == set()
+    for name, text in own.items():
+        assert unused(text) == set(), name
     assert unused("function nobody() {}\n") == {"nobody"}
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_defines_nothing_that_is_shared(name):
-    front = script("shared.js", "drag.js") if name in DRAGGED else SHARED
-    assert defined(script(name)) & defined(front) == set()
+    front, files = FIGURES[name]
+    assert defined(script(*files)) & defined(script("shared.js", *front)) == set()
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_no_loose_ends(name):
-    text = SHARED + script(name)
+    text = SHARED + script(*FIGURES[name][1])
     assert not re.findall(r"\bvar |console\.log|debugger|[^=!<>]==[^=]", text)
     assert max(map(len, text.splitlines())) <= 200
 
@@ -58,8 +66,8 @@ def test_no_loose_ends(name):
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_script_parses_as_a_module(name, tmp_path):
     module = tmp_path / "figure.mjs"
-    front = ["shared.js", "drag.js"] if name in DRAGGED else ["shared.js"]
-    module.write_text(script(*front, name))
+    front, files = FIGURES[name]
+    module.write_text(script("shared.js", *front, *files))
     subprocess.run(["node", "--check", module], check=True, capture_output=True)
     module.write_text("const a = ;")
     assert subprocess.run(["node", "--check", module], capture_output=True).returncode
