@@ -1,8 +1,8 @@
 """Where the robot goes: pilots, who see what the robot believes, and what they plan with."""
 
-from slamlab.navigation.drive import YOUBOT_BODY, Body, RoomDriver
+from slamlab.navigation.drive import YOUBOT_BODY, Body, Guard, RoomDriver
 from slamlab.navigation.explore import Explorer
-from slamlab.navigation.follow import Homer, RegulatedPurePursuit, ReturnLaw
+from slamlab.navigation.follow import Homer, RegulatedPurePursuit, Retracer, ReturnLaw
 from slamlab.navigation.path_memory import (
     VARIANTS,
     Cubic,
@@ -26,6 +26,7 @@ __all__ = [
     "Body",
     "Cubic",
     "Explorer",
+    "Guard",
     "Homer",
     "InformationGain",
     "LongestBeam",
@@ -35,6 +36,7 @@ __all__ = [
     "Quadrants",
     "RandomFraction",
     "RegulatedPurePursuit",
+    "Retracer",
     "ReturnLaw",
     "RoomDriver",
     "SeenFloor",

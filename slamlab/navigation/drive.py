@@ -14,12 +14,12 @@ import numpy as np
 from slamlab._checks import Array, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
-from slamlab.models import View
+from slamlab.models import Smoother, View
 from slamlab.navigation.seen_floor import SeenFloor
 from slamlab.navigation.strategies import NearestFrontier, Situation
 from slamlab.sensors.lidar import Lidar
 
-__all__ = ["YOUBOT_BODY", "Body", "RoomDriver"]
+__all__ = ["YOUBOT_BODY", "Body", "Guard", "RoomDriver"]
 
 # A way point counts as reached from this near (m), the start at the end of the way home too.
 _REACHED, _HOME = 0.06, 0.03
@@ -31,6 +31,10 @@ _PATIENCE = 5
 _RETREAT, _BACK = 5, 0.1
 # It plans the way home so often without coming nearer before it gives up.
 _PLANS = 10
+# Who was so far from the start (m) and is within half of it again has come back.
+_LEFT = 10.0
+# A belief that moves a place by so much (m) has a new map to be drawn.
+_MOVED = 0.05
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,64 @@ class Body:
 YOUBOT_BODY = Body(0.58, 0.38)
 
 
+class Guard:
+    """Slows a body down, or lets it stand still, so that it stays clear of what the scan shows.
+
+    Parameters
+    ----------
+    body : Body
+    margin : float, default 0.06
+        It refuses what would bring the body nearer than this to a point of the scan (m).
+
+    Raises
+    ------
+    ValueError
+        If the margin is negative.
+    """
+
+    def __init__(self, body: Body, margin: float = 0.06) -> None:
+        self._body, self._margin = body, as_scalar("margin", margin, 0, 1e3)
+
+    def __repr__(self) -> str:
+        """Return body and margin."""
+        return f"Guard({self._body}, margin={self._margin:g})"
+
+    def limited(self, wish: Array, points: Array, dt: float) -> Array:
+        """Return the part of the body velocity `wish` (3,) that is safe among points (k, 2)."""
+        here = float(self._body.clearance(points).min(initial=np.inf))
+        # Already nearer than the margin: it may leave, and must not come nearer.
+        least = min(self._margin, here - 1e-9)
+        for part in ([1, 1, 1], [1, 1, 0], [0, 0, 1]):
+            for scale in (1.0, 0.5, 0.25, 0.1):
+                u: Array = scale * wish * part
+                if self._closest(u, points, dt) >= least:
+                    return u
+        return np.zeros(3)
+
+    def too_near(self, points: Array) -> bool:
+        """Whether a point of (k, 2) is nearer than half the margin."""
+        return bool(self._body.clearance(points).min(initial=np.inf) < 0.5 * self._margin)
+
+    def away(self, points: Array) -> Array:
+        """Return a slow body velocity (3,) away from the nearest of points (k, 2), k > 0."""
+        x, y = points[np.argmin(self._body.clearance(points))]
+        return np.array([-x, -y, 0.0]) * (_BACK / max(float(np.hypot(x, y)), 1e-9))
+
+    def _closest(self, u: Array, points: Array, dt: float) -> float:
+        """Least distance from the points within the next two steps if u goes on."""
+        t = np.linspace(0, 2 * dt, _LOOKS_AHEAD + 1)[1:, None]
+        reach = float(np.hypot(u[0], u[1])) * t[-1, 0] + self._body.circumradius + self._margin
+        near = points[(points**2).sum(-1) < reach**2]
+        if len(near) == 0:
+            return np.inf
+        # Where the points will be, seen from the body after a time t (P1 (10), midpoint).
+        half, turned = 0.5 * u[2] * t, u[2] * t
+        dx = near[:, 0] - t * (u[0] * np.cos(half) - u[1] * np.sin(half))
+        dy = near[:, 1] - t * (u[0] * np.sin(half) + u[1] * np.cos(half))
+        c, s = np.cos(turned), np.sin(turned)
+        return float(self._body.clearance(np.stack([c * dx + s * dy, c * dy - s * dx], -1)).min())
+
+
 class RoomDriver:
     """Drives until every place that can be reached was seen from near, then home.
 
@@ -102,6 +164,12 @@ class RoomDriver:
         The guard refuses what would bring the body nearer than this to a point of the scan (m).
     home : bool, default True
         Return to the start in the end.
+    again : float, default 0.0
+        When it comes near its start again, on the way out or home, it drives so much of its first
+        way (m) once more: a belief that recognises places gets the chance to do so.
+    past : Smoother, optional
+        The belief itself, if it revises its past: the floor is then drawn anew, from where the
+        scans were taken as it says now, whenever one of those places has moved by 5 cm.
 
     Attributes
     ----------
@@ -142,25 +210,32 @@ class RoomDriver:
         max_turn: float = 0.8,
         margin: float = 0.06,
         home: bool = True,
+        again: float = 0.0,
+        past: Smoother | None = None,
     ) -> None:
         tiny = float(np.finfo(float).tiny)
         self._body, self._lidar, self._home = body, lidar, bool(home)
         self._sight = as_scalar("sight", sight, 0.5, 1e3)
         self._max_speed = as_scalar("max_speed", max_speed, tiny, 1e3)
         self._max_turn = as_scalar("max_turn", max_turn, 0, 1e3)
-        self._margin = as_scalar("margin", margin, 0, 1e3)
+        margin = as_scalar("margin", margin, 0, 1e3)
+        self._guard = Guard(body, margin)
         # What lies beyond the sight is left for later, although the lidar may see it.
         reach = min(self._sight, lidar.max_range)
         self._near = ScanGeometry(lidar.beam_angles, reach, lidar.offset)
         # From a way on which the body may turn everywhere to one along which it has to lie.
-        narrow = 0.5 * body.width + self._margin + 0.03
+        narrow = 0.5 * body.width + margin + 0.03
         self._radii = np.linspace(max(body.circumradius + 0.02, narrow), narrow, 4)
         self._strategy, self._rng = NearestFrontier(), np.random.default_rng(0)
         self._start: Array | None = None
         self._way: Array = np.empty((0, 2))
         self._homeward, self._plans, self._nearest = False, 0, np.inf
+        self._goals = [0]  # on the way home: from where these scans of the floor were taken
         self._still = self._retreat = 0
         self._last_seen: Array | None = None
+        self._again, self._left, self._past = as_scalar("again", again, 0, 1e6), False, past
+        # Of the scans on the floor: step, pose from which it was drawn, ranges.
+        self._drawn: list[tuple[int, Array, Array]] = []
         self.stops, self.finished = 0, False
 
     def __repr__(self) -> str:
@@ -172,15 +247,19 @@ class RoomDriver:
         pose, ranges = view.pose, view.measurement
         if self._start is None:
             self._start = pose[:2].copy()
-            room = np.full(2, self._sight + 0.5)
-            self.floor = SeenFloor([*(pose[:2] - room), *(pose[:2] + room)], grow=True)
+            self.floor = self._blank()
+        self._revise()
         self._see(pose, ranges)
         points = self._lidar.points(ranges)
         points = points[np.isfinite(points).all(-1)]
         if self._retreat and len(points):
             self._retreat -= 1
-            return self._guarded(self._away_from(points), points, view.dt)
+            return self._guarded(self._guard.away(points), points, view.dt)
         self._drop_reached(pose)
+        if self._back_again(pose):
+            first = self._drawn[self._scan_after(self._again)][1][:2]
+            way = self.floor.route(pose[:2], first, self._radii[-1])
+            self._way = self._way if way is None else way
         if len(self._way) == 0 and not self._choose(pose, ranges):
             return None
         u = self._guarded(self._towards(pose, self._way[0], view.dt), points, view.dt)
@@ -192,6 +271,47 @@ class RoomDriver:
             self.floor.shut_near(pose[:2], self._sight)
         return u
 
+    def turn_home(self) -> None:
+        """Explore no further: from the next command on it drives home."""
+        self._home = self._homeward = True
+        self._way, self.finished = np.empty((0, 2)), False
+        self._goals = [0] + [self._scan_after(self._again), 0] * (self._again > 0)
+
+    def _scan_after(self, metres: float) -> int:
+        """Find the first scan on the floor taken after so much of the way."""
+        places = np.array([pose[:2] for _, pose, _ in self._drawn]).reshape(-1, 2)
+        driven = np.cumsum(np.hypot(*np.diff(places, axis=0).T))
+        return min(int(np.searchsorted(driven, metres)), len(driven))
+
+    def _back_again(self, pose: Array) -> bool:
+        """Whether it has just come near the start, having been far from it."""
+        assert self._start is not None
+        away = float(np.hypot(*(pose[:2] - self._start)))
+        self._left = self._left or away > _LEFT
+        if self._again == 0 or self._homeward or not self._left or away > 0.5 * _LEFT:
+            return False
+        self._left = False
+        return True
+
+    def _blank(self) -> SeenFloor:
+        """Return a floor round the start of which nothing is known."""
+        assert self._start is not None
+        room = np.full(2, self._sight + 0.5)
+        return SeenFloor([*(self._start - room), *(self._start + room)], grow=True)
+
+    def _revise(self) -> None:
+        """Draw the floor anew if the belief has changed its mind about the past."""
+        if self._past is None or not self._drawn:
+            return
+        rows, poses, scans = zip(*self._drawn, strict=True)
+        now = self._past.trajectory[list(rows)]
+        if np.hypot(*(now - poses)[:, :2].T).max() < _MOVED:
+            return
+        self._drawn = list(zip(rows, now, scans, strict=True))
+        self.floor, self._way = self._blank(), np.empty((0, 2))
+        for pose, ranges in zip(now, scans, strict=True):
+            self.floor.insert(pose, ranges, self._near)
+
     def _see(self, pose: Array, ranges: Array, always: bool = False) -> None:
         """Add the scan to the floor, after every 0.3 m or 0.5 rad."""
         if self._last_seen is not None and not always:
@@ -199,6 +319,8 @@ class RoomDriver:
             if np.hypot(*moved[:2]) < 0.3 and abs(wrap_angle(moved[2])) < 0.5:
                 return
         self._last_seen = pose.copy()
+        row = 0 if self._past is None else len(self._past.trajectory) - 1
+        self._drawn.append((row, pose.copy(), ranges))
         self.floor.insert(pose, ranges, self._near)
 
     def _drop_reached(self, pose: Array) -> None:
@@ -229,9 +351,13 @@ class RoomDriver:
 
     def _turn_home(self, pose: Array, ranges: Array) -> bool:
         """Plan the way home; False when there, when none is wanted, or when there is none."""
-        assert self._start is not None
-        away = float(np.hypot(*(self._start - pose[:2])))
-        if not self._home or away < _HOME:
+        while self._home and self._goals:
+            goal = self._drawn[self._goals[0]][1][:2]
+            away = float(np.hypot(*(goal - pose[:2])))
+            if away >= _HOME:
+                break
+            self._goals, self._plans, self._nearest = self._goals[1:], 0, np.inf
+        else:
             self.finished = True
             return False
         if away < self._nearest - 0.1:
@@ -241,9 +367,9 @@ class RoomDriver:
             return False
         self._see(pose, ranges, always=True)
         for radius in self._radii:
-            way = self.floor.route(pose[:2], self._start, radius)
+            way = self.floor.route(pose[:2], goal, radius)
             if way is not None:
-                self._way = np.vstack([way[:-1], self._start])
+                self._way = np.vstack([way[:-1], goal])
                 return True
         return False
 
@@ -260,33 +386,5 @@ class RoomDriver:
         ahead = bearing - 0.5 * turn * dt
         return np.array([speed * np.cos(ahead), speed * np.sin(ahead), turn])
 
-    def _away_from(self, points: Array) -> Array:
-        """Velocity away from the nearest of the points of the scan."""
-        x, y = points[np.argmin(self._body.clearance(points))]
-        return np.array([-x, -y, 0.0]) * (_BACK / max(float(np.hypot(x, y)), 1e-9))
-
     def _guarded(self, wish: Array, points: Array, dt: float) -> Array:
-        """Slow down, or stand still, so that the body stays clear of the points of the scan."""
-        here = float(self._body.clearance(points).min(initial=np.inf))
-        # Already nearer than the margin: it may leave, and must not come nearer.
-        least = min(self._margin, here - 1e-9)
-        for part in ([1, 1, 1], [1, 1, 0], [0, 0, 1]):
-            for scale in (1.0, 0.5, 0.25, 0.1):
-                u: Array = scale * wish * part
-                if self._closest(u, points, dt) >= least:
-                    return u
-        return np.zeros(3)
-
-    def _closest(self, u: Array, points: Array, dt: float) -> float:
-        """Least distance from the points within the next two steps if u goes on."""
-        t = np.linspace(0, 2 * dt, _LOOKS_AHEAD + 1)[1:, None]
-        reach = float(np.hypot(u[0], u[1])) * t[-1, 0] + self._body.circumradius + self._margin
-        near = points[(points**2).sum(-1) < reach**2]
-        if len(near) == 0:
-            return np.inf
-        # Where the points will be, seen from the body after a time t (P1 (10), midpoint).
-        half, turned = 0.5 * u[2] * t, u[2] * t
-        dx = near[:, 0] - t * (u[0] * np.cos(half) - u[1] * np.sin(half))
-        dy = near[:, 1] - t * (u[0] * np.sin(half) + u[1] * np.cos(half))
-        c, s = np.cos(turned), np.sin(turned)
-        return float(self._body.clearance(np.stack([c * dx + s * dy, c * dy - s * dx], -1)).min())
+        return self._guard.limited(wish, points, dt)

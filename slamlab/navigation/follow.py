@@ -14,10 +14,16 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_scalar
 from slamlab.geometry import wrap_angle
-from slamlab.models import View
+from slamlab.models import ScanSensor, Smoother, View
+from slamlab.navigation.drive import Guard
 from slamlab.navigation.path_memory import PathMemory
 
-__all__ = ["Homer", "Law", "RegulatedPurePursuit", "ReturnLaw"]
+__all__ = ["Homer", "Law", "RegulatedPurePursuit", "Retracer", "ReturnLaw"]
+
+
+# Where the guard refuses the direction of the path, others are tried in this order (rad).
+_SIDES = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+_PATIENCE = 40  # commands without progress after which a robot is stuck
 
 
 class Law(Protocol):
@@ -292,3 +298,111 @@ def _off_the_path(path: PathMemory, pose: Array, s: Array) -> Array:
     """Angle (...) from the front to the direction of the path, homewards (rad)."""
     tangent = -path.tangent_at(s)
     return wrap_angle(np.arctan2(tangent[..., 1], tangent[..., 0]) - pose[..., 2])
+
+
+class Retracer:
+    """Drives home tail first along the way it came, guarded; a pilot for `simulation.record`.
+
+    The way is laid into a `PathMemory`, which cuts its loops, and laid anew when the belief
+    changes its mind about the past by 5 cm. Controls are body velocities (v_x, v_y, omega).
+
+    Parameters
+    ----------
+    way : array_like, shape (n, 2) or (n, 3)
+        Where the robot believes to have been, the start first.
+    guard : Guard
+    lidar : ScanSensor
+    past : Smoother, optional
+        The belief itself, if it revises its past: the first n rows of its trajectory are then
+        the way.
+    tolerance : float, default 0.05
+        Of the path memory (m).
+    max_speed : float, default 0.5
+        (m/s).
+
+    Attributes
+    ----------
+    memory : PathMemory
+    relaid : int
+        How often the memory was laid anew.
+    stuck : bool
+        Whether it gave up before an obstacle.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong or a number is out of range.
+    """
+
+    memory: PathMemory
+    _s: Array  # how far it still is along the path (m)
+
+    def __init__(
+        self,
+        way: ArrayLike,
+        guard: Guard,
+        lidar: ScanSensor,
+        *,
+        past: Smoother | None = None,
+        tolerance: float = 0.05,
+        max_speed: float = 0.5,
+    ) -> None:
+        self._way = np.asarray(as_array("way", way, ("n", "k")))[:, :2].copy()
+        self._guard, self._lidar, self._past = guard, lidar, past
+        self._tolerance = as_scalar("tolerance", tolerance, 1e-6, 1e3)
+        # A mecanum robot whose tail follows the path as its nose did on the way out.
+        self._law = ReturnLaw(
+            k_v=3.0, lookahead=0.25, max_speed=max_speed, backwards=True, mecanum=True
+        )
+        self.relaid, self.stuck = 0, False
+        self._best, self._waited = float(np.inf), 0
+        self._lay()
+
+    def __repr__(self) -> str:
+        """Return the path."""
+        return f"Retracer({self.memory!r})"
+
+    def command(self, view: View) -> Array | None:
+        """Return the next body velocity (3,), None when home or stuck."""
+        self._revise(view.pose)
+        wish, self._s = self._law.command(self.memory, view.pose, self._s)
+        nearer = float(self._s) < self._best - 0.05
+        self._waited = 0 if nearer else self._waited + 1
+        self._best = float(self._s) if nearer else self._best
+        self.stuck = self._waited > _PATIENCE
+        if self._s <= 0.02 or self.stuck:
+            return None
+        points = self._lidar.points(view.measurement)
+        points = points[np.isfinite(points).all(-1)]
+        if self._guard.too_near(points):
+            return self._guard.limited(self._guard.away(points), points, view.dt)
+        for side in _SIDES:
+            c, s = np.cos(side), np.sin(side)
+            x, y, turn = wish
+            u = self._guard.limited(
+                np.array([c * x - s * y, s * x + c * y, turn]), points, view.dt
+            )
+            if np.hypot(u[0], u[1]) > 1e-3:
+                break
+        return u
+
+    def _lay(self) -> None:
+        self.memory = PathMemory(self._tolerance, max_step=1e3)
+        for point in self._way:
+            self.memory.add(point)
+        self.memory.close()
+        self._s = np.asarray(self.memory.length)
+
+    def _revise(self, pose: Array) -> None:
+        """Lay the memory anew where the belief has moved the way; go on from the nearest point."""
+        if self._past is None:
+            return
+        now = self._past.trajectory[: len(self._way), :2]
+        if np.hypot(*(now - self._way).T).max() < 0.05:
+            return
+        part = float(self._s) / max(self.memory.length, 1e-9)
+        self._way, self._best, self._waited = now, np.inf, 0
+        self._lay()
+        self.relaid += 1
+        middle, length = part * self.memory.length, self.memory.length
+        self._s, _ = self.memory.nearest(pose[:2], max(middle - 2.0, 0.0), min(middle + 2, length))

@@ -18,10 +18,12 @@ from slamlab.worlds.walls import WallWorld
 __all__ = [
     "box_room",
     "corridor",
+    "long_corridor",
     "mirrored_pair",
     "office",
     "random_box_room",
     "random_room",
+    "ring",
     "symmetric_room",
     "thesis_room",
     "thesis_room_two",
@@ -100,6 +102,35 @@ def office() -> BitmapWorld:
 def corridor() -> BitmapWorld:
     """Empty corridor of 12 m x 2 m: along it, one scan looks like the next."""
     return BitmapWorld(_empty(100, 600), 0.02)
+
+
+def long_corridor() -> BitmapWorld:
+    """Empty corridor of 40 m x 2 m: with a sight of 5 m most places in it look alike."""
+    return BitmapWorld(_empty(50, 1010), 0.04)
+
+
+def ring() -> BitmapWorld:
+    """Corridor of 2.5 m round a block, 30 m x 20 m: who drives round comes back to the start.
+
+    Two alcoves and some cupboards make a place of the middle of the lower side; the corners have
+    marks of their own, and between them the walls are plain.
+    """
+    scale = 20  # cells a metre
+    cells = _empty(20 * scale, 30 * scale)
+    block = [(2.75, 2.75, 27.25, 17.25)]
+    # The entrance hall, in the middle of the lower side: two alcoves and some cupboards.
+    alcoves = [(11.2, 2.7, 13.0, 4.3), (16.6, 2.7, 19.4, 4.0)]
+    boxes = [(9.2, 0.0, 10.0, 0.8), (14.0, 0.0, 15.2, 0.6), (18.2, 3.4, 18.8, 4.0)]
+    boxes += [(20.6, 0.0, 21.0, 0.9), (14.4, 2.3, 15.0, 3.0), (11.2, 3.9, 11.8, 4.3)]
+    # Corners, lower right to lower left, and a cupboard in the middle of each other side.
+    boxes += [(28.9, 0.0, 30.0, 0.8), (27.0, 4.0, 27.6, 4.3), (29.4, 9.8, 30.0, 11.0)]
+    boxes += [(29.2, 18.6, 30.0, 20.0), (24.1, 19.4, 24.5, 20.0), (25.6, 17.0, 26.4, 17.6)]
+    boxes += [(14.0, 17.0, 14.4, 17.5), (8.2, 19.3, 9.0, 20.0), (0.0, 19.0, 0.6, 20.0)]
+    boxes += [(2.4, 15.2, 3.0, 15.5), (0.0, 8.0, 0.6, 8.9), (0.0, 0.0, 0.9, 0.9)]
+    for occupied, parts in ((True, block), (False, alcoves), (True, boxes)):
+        for box in parts:
+            _polygon(cells, _box(*(scale * side for side in box)), occupied)
+    return BitmapWorld(cells, 1 / scale)
 
 
 def random_room(rng: np.random.Generator, n_obstacles: int = 5) -> BitmapWorld:

@@ -12,6 +12,8 @@ BITMAPS = [
     rooms.symmetric_room,
     rooms.office,
     rooms.corridor,
+    rooms.long_corridor,
+    rooms.ring,
 ]
 
 

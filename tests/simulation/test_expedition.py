@@ -1,0 +1,138 @@
+"""Out and home again: what is stored can be had again, and the pieces do what they say."""
+
+import numpy as np
+import pytest
+
+from slamlab.evaluation import check_motion_model
+from slamlab.evaluation.tours import path_length
+from slamlab.localization import DeadReckoning
+from slamlab.navigation import YOUBOT_BODY, Guard, Retracer, RoomDriver
+from slamlab.robots import YOUBOT
+from slamlab.sensors import Lidar
+from slamlab.simulation import Truth, record
+from slamlab.simulation.expedition import (
+    BELIEFS,
+    BUILDINGS,
+    WAYS,
+    WornWheels,
+    come_home,
+    explore,
+    results,
+)
+from slamlab.worlds import BitmapWorld, rooms
+
+LIDAR = Lidar(120, max_range=5.0, offset=0.3)
+HALL = BitmapWorld(np.pad(np.zeros((60, 160), bool), 2, constant_values=True), 0.1)
+
+
+class Revised(Truth):
+    """Knows where it is, and takes all its past to lie 0.4 m to the left from some step on."""
+
+    def __init__(self, at):
+        super().__init__()
+        self.at, self.rows = at, []
+
+    def update(self, measurement, ids=None):
+        super().update(measurement)
+        self.rows.append(self.pose)
+
+    @property
+    def trajectory(self):
+        moved = [0.0, 0.4 if len(self.rows) > self.at else 0.0, 0.0]
+        return np.array(self.rows) + moved
+
+
+def drive(pilot, belief, start, max_time=60.0):
+    return record(HALL, YOUBOT, LIDAR, pilot, belief, np.random.default_rng(0), start=start,
+                  dt=0.2, footprint=YOUBOT_BODY.footprint, max_time=max_time)  # fmt: skip
+
+
+def test_worn_wheels_keep_the_contract_and_drive_farther():
+    worn = WornWheels(1.02, 0.01)
+    assert check_motion_model(worn, [0.5, 0.1, 0.2])
+    np.testing.assert_allclose(worn.step([0, 0, 0], [1, 0, 0], 1.0)[2], 0.01)
+    np.testing.assert_allclose(WornWheels().step([0, 0, 0], [1, 0, 0], 1.0), [1, 0, 0])
+
+
+@pytest.mark.parametrize("world", [rooms.ring(), rooms.long_corridor()])
+def test_the_marks_stand_on_free_floor(world):
+    building = next(b for b in BUILDINGS.values() if b.world().bounds == world.bounds)
+    assert world.clearance(np.array(building.start[:2])) > YOUBOT_BODY.circumradius
+
+
+def test_the_block_of_the_ring_hides_one_side_from_the_other():
+    ring = rooms.ring()
+    assert ring.cast([15.8, 1.4], [np.pi / 2])[0] < 5.0
+    assert ring.is_free(np.array([[1.4, 10.0], [28.4, 12.5], [15.0, 18.6]])).all()
+
+
+def test_who_retraces_comes_home_tail_first_and_touches_nothing():
+    way = np.stack([np.linspace(2, 12, 80), 3 + np.sin(np.linspace(0, 3, 80))], -1)
+    pilot = Retracer(way, Guard(YOUBOT_BODY), LIDAR)
+    log = drive(pilot, Truth(), [*way[-1], 0.0])
+    assert not pilot.stuck
+    assert not log.notes["hit"].any()
+    assert np.hypot(*(log.truth[-1, :2] - way[0])) < 0.04
+    assert np.abs(log.truth[:, 2]).max() < 0.8
+
+
+def test_a_wall_across_the_path_makes_it_give_up():
+    way = np.stack([np.linspace(-3, 12, 80), np.full(80, 3.0)], -1)
+    pilot = Retracer(way, Guard(YOUBOT_BODY), LIDAR)
+    log = drive(pilot, Truth(), [12, 3, 0])
+    assert pilot.stuck
+    assert not log.notes["hit"].any()
+
+
+def test_the_path_is_laid_anew_when_the_past_moves():
+    way = np.stack([np.linspace(2, 12, 80), np.full(80, 3.0)], -1)
+    belief = Revised(at=100)
+    belief.rows = [np.append(p, 0.0) for p in way]
+    pilot = Retracer(way, Guard(YOUBOT_BODY), LIDAR, past=belief)
+    log = drive(pilot, belief, [12, 3, 0])
+    assert pilot.relaid == 1
+    np.testing.assert_allclose(log.truth[-1, :2], [2, 3.4], atol=0.05)
+
+
+def test_the_floor_is_drawn_anew_when_the_past_moves():
+    belief = Revised(at=30)
+    pilot = RoomDriver(YOUBOT_BODY, LIDAR, sight=1.5, home=False, past=belief)
+    drive(pilot, belief, [2, 3, 0], max_time=5.0)
+    before = pilot.floor
+    drive(pilot, belief, [3, 3, 0], max_time=5.0)
+    assert pilot.floor is not before
+
+
+def test_near_its_start_again_it_drives_its_first_metres_once_more():
+    world, start = rooms.long_corridor(), [20.0, 1.0, 0.0]
+    driven = []
+    for again in (0.0, 8.0):
+        pilot = RoomDriver(YOUBOT_BODY, LIDAR, sight=2.5, max_speed=0.8, home=False, again=again)
+        log = record(world, YOUBOT, LIDAR, pilot, Truth(), np.random.default_rng(0), start=start,
+                     dt=0.4, max_time=180.0)  # fmt: skip
+        assert pilot.finished
+        driven.append(path_length(log)[-1])
+    # From 5 m ahead of the start to 8 m ahead of it, and back again.
+    assert driven[1] == pytest.approx(driven[0] + 6.0, abs=2.0)
+
+
+def test_a_way_that_is_none_is_refused():
+    with pytest.raises(ValueError, match="way"):
+        come_home(None, "stairs")
+
+
+def test_a_stored_run_can_be_had_again():
+    stored = results()["corridor"]["dead reckoning"]
+    out = explore(BUILDINGS["corridor"], BELIEFS["dead reckoning"], 0)
+    assert out.coverage == pytest.approx(stored["coverage"][0], abs=1e-3)
+    back = come_home(out, "path by wheels")
+    k = WAYS.index("path by wheels")
+    assert back.error == pytest.approx(stored["error"][0, k], abs=0.01)
+    assert back.nees == pytest.approx(stored["nees"][0, k], rel=0.1)
+    assert back.touched == stored["touched"][0, k]
+    assert isinstance(out.belief, DeadReckoning)
+
+
+def test_nothing_is_touched_in_any_stored_run():
+    cells = [cell for beliefs in results().values() for cell in beliefs.values()]
+    assert sum(cell["touched"].sum() for cell in cells) == 0
