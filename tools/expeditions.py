@@ -15,9 +15,8 @@ from slamlab.simulation.expedition import BELIEFS, BUILDINGS, STORED, WAYS, come
 MATCHERS = ["scan graph", "dead reckoning", "scan matching"]
 OTHERS = ["EKF-SLAM, walls", "grid FastSLAM"]
 PLAN = [
-    *((building, MATCHERS, 2) for building in BUILDINGS),
-    ("ring", MATCHERS, 5),
-    ("corridor", MATCHERS, 5),
+    *((building, MATCHERS, 2) for building in ("corridor", "office")),
+    *((building, MATCHERS, 5) for building in ("ring", "corridor", "office")),
     *((building, OTHERS, 3) for building in BUILDINGS),
     *((building, MATCHERS, 10) for building in BUILDINGS),
     *((building, MATCHERS, 30) for building in BUILDINGS),

@@ -101,6 +101,17 @@ class Guard:
     ------
     ValueError
         If the margin is negative.
+
+    Examples
+    --------
+    Ten centimetres from a wall ahead it may not go on, but sidle along:
+
+    >>> wall = np.stack([np.full(41, 0.39), np.linspace(-1, 1, 41)], -1)
+    >>> guard = Guard(YOUBOT_BODY)
+    >>> guard.limited(np.array([0.5, 0.0, 0.0]), wall, 0.2).tolist()
+    [0.05, 0.0, 0.0]
+    >>> guard.limited(np.array([0.0, 0.5, 0.0]), wall, 0.2).tolist()
+    [0.0, 0.5, 0.0]
     """
 
     def __init__(self, body: Body, margin: float = 0.06) -> None:

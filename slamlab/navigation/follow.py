@@ -332,6 +332,18 @@ class Retracer:
     ------
     ValueError
         If a shape is wrong or a number is out of range.
+
+    Examples
+    --------
+    Out along x, home tail first:
+
+    >>> from slamlab.navigation import YOUBOT_BODY
+    >>> from slamlab.sensors import Lidar
+    >>> lidar, way = Lidar(4), np.stack([np.linspace(0, 3, 31), np.zeros(31)], -1)
+    >>> pilot, away = Retracer(way, Guard(YOUBOT_BODY), lidar), np.full(4, np.inf)
+    >>> view = View(0.0, 0.2, np.array([3.0, 0.0, 0.0]), np.zeros((3, 3)), away, np.array(False))
+    >>> (pilot.command(view) + 0.0).round(6).tolist()
+    [-0.5, 0.0, 0.0]
     """
 
     memory: PathMemory

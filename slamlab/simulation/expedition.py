@@ -46,7 +46,7 @@ __all__ = [
 STORED = Path(datasets.__file__).parent / "data" / "expeditions.json"
 NEAR = 0.15  # home is within so much of the mark (m)
 COVERED = 0.95  # and after having seen so much of the floor
-_SPEED, _TURN, _DT, _MARGIN = 0.6, 1.0, 0.2, 0.12
+_SPEED, _TURN, _DT = 0.6, 1.0, 0.2
 _AGAIN = 8.0  # of the first way, driven once more before the robot stops (m)
 _GATE = float(stats.chi2.ppf(0.95, 2))
 
@@ -101,6 +101,8 @@ class Building:
         How far the wheels are worn at most, see `WornWheels`.
     budget : float
         Seconds for the way out, and again for the way home.
+    margin : float
+        Room that the guard keeps round the body (m).
     """
 
     world: Callable[[], World]
@@ -111,6 +113,7 @@ class Building:
     scale: float
     drift: float
     budget: float
+    margin: float
 
 
 #: The three buildings of the chapter.
@@ -124,6 +127,7 @@ BUILDINGS = {
         0.02,
         np.deg2rad(0.1),
         240.0,
+        0.06,
     ),
     "ring": Building(
         rooms.ring,
@@ -134,6 +138,7 @@ BUILDINGS = {
         0.02,
         np.deg2rad(0.1),
         240.0,
+        0.12,
     ),
     "corridor": Building(
         rooms.long_corridor,
@@ -144,6 +149,7 @@ BUILDINGS = {
         0.02,
         np.deg2rad(0.1),
         240.0,
+        0.12,
     ),
 }
 
@@ -256,7 +262,7 @@ def explore(building: Building, maker: Maker, seed: int) -> Outward:
         sight=building.sight,
         max_speed=_SPEED,
         max_turn=_TURN,
-        margin=_MARGIN,
+        margin=building.margin,
         home=False,
         again=_AGAIN,
         past=past,
@@ -293,7 +299,11 @@ def come_home(out: Outward, way: str) -> Return:
         if way == "path by wheels":
             belief, past = DeadReckoning(YOUBOT, belief.pose, belief.pose_cov), None
         pilot = Retracer(
-            trail, Guard(YOUBOT_BODY, _MARGIN), out.building.lidar, past=past, max_speed=_SPEED
+            trail,
+            Guard(YOUBOT_BODY, out.building.margin),
+            out.building.lidar,
+            past=past,
+            max_speed=_SPEED,
         )
     rng = np.random.default_rng([out.seed, 22 + WAYS.index(way)])
     truth = out.log.truth

@@ -1,0 +1,286 @@
+"""The league: every system of the course on the same logs, and the page that shows it.
+
+SLAMLAB_DATA=FOLDER python tools/league.py [LOG ...]     (minutes; all logs without names)
+python tools/league.py --page                            (only the page, from what is stored)
+
+Without the folder (the two "corrected" logs of the Radish archive and the relations of Killian
+Court) those rows stay as they are. Writes slamlab/datasets/data/league.json and
+book/league_tables.md.
+"""
+
+import json
+import os
+import pickle
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from slamlab import datasets
+from slamlab.datasets import killian, read_carmen, read_relations
+from slamlab.evaluation import ate, relation_error, run
+from slamlab.gaussian import mahalanobis_squared
+from slamlab.localization import DeadReckoning, LikelihoodField, MonteCarloLocalization
+from slamlab.navigation import YOUBOT_BODY, RoomDriver
+from slamlab.robots import YOUBOT, RelativePose
+from slamlab.simulation import ROOM_SENSOR, Truth, drifted, record, room_drives
+from slamlab.simulation.expedition import BUILDINGS
+from slamlab.slam import (
+    CompressedEKFSlam,
+    EKFSlam,
+    FastSlam,
+    GridFastSlam,
+    HectorSlam,
+    PoseGraph,
+    ScanGraphSlam,
+    WallSlam,
+)
+from slamlab.slam.association import joint_compatibility
+
+ROOT = Path(__file__).resolve().parents[1]
+STORED = Path(datasets.__file__).parent / "data" / "league.json"
+PAGE = ROOT / "book" / "league_tables.md"
+GATE = 5.991  # 95 % of chi-square with two degrees of freedom
+CHAPTERS = {
+    "03": "03_extended_kalman_filter",
+    "04": "04_particle_filter",
+    "05": "05_mecanum_kinematics",
+    "09": "09_ekf_slam",
+    "10": "10_convergence_consistency_and_cost",
+    "11": "11_data_association",
+    "12": "12_fastslam",
+    "13": "13_pose_graphs",
+    "14": "14_scan_matching_and_hector",
+    "15": "15_gamma_slam_and_dp_slam",
+}
+# Name: chapter, what it needs, where it fails.
+ENTRANTS = {
+    "dead reckoning": ("05", "wheels", "always, in the end: the error grows without limit"),
+    "EKF-SLAM": ("09", "landmarks with names", "heading errors of many degrees; time grows as n^2"),
+    "EKF-SLAM, first estimates": ("10", "landmarks with names", "a bad first estimate stays"),
+    "EKF-SLAM, nearest neighbour": ("11", "landmarks", "two landmarks inside one gate"),
+    "EKF-SLAM, joint compatibility": ("11", "landmarks", "many measurements at once: slow"),
+    "compressed EKF-SLAM": ("10", "landmarks with names", "gains only on large maps"),
+    "FastSLAM 1.0": ("12", "landmarks with names", "sharp sensors: few particles survive"),
+    "FastSLAM 2.0": ("12", "landmarks with names", "forgets the past: too sure in the end"),
+    "landmark graph, all at once": ("13", "landmarks with names, the whole log", "no answer before the end"),
+    "Monte Carlo, map given": ("04", "the map", "two places that look alike"),
+    "Hector": ("14", "a lidar, wheels optional", "long loops; fast turns without wheels"),
+    "Hector, no wheels": ("14", "a fast lidar alone", "turns of 20 degrees a scan; corridors"),
+    "scan matching": ("14", "lidar and wheels", "long loops; plain corridors"),
+    "scan graph": ("13", "lidar and wheels", "places that look alike, if closures are believed early"),
+    "grid FastSLAM": ("15", "lidar and wheels", "a loop longer than its particles remember"),
+    "EKF-SLAM, walls": ("09", "straight walls, lidar and wheels", "rooms without long walls"),
+}  # fmt: skip
+TITLES = {
+    "points": "24 landmarks in a room, two rounds, 60 s, simulated: mean of three drives",
+    "office": "Office of 12 m x 8 m, simulated: lidar of 180 beams, 8 m",
+    "ring": "Corridor round a block, 30 m x 20 m, simulated: lidar of 180 beams, 5 m",
+    "freiburg-101": "Freiburg, building 101: real scans, odometry made worse (seed 1)",
+    "csail": "MIT CSAIL: real scans, odometry made worse (seed 1)",
+    "killian": "MIT Killian Court: real scans; no truth, so the relations of the benchmark decide",
+}
+PEERS = {"points": "EKF-SLAM"}  # whose time is 1; else scan matching
+
+
+# Logs and who takes part.
+
+
+@cache
+def room(seed):
+    return room_drives(3, np.random.default_rng([seed, 20]), start_cov=None)
+
+
+@cache
+def toured(building):
+    """A tour of a building by a robot that knows where it is: the estimators do not."""
+    place = BUILDINGS[building]
+    pilot = RoomDriver(YOUBOT_BODY, place.lidar, sight=place.sight, max_speed=0.6, max_turn=1.0)
+    return record(
+        place.world(), YOUBOT, place.lidar, pilot, Truth(), np.random.default_rng(20),
+        start=place.start, dt=0.2, control_cov=YOUBOT.control_cov(0.4),
+        footprint=YOUBOT_BODY.footprint, max_time=400.0,
+    )  # fmt: skip
+
+
+@cache
+def real(name):
+    if name == "killian":
+        return killian().log
+    folder = Path(os.environ["SLAMLAB_DATA"])
+    whole = read_carmen(folder / f"{name}-corrected.log.gz", corrected=True)
+    return drifted(whole, np.random.default_rng(1))
+
+
+def landmark_systems(log, seed):
+    pose, motion, rng = log.truth[0], YOUBOT, np.random.default_rng(seed)
+    bounds = [[-6.0, 6.0], [-5.0, 5.0]]
+    known = {
+        "dead reckoning": DeadReckoning(motion, pose),
+        "EKF-SLAM": EKFSlam(motion, ROOM_SENSOR, pose),
+        "EKF-SLAM, first estimates": EKFSlam(
+            motion, ROOM_SENSOR, pose, linearisation="first-estimates"
+        ),
+        "compressed EKF-SLAM": CompressedEKFSlam(motion, ROOM_SENSOR, pose, radius=4.0),
+        "FastSLAM 1.0": FastSlam(motion, ROOM_SENSOR, pose, 100, 1, rng=rng),
+        "FastSLAM 2.0": FastSlam(motion, ROOM_SENSOR, pose, 100, 2, rng=rng),
+        "Monte Carlo, map given": MonteCarloLocalization(
+            log.landmarks, motion, ROOM_SENSOR, 1000, bounds, rng
+        ),
+    }
+    unknown = {
+        "EKF-SLAM, nearest neighbour": EKFSlam(motion, ROOM_SENSOR, pose),
+        "EKF-SLAM, joint compatibility": EKFSlam(
+            motion, ROOM_SENSOR, pose, associate=joint_compatibility
+        ),
+    }
+    return known, unknown
+
+
+def scan_systems(log, name):
+    pose, lidar, rng = log.truth[0], log.scan, np.random.default_rng(1)
+    motion = YOUBOT if name in BUILDINGS else RelativePose()
+    systems = {
+        "dead reckoning": DeadReckoning(motion, pose),
+        "Hector": HectorSlam(lidar, pose, motion=motion),
+        "Hector, no wheels": HectorSlam(lidar, pose, motion=None),
+        "scan matching": ScanGraphSlam(lidar, pose, motion=motion, loops=False),
+        "scan graph": ScanGraphSlam(lidar, pose, motion=motion),
+    }
+    if name != "killian":
+        systems["grid FastSLAM"] = GridFastSlam(lidar, pose, 30, rng=rng, motion=motion)
+    if name in BUILDINGS:
+        place = BUILDINGS[name]
+        world = place.world()
+        systems["EKF-SLAM, walls"] = WallSlam(motion, place.lidar, pose)
+        field = LikelihoodField(world.occupied, world.resolution, world.origin, n_points=30)
+        low_x, low_y, high_x, high_y = world.bounds
+        systems["Monte Carlo, map given"] = MonteCarloLocalization(
+            field, motion, lidar, 3000, [[low_x, high_x], [low_y, high_y]], rng
+        )
+    return systems
+
+
+# Judging.
+
+
+def judged(result):
+    """Accuracy, honesty, time and memory of a run."""
+    off = result.poses[:, :2] - result.truth[:, :2]
+    covs = result.covs[:, :2, :2] + 1e-12 * np.eye(2)
+    claims = np.trace(covs, axis1=1, axis2=2) > 1e-9
+    inside = mahalanobis_squared(off[claims], covs[claims]) < GATE
+    system, log = result.system, result.log
+    system.log = None
+    return {
+        "error": ate(result).rmse,
+        "covered": float(inside.mean()) if claims.any() else None,
+        "seconds": float(np.median(result.seconds[1:])),
+        "bytes": len(pickle.dumps(system)),
+    }
+
+
+def landmark_rows(seed=0, only=None):
+    rows = {}
+    for m in range(3):
+        log = room(seed).single(m)
+        known, unknown = landmark_systems(log, m)
+        for systems, told in ((known, True), (unknown, False)):
+            for name, system in systems.items():
+                if only is None or name == only:
+                    result = run(system, log, known_ids=told)
+                    rows.setdefault(name, []).append(judged(result))
+        if only in (None, "landmark graph, all at once"):
+            graph = PoseGraph.from_log(log, YOUBOT, ROOM_SENSOR, log.truth[0])
+            poses = graph.optimize().poses
+            error = ate(poses, log.truth).rmse
+            row = {"error": error, "covered": None, "seconds": None, "bytes": None}
+            rows.setdefault("landmark graph, all at once", []).append(row)
+    return {name: mean(parts) for name, parts in rows.items()}
+
+
+def mean(parts):
+    return {
+        key: None if parts[0][key] is None else float(np.mean([part[key] for part in parts]))
+        for key in parts[0]
+    }
+
+
+def scan_rows(name, only=None):
+    log = toured(name) if name in BUILDINGS else real(name)
+    rows = {}
+    for system_name, system in scan_systems(log, name).items():
+        if only is not None and system_name != only:
+            continue
+        result = run(system, log)
+        rows[system_name] = judged(result)
+        if name == "killian":
+            relations = read_relations(
+                Path(os.environ["SLAMLAB_DATA"]) / "mit-killian.relations.gz"
+            )
+            error = relation_error(killian().timestamps, result.trajectory, relations)
+            rows[system_name]["relations"] = float(error.translation.mean())
+        print(name, system_name, rows[system_name], flush=True)
+    return rows
+
+
+def rows_of(name, only=None):
+    return landmark_rows(only=only) if name == "points" else scan_rows(name, only)
+
+
+# The page.
+
+
+def rounded(value, digits):
+    return None if value is None else float(f"{value:.{digits}g}")
+
+
+def table(name, rows):
+    """One Markdown table, the most accurate first."""
+    peer = PEERS.get(name, "scan matching")
+    base, measure = rows[peer]["seconds"], "relations" if name == "killian" else "error"
+    head = ["system", "error (m)", "inside its 95 % ellipse", f"time a step, {peer} = 1",
+            "memory (kB)", "needs", "fails at"]  # fmt: skip
+    if name == "killian":
+        head[1] = "error of relations (m)"
+    lines = ["| " + " | ".join(head) + " |", "|---|---:|---:|---:|---:|---|---|"]
+    for system in sorted(rows, key=lambda one: rows[one][measure]):
+        row, (chapter, needs, fails) = rows[system], ENTRANTS[system]
+        covered, seconds, size = row["covered"], row["seconds"], row["bytes"]
+        file = f"../notebooks/{CHAPTERS[chapter]}.ipynb"
+        label = f"[{system}]({file})" if (ROOT / "book" / file).resolve().exists() else system
+        cells = [
+            label,
+            f"{row[measure]:.2g}" if row[measure] < 1 else f"{row[measure]:.1f}",
+            "claims none" if covered is None else f"{covered:.0%}",
+            "" if seconds is None else f"{rounded(seconds / base, 1):g}",
+            "" if size is None else f"{rounded(size / 1000, 2):g}",
+            needs,
+            fails,
+        ]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join([f"### {TITLES[name]}", "", ":::{container} sortable", *lines, ":::", ""])
+
+
+def page(stored):
+    return "\n".join(table(name, stored[name]) for name in TITLES if name in stored)
+
+
+def main():
+    stored = json.loads(STORED.read_text()) if STORED.exists() else {}
+    names = sys.argv[1:] or list(TITLES)
+    if names != ["--page"]:
+        for name in names:
+            if name in TITLES and (name in ("points", *BUILDINGS) or "SLAMLAB_DATA" in os.environ):
+                rows = rows_of(name)
+                stored[name] = {
+                    system: {key: rounded(value, 4) for key, value in row.items()}
+                    for system, row in rows.items()
+                }
+                STORED.write_text(json.dumps(stored, indent=1) + "\n")
+    PAGE.write_text(page(stored))
+
+
+if __name__ == "__main__":
+    main()
