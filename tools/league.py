@@ -57,19 +57,19 @@ CHAPTERS = {
 # Name: chapter, what it needs, where it fails.
 ENTRANTS = {
     "dead reckoning": ("05", "wheels", "always, in the end: the error grows without limit"),
-    "EKF-SLAM": ("09", "landmarks with names", "heading errors of many degrees; time grows as n^2"),
+    "EKF-SLAM": ("09", "landmarks with names", "large heading errors; time grows as n^2"),
     "EKF-SLAM, first estimates": ("10", "landmarks with names", "a bad first estimate stays"),
     "EKF-SLAM, nearest neighbour": ("11", "landmarks", "two landmarks inside one gate"),
     "EKF-SLAM, joint compatibility": ("11", "landmarks", "many measurements at once: slow"),
     "compressed EKF-SLAM": ("10", "landmarks with names", "gains only on large maps"),
     "FastSLAM 1.0": ("12", "landmarks with names", "sharp sensors: few particles survive"),
     "FastSLAM 2.0": ("12", "landmarks with names", "forgets the past: too sure in the end"),
-    "landmark graph, all at once": ("13", "landmarks with names, the whole log", "no answer before the end"),
+    "landmark graph, all at once": ("13", "named landmarks, the whole log", "no answer before the end"),
     "Monte Carlo, map given": ("04", "the map", "two places that look alike"),
     "Hector": ("14", "a lidar, wheels optional", "long loops; fast turns without wheels"),
     "Hector, no wheels": ("14", "a fast lidar alone", "turns of 20 degrees a scan; corridors"),
     "scan matching": ("14", "lidar and wheels", "long loops; plain corridors"),
-    "scan graph": ("13", "lidar and wheels", "places that look alike, if closures are believed early"),
+    "scan graph": ("13", "lidar and wheels", "closures believed too early"),
     "grid FastSLAM": ("15", "lidar and wheels", "a loop longer than its particles remember"),
     "EKF-SLAM, walls": ("09", "straight walls, lidar and wheels", "rooms without long walls"),
 }  # fmt: skip
@@ -94,7 +94,7 @@ def room(seed):
 
 @cache
 def toured(building):
-    """A tour of a building by a robot that knows where it is: the estimators do not."""
+    """Drive round a building with a robot that knows where it is: the estimators do not."""
     place = BUILDINGS[building]
     pilot = RoomDriver(YOUBOT_BODY, place.lidar, sight=place.sight, max_speed=0.6, max_turn=1.0)
     return record(
@@ -171,13 +171,11 @@ def judged(result):
     covs = result.covs[:, :2, :2] + 1e-12 * np.eye(2)
     claims = np.trace(covs, axis1=1, axis2=2) > 1e-9
     inside = mahalanobis_squared(off[claims], covs[claims]) < GATE
-    system, log = result.system, result.log
-    system.log = None
     return {
         "error": ate(result).rmse,
         "covered": float(inside.mean()) if claims.any() else None,
         "seconds": float(np.median(result.seconds[1:])),
-        "bytes": len(pickle.dumps(system)),
+        "bytes": len(pickle.dumps(result.system)),
     }
 
 
