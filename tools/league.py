@@ -64,7 +64,7 @@ ENTRANTS = {
     "compressed EKF-SLAM": ("10", "landmarks with names", "gains only on large maps"),
     "FastSLAM 1.0": ("12", "landmarks with names", "sharp sensors: few particles survive"),
     "FastSLAM 2.0": ("12", "landmarks with names", "forgets the past: too sure in the end"),
-    "landmark graph, all at once": ("13", "named landmarks, all of them", "no answer before the end"),
+    "landmark graph, all at once": ("13", "named landmarks", "answers only in the end"),
     "Monte Carlo, map given": ("04", "the map", "two places that look alike"),
     "Hector": ("14", "a lidar, wheels optional", "long loops; fast turns without wheels"),
     "Hector, no wheels": ("14", "a fast lidar alone", "turns of 20 degrees a scan; corridors"),
