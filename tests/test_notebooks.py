@@ -406,3 +406,22 @@ def test_the_guards_of_the_page_see_what_they_are_for():
     assert typed_verdicts(
         nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("", outputs=[old])])
     )
+
+
+def minutes_of_header(path):
+    """Minutes to read and for the exercises, as the head of a chapter states them."""
+    head = nbformat.read(path, as_version=4).cells[0].source
+    return tuple(map(int, re.findall(r"\d+", re.search(r"\*\*Minutes\*\*(.*)", head)[1])[:2]))
+
+
+def minutes_of_guide(text, number):
+    """The same two numbers from the row of the teacher's guide."""
+    row = re.search(rf"(?m)^\| {number} [^|]*\| (\d+) min \| (\d+) min \|", text)
+    return tuple(map(int, row.groups())) if row else None
+
+
+@pytest.mark.parametrize("path", CHAPTERS, ids=name)
+def test_the_teachers_guide_has_the_minutes_of_the_header(path):
+    guide = (ROOT / "book" / "teachers_guide.md").read_text()
+    assert minutes_of_guide(guide, path.stem[:2]) == minutes_of_header(path)
+    assert minutes_of_guide(guide, "99") is None
