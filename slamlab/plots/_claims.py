@@ -64,8 +64,6 @@ def claims(rows: Iterable[Sequence[Any]]) -> Table:
     for number, row in enumerate(rows):
         if len(row) != 4:
             raise ValueError(f"rows: expected 4 entries in row {number}, got {len(row)}")
-    if all(_is_typed(row) for row in rows):  # a table of the first edition: see test_notebooks
-        return Table(("paper's claim", "paper's number", "ours", "verdict"), rows)
     for row in rows:
         claim, paper, ours, criterion = row
         if ours is None:
@@ -74,12 +72,6 @@ def claims(rows: Iterable[Sequence[Any]]) -> Table:
             verdict = "confirmed" if _holds(ours, str(criterion)) else "refuted"
             table.append((claim, paper, _shown(ours), criterion, verdict))
     return Table(("claim", "paper's number", "ours", "holds if", "verdict"), table)
-
-
-def _is_typed(row: Sequence[Any]) -> bool:
-    """Whether a verdict was typed by hand, as in chapters that are still to be rewritten."""
-    criterion = str(row[3])
-    return row[2] is not None and not (_COMPARE.fullmatch(criterion) or _BAND.fullmatch(criterion))
 
 
 def _holds(ours: ArrayLike, criterion: str) -> bool:

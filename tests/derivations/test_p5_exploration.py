@@ -7,7 +7,8 @@ the thesis line by line and set against geometry worked out here.
 import numpy as np
 import pytest
 
-from slamlab.navigation import Explorer, Quadrants
+from slamlab.evaluation.tours import coverage, path_length, reached_at
+from slamlab.navigation import Explorer, Quadrants, RandomFraction
 from slamlab.printed.p5 import (
     RobotAsPrinted,
     can_move_as_printed,
@@ -226,3 +227,20 @@ def test_three_beams_alone_miss_what_stands_between_them():
     assert can_move_as_printed(ranges, 0.4) == 2
     assert (ranges[[0, 15, 105]] >= 0.4).all()
     assert ROBOT.drive_hits(LIDAR.points(ranges), 0.4)
+
+
+def test_the_quarters_finish_in_forty_metres_where_the_longest_beam_does_not():
+    """P5 states no way for "managed to be everywhere", and no number for "much more effective"."""
+    done = {}
+    for rule in (Quadrants(), RandomFraction()):
+        within = []
+        for k, start in enumerate(free_poses(ROOM, 8, np.random.default_rng(1), 0.25)):
+            rng = np.random.default_rng(k)
+            pilot = Explorer(ROBOT, LIDAR, rule, rng, bounds=ROOM.bounds, max_path=40)
+            log = record(ROOM, Unicycle(), LIDAR, pilot, Truth(), rng, dt=1.0, max_time=3000,
+                         start=start, footprint=ROBOT.footprint)  # fmt: skip
+            metres, seen = path_length(log), coverage(log, ROOM)
+            within.append([reached_at(metres, seen, m) >= 0.98 for m in (8, 40)])
+        done[type(rule).__name__] = np.sum(within, 0)
+    assert done["Quadrants"][0] <= 4 < 6 <= done["Quadrants"][1]
+    assert done["RandomFraction"][1] <= 4
