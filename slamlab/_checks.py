@@ -6,6 +6,7 @@ Everything may import this; it imports nothing of ours.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import isfinite
@@ -204,6 +205,23 @@ def as_count(name: str, value: Any, low: int = 0, high: int = 2**63 - 1) -> int:
     return int(value)
 
 
+def as_index(name: str, value: Any, size: int, what: str) -> int:
+    """Return `value` as an index of one of `size` things; a negative one counts from the end.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number or there is none of them there.
+    """
+    try:
+        place = operator.index(value)
+    except TypeError:
+        place = size
+    if not -size <= place < size:
+        raise ValueError(f"{name}: expected one of {size} {what}, got {shown(value)}")
+    return place
+
+
 def as_choice(name: str, value: Any, choices: Sequence[str]) -> str:
     """Return `value` if it is one of `choices`.
 
@@ -228,6 +246,46 @@ def as_function(name: str, value: Any) -> Callable[..., Any]:
     """
     if not callable(value):
         raise ValueError(f"{name}: expected a function, got {shown(value)}")
+    return value
+
+
+def as_tuple(name: str, value: Any) -> tuple[Any, ...]:
+    """Return a sequence (of names, of indices, of things) as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be run through, or is a string.
+    """
+    try:
+        if isinstance(value, str | bytes):
+            raise TypeError
+        return tuple(value.tolist() if isinstance(value, np.ndarray) else value)
+    except TypeError as error:
+        raise ValueError(f"{name}: expected a sequence, got {shown(value)}") from error
+
+
+def as_a(name: str, value: Any, kind: Any, wanted: str = "") -> Any:
+    """Return `value` if it is of a class, or has what a protocol asks for.
+
+    Raises
+    ------
+    ValueError
+        If it is not, or is the class itself; of a protocol, the message names what is missing.
+    """
+    wanted = wanted or f"a {kind.__name__}"
+    if isinstance(value, type):
+        raise ValueError(f"{name}: expected {wanted}, got the class {value.__name__} itself")
+    if not getattr(kind, "_is_protocol", False):
+        if isinstance(value, kind):
+            return value
+        raise ValueError(f"{name}: expected {wanted}, got {shown(value)}")
+    members = [m for m in vars(kind) if not m.startswith("_")]
+    members += list(vars(kind).get("__annotations__", ()))
+    missing = [member for member in dict.fromkeys(members) if not hasattr(value, member)]
+    if missing:
+        got = f"{type(value).__name__}, which has no {', '.join(missing)}"
+        raise ValueError(f"{name}: expected {wanted}, got {got}")
     return value
 
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped, as_tuple
 
 __all__ = ["Grid"]
 
-_MOST_CELLS = 64_000_000  # half a gigabyte of floats
+MOST_CELLS = 64_000_000  # half a gigabyte of floats
 
 
 class Grid:
@@ -52,8 +52,10 @@ class Grid:
     def __init__(
         self, shape: tuple[int, int], resolution: float, origin: ArrayLike = (0.0, 0.0)
     ) -> None:
-        rows, columns = (as_count("shape", int(n), 1) for n in shape)
-        self.shape = rows, columns
+        sides = tuple(as_count("shape", n, 1) for n in as_tuple("shape", shape))
+        if len(sides) != 2:
+            raise ValueError(f"shape: expected rows and columns, got {len(sides)} numbers")
+        self.shape = sides[0], sides[1]
         self.resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
         self._move_to(as_array("origin", origin, (2,)))
 
@@ -113,7 +115,7 @@ class Grid:
 
     def holds(self, cells: ArrayLike) -> NDArray[np.bool_]:
         """Tell which cells (..., 2), row and column, lie inside the grid."""
-        cells = np.asarray(cells)
+        cells = as_array("cells", cells, ("...", 2))
         return np.asarray(((cells >= 0) & (cells < self.shape)).all(-1))
 
     def centres(self, stride: int = 1) -> Array:
@@ -148,7 +150,8 @@ class Grid:
         ValueError
             If the grid would have more than 64 million cells; it is then as it was.
         """
-        size = np.array(self.shape)
+        size, points = np.array(self.shape), as_shaped("points", points, ("...", 2))
+        margin = as_count("margin", margin)
         cells = np.clip(np.floor((points - self.origin) / self.resolution), -1e12, 1e12)[:, ::-1]
         before = np.maximum(margin - np.nanmin(cells, axis=0), 0).astype(int)
         after = np.maximum(np.nanmax(cells, axis=0) + 1 + margin - size, 0).astype(int)
@@ -157,7 +160,7 @@ class Grid:
         before += np.where(before > 0, size // 4, 0)
         after += np.where(after > 0, size // 4, 0)
         rows, columns = (int(n) for n in size + before + after)
-        if rows * columns > _MOST_CELLS:
+        if rows * columns > MOST_CELLS:
             raise ValueError(
                 f"ranges: expected beams near the map, it would have to grow to {rows} x "
                 f"{columns} cells"

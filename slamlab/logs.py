@@ -14,7 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_covariance, as_scalar, as_shaped
+from slamlab._checks import (
+    Array,
+    as_a,
+    as_array,
+    as_covariance,
+    as_index,
+    as_scalar,
+    as_shaped,
+    as_tuple,
+)
 from slamlab._files import read_npz
 from slamlab.models import ScanSensor, as_scan_sensor
 
@@ -212,6 +221,7 @@ class Log:
             checked["truth"] = truth
         if self.landmarks is not None:
             checked["landmarks"] = as_array("landmarks", self.landmarks, ("...", "n", 2))
+        as_a("notes", self.notes, Mapping)
         checked["notes"] = {name: _note(name, value, T) for name, value in self.notes.items()}
         for name, value in checked.items():
             object.__setattr__(self, name, _frozen(value))
@@ -271,7 +281,8 @@ class Log:
         return (self.step(k) for k in range(len(self)))
 
     def step(self, k: int) -> Step:
-        """Step number k."""
+        """Step number k; counted from the end if negative."""
+        k = as_index("k", k, len(self), "steps")
         cov = self.control_cov if self.control_cov.ndim == 2 else self.control_cov[k]
         parts = (self.looks, self.ids, self.covs, self.ranges, self.truth)
         z, ids, covs, ranges, truth = (None if part is None else part[k] for part in parts)
@@ -302,8 +313,9 @@ class Log:
 
     def single(self, run: int) -> Log:
         """Return run number `run` of a batch, without the landmarks that it did not see."""
-        if self.n_runs is None or not -self.n_runs <= run < self.n_runs:
-            raise ValueError(f"run: expected one of {self.n_runs} runs, got {run!r:.80}")
+        if self.n_runs is None:
+            raise ValueError("run: expected a batch of runs, the log is of one robot")
+        run = as_index("run", run, self.n_runs, "runs")
         own: dict[str, Any] = {}
         if self.u.ndim == 3:
             own["u"] = self.u[:, run]
@@ -373,10 +385,11 @@ def _is_one(value: Any) -> bool:
 
 
 def _of(name: str, parts: Any, T: int) -> Sequence[Any]:
-    if not hasattr(parts, "__len__") or len(parts) != T:
-        got = f"{len(parts)}" if hasattr(parts, "__len__") else f"{parts!r:.80}"
-        raise ValueError(f"{name}: expected one entry for each of {T} steps, got {got}")
-    return list(parts)
+    if not (isinstance(parts, np.ndarray) and parts.ndim):
+        parts = as_tuple(name, parts)
+    if len(parts) != T:
+        raise ValueError(f"{name}: expected one entry for each of {T} steps, got {len(parts)}")
+    return tuple(parts)
 
 
 def _look(name: str, z: Any) -> Array:

@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_batch, as_covariance, as_rng
+from slamlab._checks import Array, as_a, as_array, as_batch, as_covariance, as_rng
 from slamlab.gaussian import root
 
 __all__ = [
@@ -107,7 +107,8 @@ class LandmarkSensor(Protocol):
 
     def residual(self, z: ArrayLike, predicted: ArrayLike) -> Array:
         """Difference z - predicted (..., 2); a sensor that measures angles wraps them."""
-        return np.subtract(z, predicted)
+        z, predicted = as_array("z", z, ("...", 2)), as_array("predicted", predicted, ("...", 2))
+        return z - predicted
 
     def visible(self, pose: ArrayLike, landmark: ArrayLike) -> NDArray[np.bool_]:
         """Tell which landmarks (..., 2) the sensor sees from poses (..., 3): all by default."""
@@ -236,52 +237,25 @@ class Pilot(Protocol):
 
 
 def as_motion(name: str, value: Any) -> MotionModel:
-    """Return `value` if it is a motion model; ValueError names what it lacks.
-
-    Examples
-    --------
-    >>> from slamlab.robots import Unicycle
-    >>> as_motion("motion", Unicycle())
-    Unicycle()
-    """
-    model: MotionModel = _as_model(name, value, MotionModel, "a motion model such as Unicycle()")
+    """Return `value` if it is a motion model; ValueError names what it lacks."""
+    model: MotionModel = as_a(name, value, MotionModel, "a motion model such as Unicycle()")
     return model
 
 
 def as_sensor(name: str, value: Any) -> LandmarkSensor:
-    """Return `value` if it is a sensor of landmarks; ValueError names what it lacks.
-
-    Examples
-    --------
-    >>> from slamlab.sensors import RangeBearing
-    >>> from slamlab.sensors import Wall
-    >>> as_sensor("sensor", Wall(0.1, 0.02)).cov.round(6).tolist()
-    [[0.01, 0.0], [0.0, 0.0004]]
-    """
+    """Return `value` if it is a sensor of landmarks; ValueError names what it lacks."""
     wanted = "a sensor such as RangeBearing(...)"
-    sensor: LandmarkSensor = _as_model(name, value, LandmarkSensor, wanted)
+    sensor: LandmarkSensor = as_a(name, value, LandmarkSensor, wanted)
     return sensor
 
 
 def as_scan_sensor(name: str, value: Any) -> ScanSensor:
     """Return `value` if it knows how a lidar's beams lie; ValueError names what it lacks."""
-    lidar: ScanSensor = _as_model(name, value, ScanSensor, "a lidar such as Lidar(...)")
+    lidar: ScanSensor = as_a(name, value, ScanSensor, "a lidar such as Lidar(...)")
     return lidar
 
 
 def as_estimator(name: str, value: Any) -> Estimator:
     """Return `value` if it is an estimator; ValueError names what it lacks."""
-    system: Estimator = _as_model(name, value, Estimator, "an estimator such as EKFSlam(...)")
+    system: Estimator = as_a(name, value, Estimator, "an estimator such as EKFSlam(...)")
     return system
-
-
-def _as_model(name: str, value: Any, protocol: Any, wanted: str) -> Any:
-    if isinstance(value, type):
-        raise ValueError(f"{name}: expected {wanted}, got the class {value.__name__} itself")
-    members = [m for m in vars(protocol) if not m.startswith("_")]
-    members += list(vars(protocol).get("__annotations__", ()))
-    missing = [member for member in dict.fromkeys(members) if not hasattr(value, member)]
-    if missing:
-        got = f"{type(value).__name__}, which has no {', '.join(missing)}"
-        raise ValueError(f"{name}: expected {wanted}, got {got}")
-    return value

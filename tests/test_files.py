@@ -2,12 +2,16 @@
 
 import contextlib
 import gzip
+import sys
 import zipfile
 
 import numpy as np
 import pytest
 
 from slamlab._files import read_bytes, read_npz
+from slamlab.datasets import read_rosbag
+from slamlab.mapping import OccupancyGrid
+from slamlab.worlds import BitmapWorld
 
 
 def test_plain_and_packed_files_read_the_same(tmp_path):
@@ -62,3 +66,20 @@ def test_no_object_is_unpickled(tmp_path):
     np.savez(tmp_path / "a.npz", a=np.array([{}], dtype=object))
     with pytest.raises(ValueError, match="expected a npz archive of arrays"):
         read_npz(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    ("missing", "call", "extra"),
+    [
+        ("PIL.Image", lambda path: BitmapWorld.from_file(path / "a.png"), "course"),
+        ("yaml", lambda path: BitmapWorld.from_file(path / "a.yaml"), "course"),
+        ("yaml", lambda path: OccupancyGrid((3, 3), 0.1).save_ros(path / "b.yaml"), "course"),
+        ("rosbags.highlevel", lambda path: read_rosbag(path / "a.bag"), "maps"),
+    ],
+)
+def test_a_missing_package_is_named_with_its_extra(missing, call, extra, tmp_path, monkeypatch):
+    for name in ("a.png", "a.yaml", "a.bag"):
+        (tmp_path / name).write_bytes(b"a: 1")
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(ImportError, match=rf"pip install .*slamlab-course\[{extra}\]"):
+        call(tmp_path)

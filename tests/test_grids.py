@@ -75,3 +75,9 @@ def test_a_grid_that_would_grow_without_end_stays_as_it_was():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("shape", [(10.5, 3), (3,), (3, 4, 5), 7, "ab", None, (0, 3), (True, "x")])
+def test_half_a_row_and_other_shapes_are_refused(shape):
+    with pytest.raises(ValueError, match="shape"):
+        Grid(shape, 0.1)

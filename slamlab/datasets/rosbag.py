@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from slamlab._checks import Array
+from slamlab._optional import needed
 from slamlab.geometry import between
 from slamlab.logs import Log, ScanGeometry
 
@@ -51,10 +52,7 @@ def read_rosbag(
     FileNotFoundError
         If there is no such file.
     """
-    try:
-        from rosbags.highlevel import AnyReader
-    except ImportError as error:
-        raise ImportError("ROS bags need `pip install slamlab-course[maps]`") from error
+    AnyReader = needed("rosbags.highlevel", "ROS bags", "maps", "rosbags").AnyReader
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file or folder")

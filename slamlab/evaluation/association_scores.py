@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slamlab._checks import as_count
+from slamlab._checks import as_a, as_count
 from slamlab.evaluation.run import Run
 
 __all__ = ["AssociationScores", "association_scores"]
@@ -88,6 +88,7 @@ def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> Associat
     True
     """
     told, since = as_count("known_ids", known_ids), as_count("since", since)
+    as_a("run", run, Run)
     if run.log.ids is None:
         raise ValueError("run: expected a log with the true ids to compare with, it has none")
     if {"columns", "started", "ancestors"} <= set(run.kept) and len(run.rows) == len(run.log):

@@ -11,8 +11,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_scalar
-from slamlab.evaluation._optional import needed
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_tuple
+from slamlab._optional import needed
 from slamlab.evaluation.run import Run
 from slamlab.gaussian import chi2_quantile, mahalanobis_squared
 from slamlab.geometry import rotation, wrap_angle
@@ -64,7 +64,7 @@ def nees(
         return _nees_of(errors)
     error = _errors(errors)
     n = error.shape[-1]
-    for i in angles:
+    for i in as_tuple("angles", angles):
         if not 0 <= as_count("angles", i) < n:
             raise ValueError(f"angles: expected indices below {n}, got {i}")
         error[..., i] = wrap_angle(error[..., i])
@@ -75,6 +75,13 @@ def _nees_of(run: Run) -> Array:
     error = run.poses - run.truth
     error[..., 2] = wrap_angle(error[..., 2])
     return _nees_where_doubtful(error, run.covs)
+
+
+def _pair(name: str, value: Any) -> tuple[Any, ...]:
+    both = as_tuple(name, value)
+    if len(both) != 2:
+        raise ValueError(f"{name}: expected a pair, estimated and true, got {len(both)} things")
+    return both
 
 
 def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
@@ -133,7 +140,7 @@ def invariant_nees(
     """
     if isinstance(poses, Run):
         return invariant_nees((poses.poses, poses.truth), poses.covs)
-    estimate, truth = (as_array("poses", part, ("...", 3)) for part in poses)
+    estimate, truth = (as_array("poses", part, ("...", 3)) for part in _pair("poses", poses))
     J, p = np.array([[0.0, -1.0], [1.0, 0.0]]), estimate[..., :2, None]
     turn = wrap_angle(truth[..., 2] - estimate[..., 2])
     # p' = R(turn) p + V(turn) xi, V the mean of R from 0 to turn.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_scalar
+from slamlab._checks import Array, as_array, as_scalar, as_tuple
 from slamlab.evaluation.trajectory import TrajectoryError
 from slamlab.geometry import between, compose, inverse, wrap_angle
 
@@ -56,8 +56,11 @@ def relation_error(
     """
     times = as_array("times", times, ("n",))
     poses = as_array("poses", poses, (len(times), 3))
-    moments = as_array("relations[0]", relations[0], ("m", 2))
-    measured = as_array("relations[1]", relations[1], (len(moments), 3))
+    pair = as_tuple("relations", relations)
+    if len(pair) != 2:
+        raise ValueError(f"relations: expected moments and relative poses, got {len(pair)} things")
+    moments = as_array("relations[0]", pair[0], ("m", 2))
+    measured = as_array("relations[1]", pair[1], (len(moments), 3))
     rows, there = _rows(times, moments, as_scalar("tolerance", tolerance, 0.0))
     both = np.asarray(there.all(1))
     if not both.any():

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamlab._checks import Array, as_choice, as_count
-from slamlab.evaluation._optional import needed
+from slamlab._checks import Array, as_a, as_choice, as_count, as_tuple
+from slamlab._optional import needed
 from slamlab.logs import Log, Step
 from slamlab.models import Estimator, Smoother, as_estimator
 
@@ -127,8 +127,8 @@ def run(
     [0.0, 1.0, 2.0]
     """
     as_estimator("system", system)
-    if not isinstance(log, Log):
-        raise ValueError(f"log: expected a Log, got {type(log).__name__}")
+    as_a("log", log, Log)
+    names = as_tuple("keep", keep)
     every = as_count("every", every, 1)
     what = as_choice("system.measures", system.measures, MEASURES)
     if what != "nothing" and getattr(log, what) is None:
@@ -146,9 +146,9 @@ def run(
         seconds[k] = perf_counter() - start
         if k % every == 0 or k == len(log) - 1:
             rows.append(k)
-            records.append((system.pose, system.pose_cov, [_copy(system, name) for name in keep]))
+            records.append((system.pose, system.pose_cov, [_copy(system, name) for name in names]))
     poses, covs = (np.array([record[i] for record in records]) for i in (0, 1))
-    kept: dict[str, list[Any]] = {name: [r[2][i] for r in records] for i, name in enumerate(keep)}
+    kept: dict[str, list[Any]] = {name: [r[2][i] for r in records] for i, name in enumerate(names)}
     return Run(log, system, np.array(rows, int), poses, covs, tuple(reports), seconds, kept)
 
 
@@ -168,7 +168,7 @@ def _advance(system: Estimator, step: Step, what: str, told: bool) -> Any:
 
 
 def _copy(system: Estimator, name: str) -> Any:
-    if not hasattr(system, name):
+    if not (isinstance(name, str) and hasattr(system, name)):
         raise ValueError(f"keep: expected attributes of {type(system).__name__}, got {name!r}")
     value = getattr(system, name)
     return value.copy() if isinstance(value, np.ndarray) else value

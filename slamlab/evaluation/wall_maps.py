@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_scalar
+from slamlab._checks import Array, as_array, as_scalar, as_shaped
 from slamlab.geometry import wrap_angle
 from slamlab.sensors import Wall
 
@@ -110,8 +110,8 @@ def seen_lengths(points: ArrayLike, walls: ArrayLike, tolerance: float = 0.05) -
     >>> seen_lengths([[0.0, 0.0], [1.5, 0.01]], [[[0, 0], [2, 0]], [[0, 5], [2, 5]]]).tolist()
     [1.5, 0.0]
     """
-    points = np.asarray(points, dtype=float)
-    points = as_array("points", points[np.isfinite(points).all(-1)], ("k", 2))
+    points = as_shaped("points", points, ("k", 2))
+    points = points[np.isfinite(points).all(-1)]
     walls, tolerance = _as_walls(walls), as_scalar("tolerance", tolerance, 0.0)
     along, across, lengths = _on_walls(points, walls)
     met = (np.abs(across) <= tolerance) & (along >= -tolerance) & (along <= lengths + tolerance)

@@ -153,6 +153,8 @@ def numerical_jacobian(f: Function, x: ArrayLike, step: float = 1e-6) -> Array:
     [[3.0, 2.0], [4.0, 0.0]]
     """
     x, f = as_array("x", x, ("n",)), as_function("f", f)
+    if not len(x):
+        raise ValueError("x: expected at least one number, got none")
     step = as_scalar("step", step, float(np.finfo(float).tiny), 1e300)
     columns = [
         (as_array("f(x)", f(x + d), ("m",)) - as_array("f(x)", f(x - d), ("m",))) / (2 * step)

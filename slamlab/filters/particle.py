@@ -14,7 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_rng, as_scalar, as_shaped
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_choice,
+    as_count,
+    as_function,
+    as_rng,
+    as_scalar,
+    as_shaped,
+    as_tuple,
+)
 from slamlab.geometry import wrap_angle
 
 __all__ = [
@@ -138,7 +148,7 @@ class ParticleFilter:
             are minus infinity. The filter and its generator are then as they were.
         """
         with restored_on_failure(self._rng):
-            drawn = propose(self.particles, self._rng)
+            drawn = as_function("propose", propose)(self.particles, self._rng)
             moved, correction = drawn if isinstance(drawn, tuple) else (drawn, None)
             moved = as_array("propose(particles)", moved)
             if moved.shape != self.particles.shape:
@@ -416,7 +426,7 @@ class KLD:
             (k-1)/(2 epsilon) (1 - 2/(9(k-1)) + sqrt(2/(9(k-1))) z)^3, z the normal quantile of
             1 - delta; 1 for k = 1. Not rounded, and not limited by `minimum` and `maximum`.
         """
-        freedom = np.maximum(np.asarray(occupied, dtype=float) - 1, 0)
+        freedom = np.maximum(as_array("occupied", occupied) - 1, 0)
         spread = 2 / (9 * np.maximum(freedom, 1))
         quantile = (1 - spread + np.sqrt(spread) * ndtri(1 - self.delta)) ** 3
         return np.where(freedom > 0, freedom / (2 * self.epsilon) * quantile, 1.0)
@@ -638,7 +648,7 @@ def _log_normalised(log_weights: Array) -> tuple[Array, float]:
 
 def _angles(angles: Sequence[int], particles: Array) -> list[int]:
     """Check column numbers of angles."""
-    columns = [as_count("angles", i) for i in angles]
+    columns = [as_count("angles", i) for i in as_tuple("angles", angles)]
     if columns and (particles.ndim != 2 or max(columns) >= particles.shape[1]):
         raise ValueError(f"angles: expected columns of particles {particles.shape}, got {columns}")
     return columns

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab.grids import Grid
 
 __all__ = ["LikelihoodField"]
 
 
-class LikelihoodField:
+class LikelihoodField(Grid):
     """Log likelihood of lidar end points from many poses at once.
 
     A point at distance d from the nearest wall has, up to a constant factor, the density
@@ -75,12 +76,11 @@ class LikelihoodField:
             raise ValueError(
                 f"occupied: expected booleans (H, W) with a wall, got {grid.dtype} {grid.shape}"
             )
-        self._resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
-        self._origin = as_array("origin", origin, (2,)).copy()
+        super().__init__(grid.shape, resolution, origin)
         self._n_points = None if n_points is None else as_count("n_points", n_points, 1)
         sigma = as_scalar("sigma", sigma, 1e-9, 1e9)
         hit = as_scalar("hit", hit, 1e-9, 1 - 1e-9)
-        self.distance: Array = self._resolution * distance_transform_edt(~grid)
+        self.distance: Array = self.resolution * distance_transform_edt(~grid)
         # One border of "nowhere near a wall" stands for everything outside the map.
         distance = np.pad(self.distance, 1, constant_values=np.inf)
         self._log_density = np.log(hit * np.exp(-0.5 * (distance / sigma) ** 2) + 1 - hit)
@@ -109,12 +109,12 @@ class LikelihoodField:
         if self._n_points is not None and len(seen) > self._n_points:
             seen = seen[np.linspace(0, len(seen), self._n_points, endpoint=False).astype(int)]
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        x0, y0 = ((poses[:, :2] - self._origin) / self._resolution).T
-        height, width = self._log_density.shape
+        x0, y0 = self.scaled(poses[:, :2]).T
+        rows, columns = self.shape
         total = np.zeros(len(poses))
-        for x, y in seen / self._resolution:
+        for x, y in seen / self.resolution:
             # Cell of the point in the padded grid; everything outside falls on its border.
-            column = np.clip(np.floor(x0 + c * x - s * y) + 1, 0, width - 1).astype(np.intp)
-            row = np.clip(np.floor(y0 + s * x + c * y) + 1, 0, height - 1).astype(np.intp)
+            column = np.clip(np.floor(x0 + c * x - s * y) + 1, 0, columns + 1).astype(np.intp)
+            row = np.clip(np.floor(y0 + s * x + c * y) + 1, 0, rows + 1).astype(np.intp)
             total += self._log_density[row, column]
         return total

@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_scalar, as_shaped
 from slamlab._files import read_npz
+from slamlab._optional import needed
 from slamlab.geometry import wrap_angle
 from slamlab.localization._align import capped_misfits, least_shifts
+from slamlab.models import as_scan_sensor
 from slamlab.sensors.lidar import Lidar
 from slamlab.worlds import BitmapWorld, World
 
@@ -84,7 +86,7 @@ def autocorrelation(scan: ArrayLike) -> Array:
     scan = _as_scan(scan)
     # Wiener and Khinchin: the transform of R is the squared modulus of the scan's transform.
     power = np.abs(np.fft.rfft(scan)) ** 2
-    return np.fft.irfft(power, scan.shape[-1])
+    return as_array("square of scan", np.fft.irfft(power, scan.shape[-1]))
 
 
 def spectrum(scan: ArrayLike, n_harmonics: int | None = None) -> Array:
@@ -326,6 +328,7 @@ class SignatureMap:
             missing or one too many, or no cell is free.
         """
         stride = as_count("stride", stride, low=1)
+        as_a("world", world, World)
         angles = _full_circle(lidar)
         grid, pitch = _grid(world, stride, resolution)
         left, bottom, right, top = world.bounds
@@ -562,12 +565,12 @@ def _bridged(ranges: Array, known: Bools) -> Array:
 
 def _full_circle(lidar: Lidar) -> Array:
     """Beam angles, if they are those of a full circle."""
-    angles = lidar.beam_angles
+    angles = as_scan_sensor("lidar", lidar).beam_angles
     due = np.arange(len(angles)) * (2 * np.pi / len(angles))
     if len(angles) < 3 or np.abs(wrap_angle(angles - due)).max() > 1e-9:
         raise ValueError(
             "lidar: expected three or more beams over the full circle, got "
-            f"{len(angles)} over {lidar.field_of_view:g} rad"
+            f"{len(angles)} over {np.ptp(angles) if len(angles) else 0:g} rad"
         )
     return angles
 
@@ -600,11 +603,10 @@ def _ranges(world: World, grid: Array, free: Bools, stride: int, angles: Array) 
 def _with_bar(parts: list[NDArray[np.intp]], progress: bool) -> Iterable[NDArray[np.intp]]:
     if not progress:
         return parts
-    try:
-        from tqdm import tqdm
-    except ImportError:
-        return parts
-    return tqdm(parts, desc="scanning", unit="directions")
+    bar: Iterable[NDArray[np.intp]] = needed("tqdm", "a progress bar").tqdm(
+        parts, desc="scanning", unit="directions"
+    )
+    return bar
 
 
 def _read_parts(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:

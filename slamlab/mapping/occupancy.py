@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab._optional import needed
 from slamlab.grids import Grid
-from slamlab.models import ScanSensor
+from slamlab.models import ScanSensor, as_scan_sensor
 
 __all__ = ["OccupancyGrid"]
 
@@ -125,7 +126,7 @@ class OccupancyGrid(Grid):
             nothing should free cells without end, or the sheet would grow beyond 64 million cells.
         """
         poses = as_array("pose", pose, ("...", 3))
-        angles = np.asarray(lidar.beam_angles, dtype=float)
+        angles = np.asarray(as_scan_sensor("lidar", lidar).beam_angles, dtype=float)
         scans = as_shaped("ranges", ranges, (*poses.shape[:-1], len(angles)))
         if (scans < 0).any():
             raise ValueError(f"ranges: expected distances, got {np.nanmin(scans):g}")
@@ -193,9 +194,8 @@ class OccupancyGrid(Grid):
         ValueError
             If the name ends in anything else or a threshold is wrong.
         """
-        import yaml
-        from PIL import Image
-
+        yaml = needed("yaml", "maps of ROS", package="pyyaml")
+        Image = needed("PIL.Image", "images", package="pillow")
         path = Path(path)
         if path.suffix != ".yaml":
             raise ValueError(f"path: expected a name ending in .yaml, got {path.name!r}")

@@ -11,16 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_scalar, as_shaped
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_count,
+    as_covariance,
+    as_scalar,
+    as_shaped,
+    as_tuple,
+)
 from slamlab.geometry import wrap_angle
+from slamlab.grids import MOST_CELLS, Grid
 from slamlab.matching._match import Match, capped_inverse, good_points
 
 __all__ = ["Field", "PointField", "match_field"]
 
-_MOST_CELLS = 64_000_000
 
-
-class Field:
+class Field(Grid):
     """Values on square cells, read between the cell centres by bilinear interpolation.
 
     Parameters
@@ -57,28 +64,16 @@ class Field:
         self.values: Any = as_array("values", values, ("rows", "columns"))
         if self.values.size == 0:
             raise ValueError(f"values: expected at least one cell, got {self.values.shape}")
-        self.resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
-        self.origin = as_array("origin", origin, (2,)).astype(np.float64)
+        super().__init__(self.values.shape, resolution, origin)
         self.log_odds = bool(log_odds)
 
     @classmethod
     def of_log_odds(cls, log_odds: Array, resolution: float, origin: Array) -> Field:
         """Read an occupancy map's log odds in place: what the map learns, the field shows."""
         field = object.__new__(cls)
+        field.shape, field.log_odds = log_odds.shape, True
         field.values, field.resolution, field.origin = log_odds, resolution, origin
-        field.log_odds = True
         return field
-
-    def __repr__(self) -> str:
-        rows, columns = self.values.shape
-        return f"{type(self).__name__}({rows} x {columns} cells of {self.resolution:g} m)"
-
-    @property
-    def extent(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom and top of the sheet in the world (m)."""
-        rows, columns = self.values.shape
-        x, y = (float(side) for side in self.origin)
-        return x, x + columns * self.resolution, y, y + rows * self.resolution
 
     def value(self, points: ArrayLike) -> Array:
         """Return M at points (..., 2) of the world (m), shape (...): Hector (4)."""
@@ -91,14 +86,10 @@ class Field:
     def _look_up(self, points: ArrayLike) -> Array:
         from slamlab.matching._field_kernels import look_up_all
 
-        points = as_array("points", points, ("...", 2))
-        out = np.empty((points.size // 2, 3))
-        look_up_all(self.values, self._cells(points.reshape(-1, 2)), self.log_odds, out)
-        return out.reshape(*points.shape[:-1], 3)
-
-    def _cells(self, points: Array) -> Array:
-        """Points (k, 2) in units of cells from the corner of the sheet."""
-        return (points - self.origin) / self.resolution
+        cells = self.scaled(points)
+        out = np.empty((*cells.shape[:-1], 3))
+        look_up_all(self.values, cells.reshape(-1, 2), self.log_odds, out.reshape(-1, 3))
+        return out
 
 
 class PointField(Field):
@@ -130,24 +121,24 @@ class PointField(Field):
         self.sigma = as_scalar("sigma", sigma, 1e-6, 1e6)
         resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
         self.points = good_points("points", as_shaped("points", points, ("k", 2)))
-        low, high = self._sides(self.points, resolution)
-        columns, rows = _size(low, high)
-        super().__init__(np.zeros((rows, columns), np.float32), resolution, low * resolution)
+        # Cells lie at whole multiples of the resolution, a slope's width more on every side.
+        reach = 4 * self.sigma + resolution
+        low = np.floor((self.points.min(axis=0) - reach) / resolution)
+        columns, rows = np.ceil((self.points.max(axis=0) + reach) / resolution) - low
+        if columns * rows > MOST_CELLS:
+            raise ValueError(
+                f"points: expected them on one floor, they need {columns * rows:g} cells"
+            )
+        values = np.zeros((int(rows), int(columns)), np.float32)
+        super().__init__(values, resolution, low * resolution)
         self._stamp(self.points)
 
     def add(self, points: ArrayLike) -> None:
         """Put more points (k, 2) into the field; the sheet grows with them."""
         points = good_points("points", as_shaped("points", points, ("k", 2)))
-        low, high = self._sides(points, self.resolution)
-        here = np.rint(self.origin / self.resolution)
-        size = np.array(self.values.shape[::-1])
-        before = np.maximum(here - low, 0).astype(int)
-        after = np.maximum(high - here - size, 0).astype(int)
-        _size(here - before, here + size + after)
-        if before.any() or after.any():
-            pad = ((before[1], after[1]), (before[0], after[0]))
-            self.values = np.pad(self.values, pad)
-            self.origin = (here - before) * self.resolution
+        added = self.grow(points, int(np.ceil(4 * self.sigma / self.resolution)) + 1)
+        if added is not None:
+            self.values = np.pad(self.values, added)
         self._stamp(points)
         self.points = np.concatenate([self.points, points])
 
@@ -169,23 +160,10 @@ class PointField(Field):
             self
         ]
 
-    def _sides(self, points: Array, resolution: float) -> tuple[Array, Array]:
-        """First and last cell numbers that points reach, a slope's width more."""
-        reach = 4 * self.sigma + resolution
-        low = np.floor((points.min(axis=0) - reach) / resolution)
-        return low, np.ceil((points.max(axis=0) + reach) / resolution)
-
     def _stamp(self, points: Array) -> None:
         from slamlab.matching._field_kernels import stamp
 
-        stamp(self.values, self._cells(points), self.sigma / self.resolution)
-
-
-def _size(low: Array, high: Array) -> tuple[int, int]:
-    columns, rows = high - low
-    if columns * rows > _MOST_CELLS:
-        raise ValueError(f"points: expected them on one floor, they need {columns * rows:g} cells")
-    return int(columns), int(rows)
+        stamp(self.values, self.scaled(points), self.sigma / self.resolution)
 
 
 def match_field(
@@ -233,7 +211,7 @@ def match_field(
     """
     from slamlab.matching._field_kernels import gauss_newton
 
-    fields = [field] if isinstance(field, Field) else list(field)
+    fields = [field] if isinstance(field, Field) else as_tuple("field", field)
     if not fields or not all(isinstance(one, Field) for one in fields):
         raise ValueError(f"field: expected a Field or a sequence of them, got {field!r}")
     points = good_points("points", as_shaped("points", points, ("k", 2)), 3)

@@ -12,7 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped
+from slamlab._checks import (
+    Array,
+    as_a,
+    as_array,
+    as_choice,
+    as_count,
+    as_scalar,
+    as_shaped,
+    as_tuple,
+)
 from slamlab.geometry import between, wrap_angle
 from slamlab.matching._match import CAP, Match, capped_inverse, good_points
 
@@ -113,11 +122,14 @@ class Outline:
 
     @classmethod
     def joined(cls, outlines: Sequence[Outline]) -> Outline:
-        """Several outlines of one frame as one."""
+        """Several outlines of one frame as one; ValueError if there is none."""
+        parts = [as_a("outlines", one, Outline) for one in as_tuple("outlines", outlines)]
+        if not parts:
+            raise ValueError("outlines: expected at least one, got none")
         return cls(
-            np.concatenate([one.points for one in outlines]),
-            np.concatenate([one.normals for one in outlines]),
-            np.concatenate([one.spread for one in outlines]),
+            np.concatenate([one.points for one in parts]),
+            np.concatenate([one.normals for one in parts]),
+            np.concatenate([one.spread for one in parts]),
         )
 
 
@@ -306,5 +318,5 @@ class AdaptiveGate:
         """Learn from a guess (3,) and the pose (3,) that the match made of it."""
         dx, dy, turn = between(guess, matched)
         deviation = np.hypot(dx, dy) + 2 * self.max_range * abs(np.sin(0.5 * turn))
-        self._squares += float(deviation) ** 2
+        self._squares += float(deviation * deviation)
         self._count += 1

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slamlab._checks import Array, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
-from slamlab.models import Smoother, View
+from slamlab.models import Smoother, View, as_scan_sensor
 from slamlab.navigation.seen_floor import SeenFloor
 from slamlab.navigation.strategies import NearestFrontier, Situation
 from slamlab.sensors.lidar import Lidar
@@ -79,7 +79,9 @@ class Body:
 
     def clearance(self, points: Array) -> Array:
         """Distance (m) of points (..., 2), in the body frame, from the body; negative inside."""
-        beside = np.abs(points) - 0.5 * np.array([self.length, self.width])
+        beside = np.abs(as_array("points", points, ("...", 2))) - 0.5 * np.array(
+            [self.length, self.width]
+        )
         outside = np.maximum(beside, 0.0)
         return np.hypot(outside[..., 0], outside[..., 1]) + np.minimum(beside.max(-1), 0.0)
 
@@ -225,7 +227,9 @@ class RoomDriver:
         past: Smoother | None = None,
     ) -> None:
         tiny = float(np.finfo(float).tiny)
-        self._body, self._lidar, self._home = body, lidar, bool(home)
+        self._body: Body = as_a("body", body, Body)
+        as_scan_sensor("lidar", lidar)
+        self._lidar, self._home = lidar, bool(home)
         self._sight = as_scalar("sight", sight, 0.5, 1e3)
         self._max_speed = as_scalar("max_speed", max_speed, tiny, 1e3)
         self._max_turn = as_scalar("max_turn", max_turn, 0, 1e3)
@@ -255,7 +259,7 @@ class RoomDriver:
 
     def command(self, view: View) -> Array | None:
         """Return the next body velocity (3,), None when the drive is over."""
-        pose, ranges = view.pose, view.measurement
+        pose, ranges = as_a("view", view, View).pose, view.measurement
         if self._start is None:
             self._start = pose[:2].copy()
             self.floor = self._blank()

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_rng, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_rng, as_scalar
 from slamlab.geometry import inverse_transform, wrap_angle
 from slamlab.grids import Grid
 from slamlab.models import View
@@ -135,7 +135,7 @@ class Explorer:
 
     def command(self, view: View) -> Array | None:
         """Return the next control (v, omega), None when the exploration is over."""
-        self._see(view)
+        self._see(as_a("view", view, View))
         if view.hit:
             self._way = []
             if self._stop_at_hit:

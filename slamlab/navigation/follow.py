@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.models import ScanSensor, Smoother, View
 from slamlab.navigation.drive import Guard
@@ -198,6 +198,7 @@ def _look_ahead(
     path: PathMemory, pose: Array, s: ArrayLike, lookahead: float
 ) -> tuple[Array, Array]:
     """2.1: nearest point, looked for between s and a little nearer to the start; 2.2: P_f."""
+    as_a("path", path, PathMemory)
     s = np.minimum(as_array("s", s), path.length)
     near, _ = path.nearest(pose[..., :2], np.maximum(s - 2.0 * lookahead, 0.0), s)
     return near, path.point_at(np.maximum(near - lookahead, 0.0))
@@ -280,6 +281,7 @@ class Homer:
 
     def command(self, view: View) -> Array | None:
         """Return the next controls (..., 2 or 3), zero for who is home; None when all are."""
+        as_a("view", view, View)
         if self._turning is None:
             self._turning = np.full(view.pose.shape[:-1], self._turn_first)
             self.s = np.full(view.pose.shape[:-1], self._path.length)

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
 from slamlab._compiling import njit
 from slamlab.grids import Grid
-from slamlab.models import ScanSensor
+from slamlab.models import ScanSensor, as_scan_sensor
 
 __all__ = ["FREE", "OCCUPIED", "UNKNOWN", "SeenFloor", "Ways"]
 
@@ -100,7 +100,7 @@ class SeenFloor(Grid):
             If a shape does not fit, the pose is not finite or a range is negative.
         """
         pose = as_array("pose", pose, (3,))
-        angles = np.asarray(lidar.beam_angles, dtype=float)
+        angles = np.asarray(as_scan_sensor("lidar", lidar).beam_angles, dtype=float)
         ranges = as_shaped("ranges", ranges, (len(angles),))
         if (ranges < 0).any():
             raise ValueError(f"ranges: expected distances, got {np.nanmin(ranges):g}")
@@ -144,11 +144,12 @@ class SeenFloor(Grid):
 
     def shut_near(self, point: ArrayLike, radius: float) -> None:
         """Give up the frontier cells within `radius` (m) of a point (2,): the scan is taken."""
+        point, radius = as_array("point", point, (2,)), as_scalar("radius", radius, 0.0, 1e9)
         row, column = self.cell(point)
         reach = int(np.ceil(radius / self.resolution))
         rows = slice(max(row - reach, 0), row + reach + 1)
         columns = slice(max(column - reach, 0), column + reach + 1)
-        gap = self.centres_of(rows, columns) - np.asarray(point, dtype=float)
+        gap = self.centres_of(rows, columns) - point
         near = np.hypot(gap[..., 0], gap[..., 1]) <= radius
         self.shut[rows, columns] |= near & self.frontier()[rows, columns]
 
@@ -161,7 +162,7 @@ class SeenFloor(Grid):
             Radius of the disc (m). Half the diagonal of a cell is kept in addition, for only the
             centres of cells were seen.
         """
-        free = np.pad(self.state == FREE, 1)
+        radius, free = as_scalar("radius", radius), np.pad(self.state == FREE, 1)
         distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
         return np.asarray(distance >= radius + self.resolution * np.sqrt(0.5))
 
@@ -238,7 +239,8 @@ class SeenFloor(Grid):
         points = as_array("points", points, ("n", 2))
         out = np.zeros(len(points))
         scaled = np.ascontiguousarray(self.scaled(points))
-        _unseen(self.state, scaled, as_scalar("reach", reach, 0.0) / self.resolution, n_rays, out)
+        n_rays, reach = as_count("n_rays", n_rays, 1), as_scalar("reach", reach, 0.0)
+        _unseen(self.state, scaled, reach / self.resolution, n_rays, out)
         return out * self.resolution**2
 
 

@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 from slamlab._checks import Array, as_array, as_count, as_shaped
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
+from slamlab.models import as_scan_sensor
 
 __all__ = ["motion_between", "turn_between"]
 
@@ -102,6 +103,7 @@ def motion_between(
     >>> motion_between(*scans, lidar)[0].round(2).tolist()
     0.1
     """
+    as_scan_sensor("lidar", lidar)
     walls, normals = _walls(lidar.points(as_shaped("before", before, (lidar.n_beams,))))
     points = lidar.points(as_shaped("after", after, (lidar.n_beams,)))
     points = points[np.isfinite(points[:, 0])]

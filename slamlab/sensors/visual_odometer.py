@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar, as_shaped
 from slamlab.geometry import between, compose, wrap_angle
 
 __all__ = ["Motion", "StereoOdometer", "VisualOdometer", "align", "fit_noise", "room_points"]
@@ -180,7 +180,7 @@ class StereoOdometer:
 
     def triangulate(self, pixels: ArrayLike) -> Array:
         """Points (..., 3) of the body frame, ahead, left, up (m), from pictures (..., 3)."""
-        pixels = np.asarray(pixels, dtype=float)
+        pixels = as_shaped("pixels", pixels, ("...", 3))
         u, v, right = pixels[..., 0], pixels[..., 1], pixels[..., 2]
         # Depth from disparity: x = f b / (u_left - u_right).
         x = self.focal * self.baseline / np.maximum(u - right, 1e-3)
@@ -193,6 +193,10 @@ class StereoOdometer:
 
     def match(self, before: Array, after: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Pair what both pictures show; some pairs are wrong. Returns two arrays (m, 3)."""
+        before, after = as_shaped("before", before, ("m", 3)), as_shaped("after", after, ("m", 3))
+        if len(before) != len(after):
+            raise ValueError(f"after: expected {len(before)} rows as before, got {len(after)}")
+        rng = as_rng("rng", rng)
         both = np.flatnonzero(np.isfinite(before).all(1) & np.isfinite(after).all(1))
         if len(both) > self.max_matches:
             both = np.sort(rng.choice(both, self.max_matches, replace=False))

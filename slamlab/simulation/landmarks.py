@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
-from slamlab.models import MotionModel
+from slamlab.models import MotionModel, as_motion, as_sensor
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import RangeBearing, Wall
 
@@ -77,6 +77,7 @@ def landmark_drives(
     ...                 np.random.default_rng(1))
     Log(21 steps over 10 s, 3 runs, 120 measurements of landmarks, truth)
     """
+    as_motion("motion", motion), as_sensor("sensor", sensor)
     landmarks, u = as_array("landmarks", landmarks, ("n", 2)), as_array("u", u, ("T", "l"))
     control_cov = as_covariance("control_cov", control_cov, u.shape[1])
     n_runs, rng = as_count("n_runs", n_runs, 1), as_rng("rng", rng)
@@ -149,7 +150,8 @@ def room_drives(
     dt = 0.1
     t = dt * np.arange(n_steps)
     u = np.stack([np.full(n_steps, 0.5), 0.15 * np.sin(0.5 * t), np.full(n_steps, np.pi / 15)], 1)
-    start, control_cov = np.array([0.0, -2.4, 0.0]), YOUBOT.control_cov(sigma_wheel)
+    control_cov = YOUBOT.control_cov(as_scalar("sigma_wheel", sigma_wheel, 0.0, 1e6))
+    start = np.array([0.0, -2.4, 0.0])
     if landmarks is None:
         many = rng.uniform([-5.0, -4.0], [5.0, 4.0], (200, 2))
         gap = many[:, None] - _path(YOUBOT, start, u, dt)[:, :2]
@@ -204,6 +206,8 @@ def orchard_loop(
     """
     rng, n = as_rng("rng", rng), as_count("n_landmarks", n_landmarks, 1)
     drift, laps = as_scalar("drift", drift, 0.0, 1e3), as_scalar("laps", laps, 0.0, 1e3)
+    p_detect = as_scalar("p_detect", p_detect, 0.0, 1.0)
+    clutter_rate = as_scalar("clutter_rate", clutter_rate, 0.0)
     dt, lap = 0.5, 100
     angle, radius = np.deg2rad(rng.uniform(-40, 40, n)), rng.uniform(5, 11, n)
     landmarks = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])

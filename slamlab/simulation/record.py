@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_covariance, as_rng, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_covariance, as_rng, as_scalar
 from slamlab.gaussian import root
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
@@ -176,6 +176,9 @@ def record(
     """
     scene = _Scene(world, as_motion("robot", robot), sensor, as_rng("rng", rng), footprint)
     as_estimator("belief", belief)
+    as_a("pilot", pilot, Pilot)
+    if odometer is not None:
+        as_a("odometer", odometer, Odometer)
     dt = as_scalar("dt", dt, 1e-6, 1e6)
     steps = int(np.ceil(as_scalar("max_time", max_time, 0, 1e9) / dt - 1e-9))
     truth = scene.placed(as_array("start", start, ("...", 3)))

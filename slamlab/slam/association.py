@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_count, as_scalar
 from slamlab.gaussian import chi2_quantile
 from slamlab.slam._particle_view import IGNORED, NEW
 
@@ -107,6 +107,7 @@ def nearest_euclidean(
     >>> nearest_euclidean(slam, [[2.1, 0.51], [4.0, 0.0]], gate=0.5).tolist()
     [1, -1]
     """
+    as_a("slam", slam, Surface)
     z = as_array("z", z, ("k", 2))
     gate = as_scalar("gate", gate, float(np.finfo(float).tiny), 1e300)
     landmarks = np.asarray(slam.landmarks)
@@ -602,6 +603,7 @@ def _candidates(
     A pair in the gate has |v_i| <= sqrt(gate S_ii), so seen from the sensor its two places are
     apart by no more than the reach in range plus the measured range times that in bearing.
     """
+    as_a("slam", slam, Surface)
     z = as_array("z", z, ("k", 2))
     low = as_scalar("probability", probability, *_ODDS)
     high = as_scalar("new_probability", new_probability, low, _ODDS[1])

@@ -218,11 +218,11 @@ class EKFSlam:
 
     def landmark_cov(self, id: Hashable) -> Array:
         """Covariance (2, 2) of the landmark named `id`; ValueError if it is not in the map."""
-        return self._P.block(entries_of(self.rows_of([id])))
+        return self._P.block(entries_of(self.rows_of(as_names("id", [id]))))
 
     def rows_of(self, ids: Iterable[Hashable]) -> Rows:
         """Rows (k,) of `landmarks` that have these names; ValueError if one is not in the map."""
-        names = list(ids)
+        names = as_names("ids", ids)
         missing = [name for name in names if name not in self._row_of]
         if missing:
             raise ValueError(f"ids: expected landmarks of the map, got {missing}")

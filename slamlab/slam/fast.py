@@ -12,7 +12,7 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar, as_tuple
 from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
 from slamlab.gaussian import chi2_quantile, root
 from slamlab.geometry import wrap_angle
@@ -36,6 +36,7 @@ from slamlab.slam._particle_association import (
 )
 from slamlab.slam._particle_view import NEW, ParticleView
 from slamlab.slam._proposal import Odometry, Step, draw
+from slamlab.slam.ekf import as_names
 
 __all__ = ["FastSlam", "ParticleView"]
 
@@ -291,7 +292,7 @@ class FastSlam(PoseParticles):
             return [] if self._columns else None
         if self._unknown and k:
             raise ValueError("ids: expected None as in earlier updates, got names")
-        names = list(np.asarray(ids).tolist() if isinstance(ids, np.ndarray) else ids)
+        names = list(as_tuple("ids", ids))
         if len(names) != k:
             raise ValueError(f"ids: expected {k} names, one a measurement, got {len(names)}")
         try:
@@ -394,7 +395,7 @@ class FastSlam(PoseParticles):
         ValueError
             If no landmark has this name.
         """
-        if id not in self._columns:
+        if as_names("id", [id])[0] not in self._columns:
             raise ValueError(f"id: expected the name of a landmark, got {id!r}")
         return self.landmark_covs[self._columns[id]]
 

@@ -18,7 +18,15 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_covariance, as_scalar
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_choice,
+    as_count,
+    as_covariance,
+    as_scalar,
+    as_tuple,
+)
 from slamlab.geometry import inverse_transform
 from slamlab.logs import Log
 from slamlab.models import LandmarkSensor, MotionModel
@@ -181,7 +189,7 @@ class PoseGraph:
         m = len(self.edges)
         self.measurements = as_array("measurements", measurements, (m, 3)).astype(np.float64)
         self.information = _checked_information("information", information, m, 3)
-        self.fixed = tuple(sorted({_checked_row("fixed", row, n) for row in fixed}))
+        self.fixed = tuple(sorted(_checked_rows("fixed", fixed, n).tolist()))
         if not self.fixed:
             raise ValueError("fixed: expected at least one pose, got none")
         if scans is not None and not isinstance(scans, Scans):
@@ -551,7 +559,7 @@ class PoseGraph:
             If a row is unknown or the graph is disconnected or singular.
         """
         n = len(self.poses)
-        rows = np.array([_checked_row("i", row, n) for row in np.atleast_1d(i).tolist()])
+        rows = _checked_rows("i", np.atleast_1d(i), n)
         covs = self._marginals(rows, self._stack(poses, landmarks))
         return covs[0] if np.ndim(i) == 0 else covs
 
@@ -579,7 +587,7 @@ class PoseGraph:
             If a row is unknown or the graph is disconnected or singular.
         """
         k, n = len(self.landmarks), len(self.poses)
-        rows = np.array([_checked_row("i", row, k) for row in np.atleast_1d(i).tolist()])
+        rows = _checked_rows("i", np.atleast_1d(i), k)
         covs = self._marginals(n + rows, self._stack(poses, landmarks))[:, :2, :2]
         return covs[0] if np.ndim(i) == 0 else covs
 
@@ -679,8 +687,8 @@ class PoseGraph:
     def _groups(self, alternatives: Sequence[Sequence[int]]) -> list[np.ndarray]:
         m = len(self.edges)
         groups = [
-            np.array([_checked_row("alternatives", row, m, "edges") for row in group], dtype=int)
-            for group in alternatives
+            _checked_rows("alternatives", group, m, "edges")
+            for group in as_tuple("alternatives", alternatives)
         ]
         rows = np.concatenate([*groups, np.zeros(0, dtype=int)])
         if any(len(group) == 0 for group in groups) or len(np.unique(rows)) < len(rows):
@@ -715,17 +723,18 @@ class PoseGraph:
 # Checks at the door
 
 
-def _checked_row(name: str, row: Any, n: int, of: str = "poses") -> int:
-    row = as_count(name, row)
-    if row >= n:
-        raise ValueError(f"{name}: expected the row of one of {n} {of}, got {row}")
-    return row
+def _checked_rows(name: str, rows: Any, n: int, of: str = "poses") -> np.ndarray:
+    checked = [as_count(name, row) for row in as_tuple(name, rows)]
+    if max(checked, default=0) >= max(n, 1):
+        raise ValueError(f"{name}: expected the row of one of {n} {of}, got {max(checked)}")
+    return np.array(checked, dtype=np.intp)
 
 
 def _checked_ids(name: str, ids: Sequence[int] | None, n: int, first: int) -> np.ndarray:
     if ids is None:
         return np.arange(first, first + n)
-    array = np.asarray(ids, dtype=int) if len(ids) == 0 else np.asarray(ids)
+    names = as_tuple(name, ids)
+    array = np.array(names, dtype=None if names else int)
     if array.shape != (n,) or not np.issubdtype(array.dtype, np.integer):
         raise ValueError(
             f"{name}: expected {n} whole numbers, got {array.dtype} of shape {array.shape}"

@@ -158,6 +158,7 @@ class IncrementalGraph:
         tolerance : float
             The last step moves no pose further than this (m, rad).
         """
+        tolerance = as_scalar("tolerance", tolerance, 0.0)
         if len(self._x) == 1:
             return
         edges = Edges(self._edges, self._measurements, self._information)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamlab._checks import as_array, as_scalar
+from slamlab._optional import needed
 
 MOST_PIXELS = 64_000_000
 MOST_YAML_BYTES = 10_000
@@ -33,8 +34,7 @@ def read_map(path: Path) -> MapImage:
 
 def read_grey(path: Path) -> NDArray[np.uint8]:
     """Grey values (rows, columns) of an image, row 0 at the bottom; transparent is white."""
-    from PIL import Image
-
+    Image = _pillow()
     with path.open("rb") as file:
         image = _guarded(path, lambda: Image.open(file))
         # Only the head of the file has been read so far.
@@ -49,29 +49,29 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
 
 
 def _grey(image: Any) -> NDArray[np.uint8]:
-    from PIL import Image
-
+    Image = _pillow()
     if image.has_transparency_data:
         image = image.convert("RGBA")
         image = Image.alpha_composite(Image.new("RGBA", image.size, "white"), image)
     return np.asarray(image.convert("L"))
 
 
+def _pillow() -> Any:
+    return needed("PIL.Image", "reading images", package="pillow")
+
+
 def _guarded(path: Path, read: Callable[[], Any]) -> Any:
     """Let Pillow read, and name the file whatever goes wrong in it."""
-    from PIL import Image
-
     try:
         return read()
     except (OSError, ValueError, SyntaxError, EOFError, LookupError, TypeError) as error:
         raise ValueError(f"{path}: expected a readable image, got: {error}") from error
-    except (Image.DecompressionBombError, OverflowError, struct.error) as error:
+    except (_pillow().DecompressionBombError, OverflowError, struct.error) as error:
         raise ValueError(f"{path}: expected a readable image, got: {error}") from error
 
 
 def _read_ros(path: Path) -> MapImage:
-    import yaml
-
+    yaml = needed("yaml", "maps of ROS", package="pyyaml")
     if path.stat().st_size > MOST_YAML_BYTES:
         raise ValueError(f"{path}: expected a short YAML file, got {path.stat().st_size} bytes")
     try:
@@ -82,8 +82,8 @@ def _read_ros(path: Path) -> MapImage:
         entries = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: expected YAML, got: {str(error)[:200]}") from error
-    needed = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
-    missing = [k for k in needed if not isinstance(entries, dict) or k not in entries]
+    due = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+    missing = [k for k in due if not isinstance(entries, dict) or k not in entries]
     if missing:
         raise ValueError(f"{path}: expected the entries of a ROS map, missing {missing}")
     origin = as_array(f"{path}: origin", entries["origin"], (3,))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_count, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
 from slamlab.grids import Grid
 from slamlab.worlds._cast import cast_everywhere, cast_grid
 from slamlab.worlds._clearance import grid_clearance
@@ -287,7 +287,7 @@ def checked_beams(
     """Coordinates, directions and reach of beams, broadcast."""
     origins = as_array("origins", origins, ("...", 2))
     angles = as_array("angles", angles)
-    reach = np.asarray(max_range, dtype=float)
+    reach = as_shaped("max_range", max_range)
     if not (reach >= 0).all():
         raise ValueError(f"max_range: expected at least 0, got {np.min(reach):g}")
     x, y, angles, reach = np.broadcast_arrays(origins[..., 0], origins[..., 1], angles, reach)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_rng
+from slamlab._checks import Array, as_array, as_count, as_rng
 from slamlab.worlds._clearance import segment_clearance
 from slamlab.worlds.bitmap import BitmapWorld
 from slamlab.worlds.walls import WallWorld
@@ -152,7 +152,7 @@ def random_room(rng: np.random.Generator, n_obstacles: int = 5) -> BitmapWorld:
     >>> random_room(np.random.default_rng(3), n_obstacles=2)
     BitmapWorld(400 x 400 cells of 0.01 m)
     """
-    rng = as_rng("rng", rng)
+    rng, n_obstacles = as_rng("rng", rng), as_count("n_obstacles", n_obstacles)
     cells = _empty(400, 400)
     placed = 0
     while placed < n_obstacles:

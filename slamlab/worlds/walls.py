@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_scalar
 from slamlab.models import Bounds
 from slamlab.worlds._cast import cast_segments, inside_segments
 from slamlab.worlds._clearance import segment_clearance
@@ -99,7 +99,7 @@ class WallWorld:
         ValueError
             If no cell is free, or a free cell lies at the edge.
         """
-        free = ~bitmap.occupied
+        free = ~as_a("bitmap", bitmap, BitmapWorld).occupied
         edge = np.concatenate([free[0], free[-1], free[:, 0], free[:, -1]])
         if not free.any() or edge.any():
             raise ValueError(
