@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._checks import Array, as_count, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
 from slamlab.gaussian import root
 from slamlab.logs import Log
+from slamlab.models import as_sensor
 from slamlab.robots import Unicycle
 from slamlab.sensors import PointSensor
 
@@ -76,7 +77,10 @@ def field_flights(
     lane = as_scalar("lane", lane, tiny, side / 2)
     n = round(side**2 / 100) if n_landmarks is None else n_landmarks
     n, felled = as_count("n_landmarks", n, 1), as_scalar("felled", felled, 0.0, 1.0)
-    noise = np.array([as_scalar("sigmas", sigma, 0.0, 1e3) for sigma in sigmas])
+    as_sensor("sensor", sensor)
+    noise = as_array("sigmas", sigmas, (2,))
+    if (noise < 0).any():
+        raise ValueError(f"sigmas: expected no negative number, got {noise.min():g}")
     landmarks = rng.uniform(0.0, side, (n, 2))
     landmarks = landmarks[(landmarks[:, 0] < side / 2) | (rng.random(n) >= felled)]
     controls, dt = _lanes(side, lane), 0.4
