@@ -279,7 +279,7 @@ def as_a(name: str, value: Any, kind: Any, wanted: str = "") -> Any:
     if not getattr(kind, "_is_protocol", False):
         if isinstance(value, kind):
             return value
-        raise ValueError(f"{name}: expected {wanted}, got {shown(value)}")
+        raise ValueError(f"{name}: expected {wanted}, got {type(value).__name__}")
     members = [m for m in vars(kind) if not m.startswith("_")]
     members += list(vars(kind).get("__annotations__", ()))
     missing = [member for member in dict.fromkeys(members) if not hasattr(value, member)]

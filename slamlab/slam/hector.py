@@ -60,7 +60,8 @@ class HectorSlam:
     >>> slam = HectorSlam(lidar, [2.0, 4.0, 0.0], motion=None)
     >>> for x in (2.0, 2.1, 2.2):
     ...     match = slam.update(lidar.scan(rooms.office(), [x, 4.0, 0.0]))
-    >>> bool(np.abs(slam.pose - [2.2, 4.0, 0.0]).max() < 0.05), slam.lost
+    >>> cell = slam.maps[0].resolution
+    >>> bool(np.abs(slam.pose - [2.2, 4.0, 0.0]).max() < cell), slam.lost
     (True, False)
     """
 

@@ -12,9 +12,9 @@ from slamlab.sensors.lidar import Lidar
 from slamlab.worlds import BitmapWorld, free_poses, rooms
 
 LIDAR = Lidar(120)
-BUILD_PROMISE, LOOKUP_PROMISE = 3.0, 0.002  # seconds; a lookup takes 0.8 to 1.4 ms by machine
-# What the peers take here when nothing else runs: above it, the machine is slow at the moment.
-BUILD_PEER, LOOKUP_PEER = 1.1, 0.038
+# Parts of what the peers take beside it, so that no slow machine and no busy one decides. Idle, a
+# map takes 0.6 s where beam by beam takes 1.1 s, a lookup 0.8 to 1.4 ms where all places take 38.
+BUILD_PROMISE, LOOKUP_PROMISE = 1.0, 1 / 20
 
 
 def hall():
@@ -84,7 +84,7 @@ def rows(rounds=5):
         ),
     )
     return [
-        (name, 1e3 * ours, 1e3 * peer, ours / peer, f"{1e3 * promise:g} ms")
+        (name, 1e3 * ours, 1e3 * peer, ours / peer, promise)
         for name, (ours, peer), promise in measured
     ]
 
@@ -109,15 +109,15 @@ def test_tree_and_brute_force_find_the_same_place():
 
 
 @pytest.mark.parametrize(
-    ("measure", "promise", "idle_peer"),
+    ("measure", "promise"),
     [
-        pytest.param(lambda: measure_build(1), BUILD_PROMISE, BUILD_PEER, id="build"),
-        pytest.param(lambda: measure_lookup(3, 100), LOOKUP_PROMISE, LOOKUP_PEER, id="lookup"),
+        pytest.param(lambda: measure_build(1), BUILD_PROMISE, id="build"),
+        pytest.param(lambda: measure_lookup(3, 100), LOOKUP_PROMISE, id="lookup"),
     ],
 )
-def test_speed_within_its_promise(measure, promise, idle_peer):
+def test_speed_within_its_promise(measure, promise):
     for _ in range(3):
         ours, peer = measure()
-        if ours < promise * max(1.0, peer / idle_peer):
+        if ours < promise * peer:
             return
-    pytest.fail(f"{1e3 * ours:.2f} ms, peer {1e3 * peer:.2f} ms, promised {1e3 * promise:g} ms")
+    pytest.fail(f"{1e3 * ours:.2f} ms, peer {1e3 * peer:.2f} ms, promised {promise:.3f} x")

@@ -78,13 +78,17 @@ def test_p2_9_prediction_turns_the_ties_to_the_map_too():
 
 
 def test_p2_9_the_forgotten_ties_make_a_liar_of_the_filter():
-    drives = room_drives(10, np.random.default_rng(1), n_steps=400, sigma_wheel=2.0)
+    # Over sets of 40 runs the right filter has 2.7 to 3.4, the forgetful one 8.4 to 12.1 and an
+    # error 1.20 to 1.29 times as large; of ten runs one alone can halve the difference.
+    drives = room_drives(40, np.random.default_rng(1), n_steps=400, sigma_wheel=2.0)
     right, forgetful = (batch(drives, kind) for kind in (EKFSlamBatch, ForgetsCrossCovariance))
-    assert np.nanmean(nees(right)) < 3.7 < 7 < np.nanmean(nees(forgetful))
+    fair, liar = (np.nanmean(nees(one), axis=0) for one in (right, forgetful))
+    assert fair.mean() < 3.7 < 7 < liar.mean()
+    assert (liar > fair).mean() > 0.8
     rmse = [
         np.sqrt(((r.poses - r.truth)[..., :2] ** 2).sum(-1).mean()) for r in (right, forgetful)
     ]
-    assert rmse[1] > 1.5 * rmse[0]
+    assert rmse[1] > 1.1 * rmse[0]
 
 
 def batch(drives, kind=EKFSlamBatch, cov=None):
