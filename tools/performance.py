@@ -55,7 +55,7 @@ TABLES = {
     "test_kalman_speed": ("Kalman filters", [], ""),
     "test_signature_speed": (
         "Localization by signatures",
-        ["promised"],
+        ["promised ratio"],
         "The peer of the map casts every beam of every place by itself; the peer of the lookup "
         "aligns the scan with all places.",
     ),
