@@ -569,10 +569,13 @@ def complaints(name, function):
 def methods(name, cls):
     """The public methods of a good instance, each called on a copy of its own."""
     instance = INSTANCES.get(cls.__name__)
-    if instance is None and good(name, cls) is None:
+    arguments = good(name, cls)
+    if instance is None and arguments is None:
         return
-    if instance is None:
-        instance = cls(**good(name, cls))
+    try:
+        instance = cls(**arguments) if instance is None else instance
+    except ValueError:
+        return
     for method in dir(instance):
         if method.startswith(("_", *READERS)) or isinstance(getattr(cls, method, None), property):
             continue

@@ -12,7 +12,7 @@ from slamlab.sensors.lidar import Lidar
 from slamlab.worlds import BitmapWorld, free_poses, rooms
 
 LIDAR = Lidar(120)
-# Times of what the peers take beside it, so that no slow machine and no busy one decides. Measured:
+# Times of what the peers take beside it, so that no slow and no busy machine decides. Measured:
 # the map with its tree takes as long as the beams alone, a lookup 1/40 to 1/60 of all places.
 BUILD_PROMISE, LOOKUP_PROMISE = 1.25, 1 / 20
 
