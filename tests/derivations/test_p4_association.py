@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from slamlab.geometry import tilt
 from slamlab.robots import Unicycle
 from slamlab.sensors import PointSensor, RangeBearing
 from slamlab.slam import EKFSlam
@@ -220,3 +221,45 @@ def test_the_gate_of_page_84_lets_two_measurements_claim_one_landmark():
     points = slam.sensor.locate(slam.pose, z)
     assert (np.hypot(*(points - slam.landmarks).T) < 1.0).all()
     assert nearest_euclidean(slam, z).tolist() == [0, IGNORED]
+
+
+# --- (4a) in three dimensions, and the region S_1 ---
+
+
+def test_4a_with_the_attitude_given_is_a_plane_and_heights():
+    """Levelled by A, an even camera keeps plane (x, y, yaw, l) and heights (h, l_h) apart."""
+    A, state = tilt(0.3, -0.2), np.array([1.0, 2.0, 0.4, 15.0, -8.0, 30.0, 5.0])
+
+    def measured(s):
+        d = np.array([s[3] - s[0], s[4] - s[1], s[6] - s[5]])
+        c, w = np.cos(s[2]), np.sin(s[2])
+        return A.T @ np.array([c * d[0] + w * d[1], -w * d[0] + c * d[1], d[2]])
+
+    steps = 1e-6 * np.eye(7)
+    H3 = np.array([(measured(state + e) - measured(state - e)) / 2e-6 for e in steps]).T
+    prior = np.zeros((7, 7))
+    prior[:5, :5], prior[5:, 5:] = covariance(5), covariance(2)
+
+    def corrected(P, H, R):
+        return P - P @ H.T @ np.linalg.solve(H @ P @ H.T + R, H @ P)
+
+    even = corrected(prior, H3, 0.04 * np.eye(3))
+    np.testing.assert_allclose(even[:5, 5:], 0, atol=1e-8)
+    plane = np.hstack(PointSensor(np.eye(2)).jacobians(state[:3], state[3:5]))
+    due = corrected(prior[:5, :5], plane, 0.04 * np.eye(2))
+    np.testing.assert_allclose(even[:5, :5], due, atol=1e-7)
+    deep = corrected(prior, H3, np.diag([0.04, 0.04, 1.0]))
+    assert differs(deep[:5, 5:], 0)  # a camera worse in depth ties them together
+
+
+def test_S1_may_confine_the_work_but_not_the_correction():
+    """Two numbers with correlation 0.9, the first measured: left alone, the rest is no belief."""
+    prior, S = np.array([[1.0, 0.9], [0.9, 1.0]]), 1.1
+    due = prior - np.outer(prior[0], prior[0]) / S
+    block_alone = prior.copy()
+    block_alone[0, 0] = due[0, 0]
+    assert np.linalg.det(block_alone) < -0.5
+    # Phi = 1 - K, Psi = 1 / S: settled, it is the whole correction.
+    Phi, Psi = 1 - 1 / S, 1 / S
+    settled = np.array([[due[0, 0], Phi * 0.9], [Phi * 0.9, 1 - 0.9 * Psi * 0.9]])
+    np.testing.assert_allclose(settled, due, atol=1e-15)

@@ -1,0 +1,365 @@
+"""Checks of chapter 16: a look levelled, a range, accounts, the size of a region, eight points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from slamlab.exercises._draw import a_covariance
+from slamlab.exercises._report import Array, Check, Function
+
+__all__ = [
+    "check_fundamental",
+    "check_level",
+    "check_next_range",
+    "check_note_update",
+    "check_region_cost",
+]
+
+
+# Exercise 1: a look, levelled.
+
+
+def _level(z: Array, roll: float, pitch: float) -> Array:
+    """Coordinates (3,) ahead, left and up in the level frame: R_y(pitch) R_x(roll) z."""
+    ahead, left, up = z
+    left, up = np.cos(roll) * left - np.sin(roll) * up, np.sin(roll) * left + np.cos(roll) * up
+    ahead, up = (
+        np.cos(pitch) * ahead + np.sin(pitch) * up,
+        np.cos(pitch) * up - np.sin(pitch) * ahead,
+    )
+    return np.array([ahead, left, up])
+
+
+def _matrices(roll: float, pitch: float) -> tuple[Array, Array]:
+    c, s, C, S = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    R_x = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    return np.array([[C, 0, S], [0, 1, 0], [-S, 0, C]]), R_x
+
+
+def _any_attitude(rng: np.random.Generator) -> Any:
+    return np.round(rng.normal(size=3) * 10, 1), *np.round(rng.uniform(-0.8, 0.8, 2), 2)
+
+
+check_level = Check(
+    _level,
+    "levelled",
+    {
+        "level already": ([20.0, 3.0, -17.0], 0.0, 0.0),
+        "nose down by 30 degrees": ([20.0, 0.0, -17.32], 0.0, np.pi / 6),
+        "right wing down by 20 degrees": ([5.0, 4.0, -20.0], np.pi / 9, 0.0),
+        "any attitude": _any_attitude,
+    },
+    {
+        "roll first, then pitch: here it is the other way round": lambda z, r, p: (
+            _matrices(r, p)[1] @ _matrices(r, p)[0] @ z
+        ),
+        "this is the way from the level frame into the body: A, not its transpose": (
+            lambda z, r, p: (_matrices(r, p)[0] @ _matrices(r, p)[1]).T @ z
+        ),
+        "roll and pitch have changed places": lambda z, r, p: (
+            _matrices(p, r)[0] @ _matrices(p, r)[1] @ z
+        ),
+        "the sign of the pitch: a nose down turns what lies ahead down": lambda z, r, p: (
+            _matrices(r, -p)[0] @ _matrices(r, -p)[1] @ z
+        ),
+        "the sign of the roll: a right wing down turns what lies to the left up": lambda z, r, p: (
+            _matrices(-r, p)[0] @ _matrices(-r, p)[1] @ z
+        ),
+        "the height of the second turn must be that after the first": lambda z, r, p: np.array(
+            [
+                np.cos(p) * z[0] + np.sin(p) * z[2],
+                np.cos(r) * z[1] - np.sin(r) * z[2],
+                np.cos(p) * (np.sin(r) * z[1] + np.cos(r) * z[2]) - np.sin(p) * z[0],
+            ]
+        ),
+    },
+)
+
+
+# Exercise 2: the law of the range.
+
+
+def _next_range(
+    reach: float, n_seen: int, wanted: float, nearest: float, furthest: float
+) -> float:
+    """Range (m) within which as many landmarks as wanted are to be expected."""
+    if n_seen == 0:
+        return furthest
+    return float(np.clip(reach * np.sqrt(wanted / n_seen), nearest, furthest))
+
+
+check_next_range = Check(
+    _next_range,
+    "range",
+    {
+        "as many as wanted": (20.0, 10, 10.0, 5.0, 40.0),
+        "four times too many": (20.0, 20, 5.0, 5.0, 40.0),
+        "nothing seen": (12.0, 0, 5.0, 5.0, 40.0),
+        "never nearer": (12.0, 200, 2.0, 5.0, 40.0),
+        "never further": (30.0, 1, 10.0, 5.0, 40.0),
+        "any numbers": lambda rng: (
+            np.round(rng.uniform(8, 30), 1),
+            int(rng.integers(3, 30)),
+            np.round(rng.uniform(4, 12), 1),
+            4.0,
+            60.0,
+        ),
+    },
+    {
+        "landmarks grow with the area, not with the range: a square root is missing": (
+            "np.sqrt(wanted / n_seen)",
+            "(wanted / n_seen)",
+        ),
+        "who sees too many should look less far: the ratio is upside down": (
+            "wanted / n_seen",
+            "n_seen / wanted",
+        ),
+        "who sees nothing should look as far as it can": lambda r, n, w, a, b: (
+            a if n == 0 else _next_range(r, n, w, a, b)
+        ),
+        "the range must stay between nearest and furthest": lambda r, n, w, a, b: (
+            b if n == 0 else r * np.sqrt(w / n)
+        ),
+        "this law forgets how far it looked: the density is n / (pi r^2)": (
+            lambda r, n, w, a, b: b if n == 0 else np.clip(np.sqrt(w / n) * b, a, b)
+        ),
+    },
+)
+
+
+# Exercise 3: a bug to find.
+
+
+def _note_update(
+    Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
+) -> tuple[Array, Array, Array]:
+    """Book an update in the accounts of a region: Phi, Psi, theta."""
+    told = Phi.T @ H.T @ np.linalg.inv(S)
+    Psi = Psi + told @ H @ Phi
+    theta = theta + told @ v
+    Phi = Phi - K @ H @ Phi
+    return Phi, Psi, theta
+
+
+def _phi_first(
+    Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
+) -> tuple[Array, Array, Array]:
+    return _note_update(Phi - K @ H @ Phi, Psi, theta, H, S, v, K)[1:]  # type: ignore[return-value]
+
+
+def _an_update(n: int, m: int) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        P, H = a_covariance(rng, n), np.round(rng.normal(size=(m, n)), 2)
+        S = H @ P @ H.T + 0.1 * np.eye(m)
+        Phi, v = np.round(rng.normal(size=(n, n)), 2), np.round(rng.normal(size=m), 2)
+        K = P @ H.T @ np.linalg.inv(S)
+        return Phi, a_covariance(rng, n), np.round(rng.normal(size=n), 2), H, S, v, K
+
+    return draw
+
+
+check_note_update = Check(
+    _note_update,
+    "Phi, Psi, theta",
+    {
+        "one number, the first update": (
+            [[1.0]],
+            [[0.0]],
+            [0.0],
+            [[1.0]],
+            [[1.1]],
+            [0.5],
+            [[1 / 1.1]],
+        ),
+        "one number, after others": ([[0.3]], [[2.0]], [0.4], [[1.0]], [[0.5]], [-0.2], [[0.8]]),
+        "a region of three numbers": _an_update(3, 2),
+        "a region of five numbers": _an_update(5, 2),
+    },
+    {
+        "Psi and theta need the Phi from before the update: book them first": lambda *a: (
+            a[0] - a[6] @ a[3] @ a[0],
+            *_phi_first(*a),
+        ),
+        "only theta was booked with the Phi from after the update": lambda *a: (
+            *_note_update(*a)[:2],
+            _phi_first(*a)[1],
+        ),
+        "what is told stands in the frame of the entry: Phi^T is missing": (
+            "Phi.T @ H.T",
+            "H.T",
+        ),
+        "the accounts add up: what was booked before is gone": lambda *a: _note_update(
+            a[0], 0 * a[1], 0 * a[2], *a[3:]
+        ),
+        "Phi <- (I - K H) Phi: here Phi stands on the other side": (
+            "Phi = Phi - K @ H @ Phi",
+            "Phi = Phi - Phi @ K @ H",
+        ),
+        "S must be inverted": ("np.linalg.inv(S)", "S"),
+    },
+    tolerance=1e-8,
+)
+
+
+# Exercise 4: the size of a region.
+
+
+def _region_cost(
+    R: Array, n: int, density: float, reach: float, stride: float
+) -> tuple[Array, float]:
+    """Products a step for each radius R (k,), and the radius of the fewest."""
+    N, m, drive = 2 * n, 2 * density * np.pi * reach**2, R - reach
+    inside = np.minimum(2 * density * np.pi * R**2, N)
+    told = np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)
+    settle = 0.5 * told * N**2 + inside**2 * N
+    cost = 3 * m * inside**2 + settle * stride / drive
+    return cost, R[np.argmin(cost)]
+
+
+def _radii(rng: np.random.Generator) -> Any:
+    reach = np.round(rng.uniform(8, 25), 1)
+    return (
+        reach + np.sort(np.round(rng.uniform(0.5, 60, 6), 1)),
+        int(rng.integers(200, 2000)),
+        np.round(rng.uniform(0.004, 0.03), 3),
+        reach,
+        np.round(rng.uniform(0.5, 4), 1),
+    )
+
+
+check_region_cost = Check(
+    _region_cost,
+    "cost, best",
+    {
+        "the field of the chapter": ([22.0, 28.0, 37.0, 50.0, 90.0], 576, 0.01, 20.0, 2.0),
+        "a larger map": ([30.0, 40.0, 60.0, 80.0], 5000, 0.01, 20.0, 2.0),
+        "a small map, all of it in the region": ([25.0, 90.0, 200.0], 60, 0.01, 20.0, 2.0),
+        "a slow aircraft over dense trees": ([12.0, 15.0, 19.0, 30.0], 900, 0.04, 10.0, 0.5),
+        "any field": _radii,
+    },
+    {
+        "a region is left after R - r, not after R": (
+            "settle * stride / drive",
+            "settle * stride / R",
+        ),
+        "a settlement comes every D / s steps: divide by D / s": (
+            "settle * stride / drive",
+            "settle * drive / stride",
+        ),
+        "settlements are paid at every step here": ("settle * stride / drive", "settle"),
+        "a landmark has two numbers": (
+            "N, m, drive = 2 * n, 2 * density",
+            "N, m, drive = n, density",
+            "np.minimum(2 * density * np.pi",
+            "np.minimum(density * np.pi",
+            "np.minimum(2 * density * (2",
+            "np.minimum(density * (2",
+        ),
+        "this is the dearest radius": ("argmin", "argmax"),
+        "settling costs nothing here": (
+            "settle = 0.5 * told * N**2 + inside**2 * N",
+            "settle = 0 * told",
+        ),
+        "only P_bb was settled: P_ab takes N_a^2 N": (" + inside**2 * N", ""),
+        "only P_ab was settled: P_bb takes k N^2 / 2": ("0.5 * told * N**2 + ", ""),
+        "a local step costs something too": ("3 * m * inside**2 + ", ""),
+        "a region tells of no more numbers than it holds": (
+            "np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)",
+            "2 * density * (2 * reach * drive + np.pi * reach**2)",
+        ),
+        "a region holds no more numbers than the map": (
+            "np.minimum(2 * density * np.pi * R**2, N)",
+            "2 * density * np.pi * R**2",
+        ),
+    },
+)
+
+
+# Exercise 5: eight points.
+
+
+def _fundamental(first: Array, second: Array) -> Array:
+    """Return F (3, 3) of rank 2 with x'^T F x = 0, by the normalised eight-point algorithm."""
+
+    def normalised(points: Array) -> tuple[Array, Array]:
+        centre = points.mean(axis=0)
+        s = np.sqrt(2) / np.linalg.norm(points - centre, axis=1).mean()
+        T = np.array([[s, 0, -s * centre[0]], [0, s, -s * centre[1]], [0, 0, 1]])
+        return np.column_stack([points, np.ones(len(points))]) @ T.T, T
+
+    x, T = normalised(first)
+    x_there, T_there = normalised(second)
+    A = np.array([np.outer(b, a).ravel() for a, b in zip(x, x_there, strict=True)])
+    F = np.linalg.svd(A)[2][-1].reshape(3, 3)
+    U, s, Vt = np.linalg.svd(F)
+    return T_there.T @ U @ np.diag([s[0], s[1], 0]) @ Vt @ T
+
+
+def _two_pictures(n: int, noise: float) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        depth = rng.uniform(22, 30, n)
+        points = np.column_stack([rng.uniform(-15, 15, n), rng.uniform(-11, 11, n), depth])
+        return tuple(
+            np.round(600 * p[:, :2] / p[:, 2:] + [320, 240] + noise * rng.normal(size=(n, 2)), 3)
+            for p in (points, points + rng.uniform([1, -1, -0.5], [3, 1, 0.5]))
+        )
+
+    return draw
+
+
+def _of_unit_length(fundamental: Function, first: Array, second: Array) -> Any:
+    """F up to its scale and sign, which mean nothing."""
+    came = fundamental(first, second)
+    if came is None or came is Ellipsis:
+        return None
+    F = np.asarray(came, dtype=float)
+    if F.shape != (3, 3) or not np.isfinite(F).all() or not F.any():
+        return F
+    # In the units of a picture 1 wide, so that all nine numbers count.
+    F = F * np.outer([600.0, 600.0, 1.0], [600.0, 600.0, 1.0])
+    F = F / np.linalg.norm(F)
+    return F * np.sign(F.flat[np.abs(F).argmax()])
+
+
+def _plain(first: Array, second: Array) -> Array:
+    one = np.ones((len(first), 1))
+    A = np.hstack([np.hstack([second, one])[:, [i]] * np.hstack([first, one]) for i in range(3)])
+    U, s, Vt = np.linalg.svd(np.linalg.svd(A)[2][-1].reshape(3, 3))
+    F: Array = U @ np.diag([s[0], s[1], 0]) @ Vt
+    return F
+
+
+check_fundamental = Check(
+    _fundamental,
+    "F of unit length, pictures one wide",
+    {
+        "eight pairs": _two_pictures(8, 0.5),
+        "forty pairs, no noise": _two_pictures(40, 0.0),
+        "forty pairs, half a pixel of noise": _two_pictures(40, 0.5),
+        "two hundred pairs": _two_pictures(200, 0.5),
+    },
+    {
+        "the points were not normalised": _plain,
+        "the normalisation was not undone: T'^T F T": ("T_there.T @ U", "U", "@ Vt @ T", "@ Vt"),
+        "T'^T F T: the two transforms have changed places": (
+            "T_there.T @ U",
+            "T.T @ U",
+            "@ Vt @ T",
+            "@ Vt @ T_there",
+        ),
+        "F must have rank 2: set its smallest singular value to zero": (
+            "np.diag([s[0], s[1], 0])",
+            "np.diag(s)",
+        ),
+        "this F takes the second picture to the first: transpose it": lambda first, second: (
+            _fundamental(second, first)
+        ),
+        "the smallest |A f| has the last singular vector, not the first": ("[2][-1]", "[2][0]"),
+        "a mean distance of sqrt 2, not of 2": ("np.sqrt(2)", "2"),
+    },
+    tolerance=1e-6,
+    draws=4,
+    use=_of_unit_length,
+)
