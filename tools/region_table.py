@@ -1,6 +1,6 @@
 """Time a step of the compressed EKF against the radius of its region: chapter 16's stored table.
 
-python tools/region_table.py      (two minutes; time of the processor, so other programs hardly count)
+python tools/region_table.py      (two minutes; processor time, so other programs hardly count)
 """
 
 from time import thread_time
