@@ -306,8 +306,8 @@ class Check:
         tried = "tried " + (", ".join(f"{n} = {show(a)}" for n, a in pairs) or "no argument")
         if seen.raised:
             return (tried, f"your function raised {seen.raised}")
-        if isinstance(self.due[k], str):
-            return ()
+        if isinstance(self.due[k], str) and isinstance(seen.came, str):
+            return (seen.came,)
         if seen.came is None:
             return (tried, "None came here: is a `return` missing in one branch?")
         return (tried, *difference(seen.came, self.due[k], self.tolerance, self.returns))

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from slamlab.exercises._draw import weights
-from slamlab.exercises._report import Array, Check
+from slamlab.exercises._report import Array, Check, Ints
 
-__all__ = ["check_predict", "check_update"]
+__all__ = ["check_looks_needed", "check_predict", "check_update", "check_wander"]
 
 
 # Exercise 1: predict.
@@ -137,6 +137,127 @@ check_update = Check(
         ),
         "the measurement was counted twice": (
             lambda belief, *seen: _update(_update(belief, *seen), *seen)
+        ),
+    },
+)
+
+
+# Exercise 3: how many looks are enough?
+
+
+def _looks_needed(prior: float, p_right: float, goal: float) -> int:
+    """Smallest number of agreeing looks after which a door of prior probability is believed."""
+    odds, n = prior / (1 - prior), 0
+    while odds / (1 + odds) < goal:
+        odds, n = odds * p_right / (1 - p_right), n + 1
+    return n
+
+
+def _an_eye(rng: np.random.Generator) -> Any:
+    return tuple(
+        np.round([rng.uniform(0.02, 0.6), rng.uniform(0.55, 0.95), rng.uniform(0.5, 0.999)], 3)
+    )
+
+
+check_looks_needed = Check(
+    _looks_needed,
+    "looks",
+    {
+        "one place in six, an eye right four times of five": (1 / 6, 0.8, 0.95),
+        "believed before the first look": (0.6, 0.8, 0.5),
+        "one look is enough": (0.4, 0.9, 0.8),
+        "exactly the goal is enough": (0.5, 0.75, 0.75),
+        "an eye that hardly knows": (0.5, 0.55, 0.9),
+        "any eye": _an_eye,
+    },
+    {
+        "one look too few: afterwards the belief is still below the goal": (
+            "    return n",
+            "    return n - 1",
+        ),
+        "one look too many": ("    return n", "    return n + 1"),
+        "the prior was taken for one half": (
+            "odds, n = prior / (1 - prior), 0",
+            "odds, n = 1.0, 0",
+        ),
+        "odds were compared with a probability: p = odds / (1 + odds)": (
+            "odds / (1 + odds) < goal",
+            "odds < goal",
+        ),
+        "the prior is a probability, not odds": ("prior / (1 - prior), 0", "prior, 0"),
+        "the places that disagree got nothing taken off: odds grow by p / (1 - p)": (
+            "odds * p_right / (1 - p_right)",
+            "odds * p_right / 0.5",
+        ),
+        "looks were taken for chances to be wrong all the time: evidence multiplies odds": (
+            lambda prior, p_right, goal: int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))
+        ),
+    },
+)
+
+
+# Exercise 4: lost in the corridor.
+
+
+def _wander(belief: Array, doors: Array, steps: Array, seen: Ints, p_right: float) -> Array:
+    """Beliefs (T, n) after each step (stay, step, slip) and look: 1 door, 0 wall, -1 none."""
+    found = []
+    for step, saw in zip(steps, seen, strict=True):
+        belief = _predict(belief, *step)
+        if saw >= 0:
+            belief = _update(belief, doors, saw, p_right)
+        found.append(belief)
+    return np.array(found).reshape(-1, len(doors))
+
+
+def _lost(n_steps: int, closed: float = 0.0) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        n = int(rng.integers(4, 10))
+        steps = np.array([weights(rng, 3) for _ in range(n_steps)])
+        seen = np.where(rng.random(n_steps) < closed, -1, rng.integers(0, 2, n_steps))
+        doors = [0, 1, *rng.integers(0, 2, n - 2)]
+        return weights(rng, n), doors, steps, seen, float(np.round(rng.uniform(0.6, 0.95), 2))
+
+    return draw
+
+
+check_wander = Check(
+    _wander,
+    "beliefs",
+    {
+        "one step with closed eyes": _lost(1, 1.0),
+        "one step and one look": _lost(1),
+        "a walk": _lost(8),
+        "a walk with closed eyes now and then": _lost(10, 0.5),
+    },
+    {
+        "it looked before it moved: predict first": (
+            "        belief = _predict(belief, *step)\n",
+            "",
+            "        found.append(belief)\n",
+            "        belief = _predict(belief, *step)\n        found.append(belief)\n",
+        ),
+        "closed eyes were taken for a wall: no look, no update": (
+            "if saw >= 0",
+            "if True",
+            "doors, saw,",
+            "doors, max(saw, 0),",
+        ),
+        "only doors count here: seeing a wall is a measurement too": ("if saw >= 0", "if saw > 0"),
+        "the robot stands still while its eyes are closed: predict at every step": (
+            "        belief = _predict(belief, *step)\n        if saw >= 0:\n",
+            "        if saw >= 0:\n            belief = _predict(belief, *step)\n",
+        ),
+        "the looks were not used": ("if saw >= 0", "if False"),
+        "nothing was predicted: the robot moves": ("_predict(belief, *step)", "belief + 0.0"),
+        "the last belief came: the one after each step is due": lambda *given: _wander(*given)[-1],
+        "every step began at the first belief: the old result is the new prior": (
+            lambda belief, doors, steps, seen, p: np.array(
+                [
+                    _wander(belief, doors, steps[k : k + 1], seen[k : k + 1], p)[0]
+                    for k in range(len(seen))
+                ]
+            ).reshape(-1, len(doors))
         ),
     },
 )

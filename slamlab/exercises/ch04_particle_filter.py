@@ -12,7 +12,13 @@ import numpy as np
 from slamlab.exercises._draw import weights as some_weights
 from slamlab.exercises._report import Array, Check, Ints
 
-__all__ = ["check_effective_sample_size", "check_resample", "check_weights"]
+__all__ = [
+    "check_effective_sample_size",
+    "check_localize",
+    "check_mean_pose",
+    "check_resample",
+    "check_weights",
+]
 
 
 # Exercise 1: new weights.
@@ -229,4 +235,171 @@ check_resample = Check(
         ),
         "the offset counts from the other end": ("+ u)", "+ 1 - u)"),
     },
+)
+
+
+# Exercise 4: a bug in a mean.
+
+
+def _mean_pose(poses: Array, weights: Array) -> Array:
+    """Mean pose (3,) of weighted particles (M, 3); headings are averaged as directions."""
+    x, y = weights @ poses[:, :2]
+    return np.array(
+        [x, y, np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))]
+    )
+
+
+def _cloud(heading: float) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        n = int(rng.integers(2, 8))
+        poses = np.round(rng.normal(0, [2.0, 2.0, 0.5], (n, 3)), 2)
+        poses[:, 2] = (poses[:, 2] + heading + np.pi) % (2 * np.pi) - np.pi
+        return poses, some_weights(rng, n)
+
+    return draw
+
+
+check_mean_pose = Check(
+    _mean_pose,
+    "pose",
+    {
+        "one particle": ([[1.0, 2.0, -3.0]], [1.0]),
+        "two headings around half a turn": ([[0, 0, 3.1], [2, 0, -3.1]], [0.5, 0.5]),
+        "a weight of zero counts nothing": ([[0, 0, 0.3], [9, 9, 2.0]], [1.0, 0.0]),
+        "a cloud that looks ahead": _cloud(0.0),
+        "a cloud that looks back": _cloud(np.pi),
+    },
+    {
+        "headings were averaged as numbers: the mean of 3.1 and -3.1 is not 0": (
+            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))",
+            "weights @ poses[:, 2]",
+        ),
+        "the weights were not used": lambda poses, weights: _mean_pose(
+            poses, np.full(len(poses), 1 / len(poses))
+        ),
+        "the heaviest particle came: the mean is due": lambda poses, weights: poses[
+            np.argmax(weights)
+        ].copy(),
+        "the headings were averaged without their weights": (
+            "weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2])",
+            "np.sin(poses[:, 2]).sum(), np.cos(poses[:, 2]).sum()",
+        ),
+        "sine and cosine are exchanged in arctan2: the sine comes first": (
+            "weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2])",
+            "weights @ np.cos(poses[:, 2]), weights @ np.sin(poses[:, 2])",
+        ),
+        "the quotient loses the quadrant: use arctan2 with two arguments": (
+            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))",
+            "np.arctan(weights @ np.sin(poses[:, 2]) / (weights @ np.cos(poses[:, 2])))",
+        ),
+        "divided by the number of particles: the weights sum to one already": (
+            "weights @ poses[:, :2]",
+            "weights @ poses[:, :2] / len(poses)",
+        ),
+        "the headings are wrapped to [0, 2 pi) before they are averaged: that moves the trouble "
+        "to zero": (
+            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))",
+            "weights @ (poses[:, 2] % (2 * np.pi))",
+        ),
+    },
+    tolerance=1e-8,
+)
+
+
+# Exercise 5: a particle filter in the corridor.
+
+
+def _localize(
+    x: Array, moves: Array, noise: Array, z: Array, doors: Array, sigma: float, u: Array
+) -> tuple[Array, Array]:
+    """Places (M,) and weights (M,) after a drive; z is the distance to the nearest door or NaN."""
+    weights = np.full(len(x), 1 / len(x))
+    for move, slip, reading, offset in zip(moves, noise, z, u, strict=True):
+        x = x + move + slip
+        if np.isfinite(reading):
+            expected = np.abs(x[:, None] - doors).min(axis=1)
+            weights = _new_weights(weights, -0.5 * ((reading - expected) / sigma) ** 2)
+        if _effective_sample_size(weights) < len(x) / 2:
+            x = x[_resample(weights, offset)]
+            weights = np.full(len(x), 1 / len(x))
+    return x, weights
+
+
+def _walk(n: int, steps: int, lost: float = 0.0, sigma: float = 0.3) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        doors = np.round(rng.uniform(0, 12, 3), 1)
+        x, place = np.round(rng.uniform(0, 8, n), 2), float(rng.uniform(0, 6))
+        moves = np.round(rng.uniform(0.2, 0.8, steps), 2)
+        z = np.abs((place + np.cumsum(moves))[:, None] - doors).min(axis=1)
+        z = np.where(
+            rng.random(steps) < lost, np.nan, np.round(z + rng.normal(0, sigma, steps), 2)
+        )
+        noise = np.round(rng.normal(0, 0.1, (steps, n)), 3)
+        return x, moves, noise, z, doors, sigma, np.round(rng.random(steps), 3)
+
+    return draw
+
+
+check_localize = Check(
+    _localize,
+    "x, weights",
+    {
+        "one step, nothing seen": _walk(5, 1, 1.0),
+        "one step and one reading": _walk(6, 1),
+        "readings so dull that nobody is resampled": _walk(6, 4, 0.0, 20.0),
+        "a drive": _walk(12, 8),
+        "a drive on which the eye is closed now and then": _walk(12, 10, 0.5),
+    },
+    {
+        "the particles were resampled and kept their weights: those count twice now": (
+            "            weights = np.full(len(x), 1 / len(x))\n",
+            "",
+        ),
+        "resampled at every step: only when fewer than half of the particles count": (
+            "_effective_sample_size(weights) < len(x) / 2",
+            "True",
+        ),
+        "never resampled: do so when fewer than half of the particles count": (
+            "_effective_sample_size(weights) < len(x) / 2",
+            "False",
+        ),
+        "resampled when the weights are good: the comparison is the wrong way round": (
+            "< len(x) / 2",
+            "> len(x) / 2",
+        ),
+        "one noise for all: every particle slips on its own": (
+            "x + move + slip",
+            "x + move + slip[0]",
+        ),
+        "the slip was forgotten: particles that do not differ cannot be told apart": (
+            "x + move + slip",
+            "x + move",
+        ),
+        "the old weights are forgotten at each reading": (
+            "_new_weights(weights, ",
+            "_new_weights(np.ones(len(x)), ",
+        ),
+        "sigma stands outside of the square: the error is counted in sigmas, then squared": (
+            "((reading - expected) / sigma) ** 2",
+            "(reading - expected) ** 2 / sigma",
+        ),
+        "the half in the exponent is missing": ("-0.5 * ((", "-1.0 * (("),
+        "the first door is not the nearest: take the smallest distance": (
+            ".min(axis=1)",
+            "[:, 0]",
+        ),
+        "the minimum was taken over the particles: each has a nearest door of its own": (
+            ".min(axis=1)",
+            ".min(axis=0).mean()",
+        ),
+        "the likelihood of a near door is small: the exponent is negative": (
+            "-0.5 * ((",
+            "0.5 * ((",
+        ),
+        "it looked before it moved: the reading is taken after the step": (
+            "np.abs(x[:, None] - doors)",
+            "np.abs((x - move - slip)[:, None] - doors)",
+        ),
+    },
+    tolerance=1e-8,
 )

@@ -13,7 +13,7 @@ from slamlab.exercises._draw import a_covariance, a_pose, an_angle
 from slamlab.exercises._report import Array, Check
 from slamlab.geometry import wrap_angle
 
-__all__ = ["check_noise", "check_slip", "check_step", "check_wheels"]
+__all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_wheels"]
 
 
 # Exercise 1: the wheel map.
@@ -294,4 +294,82 @@ check_slip = Check(
             lambda wheels, sigma: np.abs(_slip_alarm(wheels, sigma))
         ),
     },
+)
+
+
+# Exercise 5: odometry, assembled.
+
+
+def _odometry(
+    pose: Array, P: Array, wheels: Array, dt: float, r: float, lever: float, sigma: float
+) -> tuple[Array, Array]:
+    """Poses (T, 3) and covariances (T, 3, 3) after each step of wheel speeds (T, 4)."""
+    B = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], np.array([-1, 1, -1, 1]) / lever])
+    V = sigma**2 * B @ B.T
+    poses, covs = [], []
+    for speeds in wheels:
+        u, (c, s) = B @ speeds, (np.cos(pose[2]), np.sin(pose[2]))
+        F = np.eye(3)
+        F[:2, 2] = dt * np.array([-s * u[0] - c * u[1], c * u[0] - s * u[1]])
+        P = F @ P @ F.T + _process_noise(pose[2], dt, V)
+        pose = _exact_step(pose, u, dt)
+        poses.append(pose)
+        covs.append(P)
+    return np.array(poses).reshape(-1, 3), np.array(covs).reshape(-1, 3, 3)
+
+
+def _driving(n: int, doubt: float, sigma: float) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        root = rng.normal(size=(3, 3))
+        wheels = np.round(rng.uniform(-2, 9, (n, 4)), 1)
+        return a_pose(rng), doubt * root @ root.T, wheels, 0.2, 0.05, 0.38, sigma
+
+    return draw
+
+
+check_odometry = Check(
+    _odometry,
+    "poses, covs",
+    {
+        "one step from a known place": _driving(1, 0.0, 0.3),
+        "one step with exact wheels": _driving(1, 0.02, 0.0),
+        "a drive": _driving(10, 0.02, 0.3),
+        "straight on, doubting the heading": (
+            [0, 0, 0.5],
+            np.diag([0, 0, 0.01]),
+            np.full((5, 4), 8.0),
+            0.2,
+            0.05,
+            0.38,
+            0.0,
+        ),
+    },
+    {
+        "this is F^T P F: F P F^T is due": ("F @ P @ F.T", "F.T @ P @ F"),
+        "a doubt of the heading becomes one of the place: F P F^T is due": ("F @ P @ F.T", "P"),
+        "the noise of the wheels is missing": (" + _process_noise(pose[2], dt, V)", ""),
+        "sigma is a standard deviation: V holds its square": ("sigma**2 * B", "sigma * B"),
+        "the noise of the wheels was taken for that of the body: V = sigma^2 B B^T": (
+            "sigma**2 * B @ B.T",
+            "sigma**2 * np.eye(3)",
+        ),
+        "the lever multiplies: turning at omega needs wheel speeds of lever omega": (
+            "/ lever]",
+            "* lever]",
+        ),
+        "a quarter is missing: four wheels share the motion": ("r / 4 *", "r *"),
+        "the wheels come in another order: front left, front right, rear left, rear right": (
+            "[-1, 1, 1, -1]",
+            "[1, -1, -1, 1]",
+        ),
+        "F lacks the sideways speed": (
+            "[-s * u[0] - c * u[1], c * u[0] - s * u[1]]",
+            "[-s * u[0], c * u[0]]",
+        ),
+        "dt is missing in F": ("dt * np.array([-s", "np.array([-s"),
+        "the last belief came: the one after each step is due": (
+            lambda *given: (_odometry(*given)[0][-1], _odometry(*given)[1][-1])
+        ),
+    },
+    tolerance=1e-8,
 )

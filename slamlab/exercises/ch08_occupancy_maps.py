@@ -10,8 +10,15 @@ from typing import Any
 import numpy as np
 
 from slamlab.exercises._report import Array, Check, Function
+from slamlab.geometry import wrap_angle
 
-__all__ = ["check_beam_evidence", "check_fuse", "check_map_entropy"]
+__all__ = [
+    "check_beam_evidence",
+    "check_fuse",
+    "check_hits_needed",
+    "check_insert",
+    "check_map_entropy",
+]
 
 
 # Exercise 1: hints about one cell.
@@ -240,4 +247,203 @@ check_map_entropy = Check(
         "these are decimal digits: divide by ln 2 for bits": ("np.log(2)", "np.log(10)"),
     },
     tolerance=1e-8,
+)
+
+
+# Exercise 4: how many hits make a map sure?
+
+
+def _hits_needed(p_hit: float, prior: float, goal: float) -> int:
+    """Smallest number of hits after which a cell is occupied with probability `goal` or more."""
+    start, step, end = (np.log(p / (1 - p)) for p in (prior, p_hit, goal))
+    return max(0, int(np.ceil((end - start) / (step - start))))
+
+
+def _goal(rng: np.random.Generator) -> Any:
+    prior = float(np.round(rng.uniform(0.1, 0.5), 3))
+    p_hit = float(np.round(rng.uniform(prior + 0.05, 0.95), 3))
+    return p_hit, prior, float(np.round(rng.uniform(0.55, 0.999), 4))
+
+
+check_hits_needed = Check(
+    _hits_needed,
+    "hits",
+    {
+        "half a doubt, hits of 0.7, sure to 0.99": (0.7, 0.5, 0.99),
+        "one hit is enough": (0.9, 0.5, 0.85),
+        "a floor that is mostly free": (0.6, 0.1, 0.9),
+        "sure enough before the first": (0.7, 0.5, 0.2),
+        "any sensor": _goal,
+    },
+    {
+        "rounded down: after so many hits the map is not sure yet": ("np.ceil", "np.floor"),
+        "rounded to the nearest: after so many hits the map may not be sure yet": (
+            "np.ceil",
+            "np.round",
+        ),
+        "each hit adds log odds of p_hit *less those of the prior*": ("(step - start)", "step"),
+        "the map does not begin at zero: it begins at the prior": ("(end - start)", "end"),
+        "the prior was taken for one half": (
+            "for p in (prior, p_hit, goal)",
+            "for p in (0.5, p_hit, goal)",
+        ),
+        "probabilities were multiplied: hits multiply odds": (
+            lambda p_hit, prior, goal: max(0, int(np.ceil(np.log(1 - goal) / np.log(1 - p_hit))))
+        ),
+        "a negative number of hits: a map that is sure enough needs none": (
+            "max(0, ",
+            "max(-99, ",
+        ),
+        "at least one hit was asked for: a map that is sure enough needs none": (
+            "max(0, ",
+            "max(1, ",
+        ),
+    },
+)
+
+
+# Exercise 5: a scan goes into a grid.
+
+
+def _insert(
+    log_odds: Array,
+    pose: Array,
+    ranges: Array,
+    angles: Array,
+    cell: float,
+    max_range: float,
+    hit: float,
+    miss: float,
+) -> Array:
+    """Log odds (rows, columns) after a scan: for each cell the nearest beam decides."""
+    rows, columns = log_odds.shape
+    dx = (np.arange(columns) + 0.5) * cell - pose[0]
+    dy = ((np.arange(rows) + 0.5) * cell - pose[1])[:, None]
+    distance = np.hypot(dx, dy)
+    direction = np.arctan2(dy, dx) - pose[2]
+    beam = np.abs(wrap_angle(direction[..., None] - angles)).argmin(axis=-1)
+    end = np.where(ranges >= max_range, np.inf, ranges)[beam]
+    new = log_odds.copy()
+    new[distance < np.minimum(end - cell / 2, max_range)] += miss
+    new[np.abs(distance - end) <= cell / 2] += hit
+    return new
+
+
+def _scanned(rows: int, columns: int, heading: float = 0.0) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        n = int(rng.integers(5, 12))
+        angles = np.linspace(-np.pi, np.pi, n, endpoint=False)
+        ranges = np.round(rng.uniform(0.6, 4, n), 2)
+        ranges[rng.integers(0, n)], ranges[rng.integers(0, n)] = np.inf, np.nan
+        pose = [*np.round(rng.uniform(0.2, 1.8, 2), 2), heading + np.round(rng.normal(), 2)]
+        before = np.round(rng.normal(0, 0.5, (rows, columns)), 1)
+        return before, pose, ranges, angles, 0.25, 3.0, 0.8, -0.4
+
+    return draw
+
+
+check_insert = Check(
+    _insert,
+    "log_odds",
+    {
+        "one beam along a row": (
+            np.zeros((1, 8)),
+            [0.1, 0.5, 0],
+            [4.5],
+            [0.0],
+            1.0,
+            9.0,
+            0.8,
+            -0.4,
+        ),
+        "a beam that met nothing frees up to the reach": (
+            np.zeros((1, 8)),
+            [0.1, 0.5, 0],
+            [np.inf],
+            [0.0],
+            1.0,
+            5.0,
+            0.8,
+            -0.4,
+        ),
+        "a beam of exactly the reach met nothing": (
+            np.zeros((1, 8)),
+            [0.1, 0.5, 0],
+            [5.0],
+            [0.0],
+            1.0,
+            5.0,
+            0.8,
+            -0.4,
+        ),
+        "a lost beam says nothing": (
+            np.full((2, 4), 0.3),
+            [0.1, 0.5, 0],
+            [np.nan],
+            [0.0],
+            1.0,
+            5.0,
+            0.8,
+            -0.4,
+        ),
+        "a room, wide": _scanned(6, 12),
+        "a room, high": _scanned(12, 6),
+        "a robot that looks back": _scanned(8, 8, np.pi),
+    },
+    {
+        "what was known before was forgotten: evidence adds to the old log odds": (
+            "new = log_odds.copy()",
+            "new = np.zeros_like(log_odds)",
+        ),
+        "nothing was freed: cells before the end were looked through": ("] += miss", "] += 0.0"),
+        "nothing was hit: the cell at the end is occupied": ("] += hit", "] += 0.0"),
+        "hit and miss are exchanged": (
+            "] += miss",
+            "] += hit",
+            "cell / 2] += hit",
+            "cell / 2] += miss",
+        ),
+        "cells behind the end were freed: nobody has seen them": (
+            "distance < np.minimum(end - cell / 2, max_range)",
+            "(distance < max_range) & (np.abs(distance - end) > cell / 2)",
+        ),
+        "the heading was forgotten: beams turn with the robot": (
+            "np.arctan2(dy, dx) - pose[2]",
+            "np.arctan2(dy, dx)",
+        ),
+        "the heading was added: the direction of a cell is seen from the robot": (
+            "np.arctan2(dy, dx) - pose[2]",
+            "np.arctan2(dy, dx) + pose[2]",
+        ),
+        "the nearest beam was looked for without a wrap": (
+            "np.abs(wrap_angle(direction[..., None] - angles))",
+            "np.abs(direction[..., None] - angles)",
+        ),
+        "the corners of cells were used: their centres are half a cell on": (
+            "(np.arange(columns) + 0.5) * cell",
+            "np.arange(columns) * cell",
+            "((np.arange(rows) + 0.5) * cell",
+            "(np.arange(rows) * cell",
+        ),
+        "rows and columns are exchanged: rows go up, y": (
+            "dx = (np.arange(columns) + 0.5) * cell - pose[0]",
+            "dx = ((np.arange(rows) + 0.5) * cell - pose[0])[:, None]",
+            "dy = ((np.arange(rows) + 0.5) * cell - pose[1])[:, None]",
+            "dy = (np.arange(columns) + 0.5) * cell - pose[1]",
+        ),
+        "a beam that met nothing was left out: it frees everything up to its reach": (
+            "np.where(ranges >= max_range, np.inf, ranges)",
+            "np.where(ranges >= max_range, np.nan, ranges)",
+        ),
+        "a beam that met nothing freed without end: the lidar sees no farther than its reach": (
+            "np.minimum(end - cell / 2, max_range)",
+            "(end - cell / 2)",
+        ),
+        "the map was overwritten: evidence adds up": (
+            "] += miss",
+            "] = miss",
+            "cell / 2] += hit",
+            "cell / 2] = hit",
+        ),
+    },
 )

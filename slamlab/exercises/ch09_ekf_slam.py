@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from slamlab.exercises._draw import a_covariance, a_pose, an_angle
-from slamlab.exercises._report import Array, Check
+from slamlab.exercises._report import Array, Check, Ints
 from slamlab.geometry import wrap_angle
 
-__all__ = ["check_add_landmark", "check_jacobian", "check_wall"]
+__all__ = ["check_add_landmark", "check_jacobian", "check_slam", "check_update", "check_wall"]
 
 
 # Exercise 1: the derivative of range and bearing by the pose.
@@ -273,4 +273,228 @@ check_wall = Check(
             ]
         ),
     },
+)
+
+
+# Exercise 4: a bug in an update.
+
+
+def _update(mean: Array, P: Array, z: Array, i: int, R: Array) -> tuple[Array, Array]:
+    """State (n,) and covariance (n, n) after range and bearing z (2,) of landmark number i."""
+    k = 3 + 2 * i
+    dx, dy = mean[k : k + 2] - mean[:2]
+    squared = dx**2 + dy**2
+    rho = np.sqrt(squared)
+    H = np.zeros((2, len(mean)))
+    H[:, :3] = [[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]]
+    H[:, k : k + 2] = [[dx / rho, dy / rho], [-dy / squared, dx / squared]]
+    v = z - np.array([rho, np.arctan2(dy, dx) - mean[2]])
+    v[1] = wrap_angle(v[1])
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    new = mean + K @ v
+    new[2] = wrap_angle(new[2])
+    return new, (np.eye(len(mean)) - K @ H) @ P
+
+
+def _in_a_map(landmarks: int, i: int, behind: bool = False) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        mean = np.append(a_pose(rng), np.round(rng.uniform(5, 9, 2 * landmarks), 2))
+        if behind:
+            mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
+        d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
+        z = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])] + rng.normal(0, 0.1, 2)
+        if behind:
+            z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
+        return mean, a_covariance(rng, len(mean), 0.05), z, i, a_covariance(rng, 2, 0.02)
+
+    return draw
+
+
+check_update = Check(
+    _update,
+    "mean, P",
+    {
+        "a map of one landmark": _in_a_map(1, 0),
+        "the first of three landmarks": _in_a_map(3, 0),
+        "the second of three": _in_a_map(3, 1),
+        "the last of four": _in_a_map(4, 3),
+        "a heading that is corrected past half a turn": (
+            [0.0, 0.0, 3.1, -4.0, 0.3],
+            np.diag([0.01, 0.01, 0.3, 0.01, 0.01]),
+            [4.0, -0.4],
+            0,
+            0.01 * np.eye(2),
+        ),
+        "a bearing across the back": _in_a_map(2, 1, behind=True),
+    },
+    {
+        "landmark i begins at 3 + 2 i: each takes two rows": ("3 + 2 * i", "3 + i"),
+        "the pose takes three rows: landmark i begins at 3 + 2 i": ("3 + 2 * i", "2 + 2 * i"),
+        "always the first landmark: which one was seen is told by i": ("3 + 2 * i", "3"),
+        "the landmark's columns of H are empty: it is in doubt as well": (
+            "[[dx / rho, dy / rho], [-dy / squared, dx / squared]]",
+            "0.0",
+        ),
+        "the pose's columns of H are empty: the robot is in doubt as well": (
+            "[[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]]",
+            "0.0",
+        ),
+        "the bearing does not know the heading: its entry is -1": (
+            "-dx / squared, -1.0]",
+            "-dx / squared, 0.0]",
+        ),
+        "the heading is taken off a bearing, its derivative is -1": (
+            "-dx / squared, -1.0]",
+            "-dx / squared, 1.0]",
+        ),
+        "the bearing lacks the heading: it is measured from the front of the robot": (
+            "np.arctan2(dy, dx) - mean[2]",
+            "np.arctan2(dy, dx)",
+        ),
+        "the innovation is not wrapped": ("    v[1] = wrap_angle(v[1])\n", ""),
+        "the heading is not wrapped after the correction": (
+            "    new[2] = wrap_angle(new[2])\n",
+            "",
+        ),
+        "R is missing in S": ("H @ P @ H.T + R", "H @ P @ H.T"),
+        "only the pose was corrected: the map learns too": (
+            "new = mean + K @ v",
+            "new = mean + np.append((K @ v)[:3], np.zeros(len(mean) - 3))",
+        ),
+        "the covariance did not shrink: (I - K H) P is due": (
+            "(np.eye(len(mean)) - K @ H) @ P",
+            "P.copy()",
+        ),
+        "the innovation has the wrong sign: measured minus predicted": (
+            "mean + K @ v",
+            "mean - K @ v",
+        ),
+        "the pose's columns have the signs of the landmark's": (
+            "[[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]]",
+            "[[dx / rho, dy / rho, 0.0], [-dy / squared, dx / squared, -1.0]]",
+        ),
+    },
+    tolerance=1e-6,
+)
+
+
+# Exercise 5: EKF-SLAM, assembled.
+
+
+def _slam(u: Array, dt: float, V: Array, z: Array, ids: Ints, R: Array) -> tuple[Array, Array]:
+    """State and covariance after a drive; landmarks in the order in which they were first seen."""
+    known: list[int] = []
+    mean, P = np.zeros(3), np.zeros((3, 3))
+    for (v, omega), seen, name in zip(u, z, ids, strict=True):
+        c, s = np.cos(mean[2]), np.sin(mean[2])
+        F = np.array([[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c], [0.0, 0.0, 1.0]])
+        G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
+        mean[:2] += v * dt * np.array([c, s])
+        mean[2] = wrap_angle(mean[2] + omega * dt)
+        P[:3, :] = F @ P[:3, :]
+        P[:, :3] = P[:, :3] @ F.T
+        P[:3, :3] += G @ V @ G.T
+        if name in known:
+            mean, P = _update(mean, P, seen, known.index(name), R)
+        elif name >= 0:
+            c, s = np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])
+            G_pose = np.array([[1.0, 0.0, -seen[0] * s], [0.0, 1.0, seen[0] * c]])
+            G_z = np.array([[c, -seen[0] * s], [s, seen[0] * c]])
+            mean = np.append(mean, mean[:2] + seen[0] * np.array([c, s]))
+            P = _add_landmark(P, G_pose, G_z, R)
+            known.append(name)
+    return mean, P
+
+
+def _in_the_room(n: int, names: int, unseen: float = 0.0) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)
+        u = np.round(rng.uniform([0.2, -0.5], [0.8, 1.0], (n, 2)), 2)
+        V, R = a_covariance(rng, 2, 0.01), a_covariance(rng, 2, 0.005)
+        pose, z, ids = np.zeros(3), [], []
+        for v, omega in u:
+            pose = pose + 0.5 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+            name = int(rng.integers(names)) if rng.random() >= unseen else -1
+            d = room[name] - pose[:2]
+            reading = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])]
+            z.append(np.round(reading + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
+            ids.append(10 * name if name >= 0 else -1)
+        return u, 0.5, V, z, ids, R
+
+    return draw
+
+
+check_slam = Check(
+    _slam,
+    "mean, P",
+    {
+        "a drive on which nothing is seen": _in_the_room(4, 1, 1.0),
+        "one landmark, first seen after a step": _in_the_room(1, 1),
+        "one landmark, seen again and again": _in_the_room(8, 1),
+        "five landmarks": _in_the_room(20, 5),
+        "a drive with steps that see nothing": _in_the_room(20, 4, 0.4),
+        "a heading past half a turn": (
+            [[0.5, 2.5]] * 3,
+            0.5,
+            0.01 * np.eye(2),
+            [[np.nan, np.nan]] * 3,
+            [-1, -1, -1],
+            0.01 * np.eye(2),
+        ),
+    },
+    {
+        "the cross-covariances did not move: P_xm becomes F P_xm": (
+            "P[:3, :] = F @ P[:3, :]",
+            "P[:3, :3] = F @ P[:3, :3]",
+            "P[:, :3] = P[:, :3] @ F.T",
+            "P[:3, :3] = P[:3, :3] @ F.T",
+        ),
+        "the noise of the motion is missing: add G V G^T to the block of the pose": (
+            "P[:3, :3] += G @ V @ G.T",
+            "P[:3, :3] += 0.0",
+        ),
+        "nothing was predicted: the robot moves before it looks": (
+            "mean[:2] += v * dt * np.array([c, s])",
+            "mean[:2] += 0.0",
+        ),
+        "a new landmark has no cross-covariances: place it with your add_landmark": (
+            "P = _add_landmark(P, G_pose, G_z, R)",
+            "own = _add_landmark(P, G_pose, G_z, R)[-2:, -2:]\n            "
+            "P = np.block([[P, np.zeros((len(P), 2))], [np.zeros((2, len(P))), own]])",
+        ),
+        "a landmark that comes in was used for an update at once: it is counted twice": (
+            "known.append(name)",
+            "known.append(name)\n            "
+            "mean, P = _update(mean, P, seen, known.index(name), R)",
+        ),
+        "landmarks known already are not used: update with them": (
+            "mean, P = _update(mean, P, seen, known.index(name), R)",
+            "pass",
+        ),
+        "dt is missing in G: a velocity acts for dt": (
+            "G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])",
+            "G = np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])",
+        ),
+        "F is the identity here: a doubt of the heading becomes one of the place": (
+            "[[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c], [0.0, 0.0, 1.0]]",
+            "[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]",
+        ),
+        "the sensor's noise is missing in a new landmark": (
+            "G_pose, G_z, R)",
+            "G_pose, G_z, 0 * R)",
+        ),
+        "a new landmark is placed as if the robot looked along x: add the heading": (
+            "np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])",
+            "np.cos(seen[1]), np.sin(seen[1])",
+        ),
+        "the heading is not wrapped after the motion": (
+            "wrap_angle(mean[2] + omega * dt)",
+            "mean[2] + omega * dt",
+        ),
+        "only the pose came: state and covariance of all landmarks are due": (
+            "return mean, P",
+            "return mean[:3], P[:3, :3]",
+        ),
+    },
+    tolerance=1e-6,
 )

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance
+from slamlab.exercises._draw import a_covariance, a_pose
 from slamlab.exercises._report import Array, Check, Function, Ints
+from slamlab.geometry import wrap_angle
 
-__all__ = ["check_ancestors", "check_copies", "check_proposal", "check_weight"]
+__all__ = ["check_ancestors", "check_copies", "check_look", "check_proposal", "check_weight"]
 
 
 # Exercise 1: the weight of a landmark.
@@ -315,4 +316,129 @@ check_ancestors = Check(
             lambda parents: parents.shape[1] - _distinct_ancestors(parents)
         ),
     },
+)
+
+
+# Exercise 5: one reading of one landmark, for all particles.
+
+
+def _look(
+    poses: Array, weights: Array, means: Array, covs: Array, z: Array, R: Array
+) -> tuple[Array, Array, Array]:
+    """Weights (M,), means (M, 2) and covariances (M, 2, 2) after range and bearing z (2,)."""
+    d = means - poses[:, :2]
+    squared = np.sum(d**2, axis=1)
+    rho = np.sqrt(squared)
+    H = np.array([[d[:, 0] / rho, d[:, 1] / rho], [-d[:, 1] / squared, d[:, 0] / squared]])
+    H = H.transpose(2, 0, 1)
+    bearing = np.arctan2(d[:, 1], d[:, 0]) - poses[:, 2]
+    v = np.stack([z[0] - rho, wrap_angle(z[1] - bearing)], -1)
+    S = H @ covs @ H.transpose(0, 2, 1) + R
+    W = np.linalg.inv(S)
+    K = covs @ H.transpose(0, 2, 1) @ W
+    log = -0.5 * np.einsum("mi,mij,mj->m", v, W, v) - 0.5 * np.log(np.linalg.det(S))
+    new = weights * np.exp(log - log.max())
+    return (
+        new / new.sum(),
+        means + np.einsum("mij,mj->mi", K, v),
+        covs - K @ S @ K.transpose(0, 2, 1),
+    )
+
+
+def _particles(n: int, alike: bool = False, behind: bool = False) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        poses = np.array([a_pose(rng, 1.0) for _ in range(n)])
+        poses[:, 2] = rng.normal(3.0 if behind else 0.3, 0.1, n)
+        means = poses[:, :2] + np.round(
+            rng.normal([-4.0 if behind else 4.0, -0.5], 0.5, (n, 2)), 2
+        )
+        covs = np.array(
+            [
+                a_covariance(rng, 2, 0.1 if alike else float(10 ** rng.uniform(-2, 0)))
+                for _ in range(n)
+            ]
+        )
+        d = means[0] - poses[0, :2]
+        bearing = wrap_angle(np.arctan2(d[1], d[0]) - poses[0, 2])
+        z = np.round([np.hypot(*d), bearing] + rng.normal(0, 0.1, 2), 3)
+        w = rng.random(n) + 0.1
+        return poses, w / w.sum(), means, covs, z, a_covariance(rng, 2, 0.02)
+
+    return draw
+
+
+check_look = Check(
+    _look,
+    "weights, means, covs",
+    {
+        "one particle": _particles(1),
+        "two particles that know the landmark equally well": _particles(2, alike=True),
+        "particles that know it more and less well": _particles(5),
+        "a landmark across the back": _particles(4, behind=True),
+        "a surprise to all of them": lambda rng: (
+            *(given := _particles(3)(rng))[:4],
+            given[4] + np.array([30.0, 0.0]),
+            given[5],
+        ),
+    },
+    {
+        "the weight was computed with R alone: the landmark is in doubt too, S = H P H^T + R": (
+            'np.einsum("mi,mij,mj->m", v, W, v) - 0.5 * np.log(np.linalg.det(S))',
+            'np.einsum("mi,ij,mj->m", v, np.linalg.inv(R), v)',
+        ),
+        "the determinant is missing: a particle that knows little is not surprised by anything": (
+            " - 0.5 * np.log(np.linalg.det(S))",
+            "",
+        ),
+        "the determinant stands without its root: -1/2 log det S": (
+            "- 0.5 * np.log(np.linalg.det",
+            "- np.log(np.linalg.det",
+        ),
+        "the determinant has the wrong sign": (
+            "- 0.5 * np.log(np.linalg.det",
+            "+ 0.5 * np.log(np.linalg.det",
+        ),
+        "the half in the exponent is missing": (
+            "log = -0.5 * np.einsum",
+            "log = -1.0 * np.einsum",
+        ),
+        "the densities underflow: subtract the largest logarithm before the exponential": (
+            "np.exp(log - log.max())",
+            "np.exp(log)",
+        ),
+        "the old weights are forgotten": ("new = weights * np.exp", "new = np.exp"),
+        "the weights do not sum to one: divide by their sum": (
+            "new / new.sum(),",
+            "new,",
+        ),
+        "divided by the largest weight: they must sum to one": (
+            "new / new.sum()",
+            "new / new.max()",
+        ),
+        "the bearing is not wrapped": ("wrap_angle(z[1] - bearing)", "z[1] - bearing"),
+        "the heading of each particle must be taken off the bearing": (
+            "np.arctan2(d[:, 1], d[:, 0]) - poses[:, 2]",
+            "np.arctan2(d[:, 1], d[:, 0])",
+        ),
+        "R is missing in S": ("H.transpose(0, 2, 1) + R", "H.transpose(0, 2, 1)"),
+        "the covariances did not shrink: P - K S K^T is due": (
+            "covs - K @ S @ K.transpose(0, 2, 1)",
+            "covs.copy()",
+        ),
+        "the means did not move": (
+            'means + np.einsum("mij,mj->mi", K, v)',
+            "means.copy()",
+        ),
+        "the innovation has the wrong sign: measured minus predicted": (
+            'means + np.einsum("mij,mj->mi", K, v)',
+            'means - np.einsum("mij,mj->mi", K, v)',
+        ),
+        "all particles look from the pose of the first: each has its own": (
+            lambda poses, *rest: _look(np.repeat(poses[:1], len(poses), 0), *rest)
+        ),
+        "all particles share the map of the first": lambda poses, w, means, covs, z, R: _look(
+            poses, w, np.repeat(means[:1], len(w), 0), np.repeat(covs[:1], len(w), 0), z, R
+        ),
+    },
+    tolerance=1e-6,
 )
