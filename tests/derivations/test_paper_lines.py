@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from scipy.stats import norm
 
 from slamlab.filters import kalman
 from slamlab.filters.particle import effective_sample_size, systematic_resample
@@ -79,25 +78,6 @@ def test_p2_9_text_a_landmark_that_moves_needs_its_own_time_update():
     assert nees[0.0] / due > 10
 
 
-def test_p2_rao_blackwell_beats_sampling_the_joint_state():
-    """P2: the marginal by the formula is "more accurate than from samples of the joint space"."""
-    rng = np.random.default_rng(0)
-    x1 = rng.normal(size=(4000, 50))
-    x2 = x1 + 0.5 * rng.normal(size=x1.shape)
-    joint, marginal = (x2 > 1).mean(1), norm.sf((1 - x1) / 0.5).mean(1)
-    assert joint.mean() == pytest.approx(marginal.mean(), abs=0.005)
-    assert marginal.var() < 0.6 * joint.var()
-    # And samples of the joint state die out with each landmark more: a factor each.
-    left = []
-    for n in range(7):
-        m = rng.normal(size=(20000, n))
-        weights = np.exp(-0.5 * ((m - 0.5) ** 2).sum(1) / 0.3**2)
-        left.append(effective_sample_size(weights / weights.sum()) / len(m))
-    ratios = np.array(left[1:]) / left[:-1]
-    assert (ratios < 0.45).all()
-    assert ratios.std() < 0.05
-
-
 def guided(rng, r, policy, steps=60, n=50):
     """Error against the Kalman filter of a particle filter that resamples when `policy` says."""
     truth, m, P, errors = 0.0, 0.0, 0.0, []
@@ -132,41 +112,6 @@ def test_p2_when_to_draw_anew_a_threshold_is_no_worse_than_every_step():
         assert rms["half"] < 1.15 * rms["each"]
         assert rms["each"] < 1.15 * rms["half"]
         assert rms["tenth"] > 1.3 * rms["half"]
-
-
-def test_p2_the_variance_of_the_weights_grows_until_they_are_drawn_anew():
-    rng, n, alive = np.random.default_rng(3), 100, []
-    for _ in range(100):
-        truth, x, log_w, one = 0.0, np.zeros(n), np.zeros(n), []
-        for _ in range(12):
-            truth += rng.normal()
-            x = x + rng.normal(size=n)
-            log_w -= 0.5 * (truth + rng.normal() - x) ** 2
-            w = np.exp(log_w - log_w.max())
-            one.append(effective_sample_size(w / w.sum()))
-        alive.append(one)
-    mean = np.mean(alive, 0)
-    assert (np.diff(mean) < 0).all()
-    assert mean[-1] < 0.05 * n
-
-
-def test_p2_a_localization_forgets_its_start_and_a_map_does_not():
-    """P2: resampling is possible only for a system that forgets its past exponentially."""
-    z = np.random.default_rng(4).normal(0, 0.3, (60, 1))
-    q, r = 0.05**2, 0.3**2
-
-    def apart(F, H, Q, cov, shift):
-        starts = (Gaussian(np.zeros(len(F)), cov), Gaussian(shift, cov))
-        a, b = (kalman.filter(z, F, H, Q, np.array([[r]]), one).means for one in starts)
-        return np.abs(a - b).max(1)
-
-    given = apart(np.eye(1), np.eye(1), q * np.eye(1), np.eye(1) * 0.04, np.array([1.0]))
-    assert given[-1] < 1e-3
-    assert np.polyfit(np.arange(20, 60), np.log(given[20:]), 1)[0] < -0.1
-    # Robot and landmark: a look measures their difference, the common shift stays for ever.
-    H, Q = np.array([[-1.0, 1.0]]), np.diag([q, 0.0])
-    slam = apart(np.eye(2), H, Q, np.diag([0.04, 4.0]), np.array([1.0, 1.0]))
-    assert slam[-1] == pytest.approx(1.0, abs=1e-9)
 
 
 # P3
