@@ -129,7 +129,6 @@ function drawChart(ctx, view, sim, colours) {
 const fixed = (v, digits) => v.toFixed(digits).replace("-", "−").replace(/^−(0(\.0+)?)$/, "$1");
 const centimetres = (v) => (v < 0.01 ? "less than 1 cm" : v < 1 ? `${fixed(100 * v, 0)} cm` : `${fixed(v, 2)} m`);
 const pointOf = ([x, y, theta]) => `x ${fixed(x, 2)} m, y ${fixed(y, 2)} m, heading ${fixed(theta / DEGREE, 0)}°`;
-const apartOf = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 
 function saysWhere(sim) {
   const where = `Robot at ${pointOf(sim.pose)}`;
@@ -283,7 +282,7 @@ function render({ model, el }) {
   };
   /** Begin a new log where the robot stands. */
   const begin = (note = "") => {
-    Object.assign(sim, { log: [], dots: [], stack: [], driven: 0, collisions: 0, seen: new Seen(sim.room, sim.pose) });
+    Object.assign(sim, { log: [], dots: [], stack: [], driven: 0, collisions: 0, seen: new Floor(sim.room, sim.pose) });
     look(note);
   };
   const enter = (room, note = "") => {
@@ -330,8 +329,8 @@ function render({ model, el }) {
     if (note) { sim.note = note; refresh(); }
   };
   const go = (hit) => {
-    const motion = sim.pilot.command(sim.pose, sim.ranges, sim.room.reach, hit);
-    if (!motion || sim.driven > 40) { halt(motion ? "40 m driven: enough" : "No way on"); return; }
+    const motion = sim.pilot.command(sim.pose, sim.ranges, sim.room.reach, hit, sim.seen);
+    if (!motion || sim.driven > 40) { halt(motion ? "40 m driven: enough" : "Nothing left to see"); return; }
     const whole = drive(...motion);
     timer = setTimeout(() => go(!whole), 60);
   };
@@ -546,7 +545,7 @@ function render({ model, el }) {
 }
 
 export {
-  Pilot, STRATEGIES, Seen, bridged, canMove, castRay, castScan, csvOf, driveHits, freeDistance, generator, locate, locateAsPrinted, move,
+  Floor, Pilot, STRATEGIES, bridged, canMove, castRay, castScan, csvOf, driveHits, freeDistance, generator, locate, locateAsPrinted, move,
   overlaps, quarterBeams, readRoom, roomFromPixels, roomyPlace, spectrumOf, tableOf, threeNumbers, turnBetween, turnHits, turnable, whatAngle, whatMove,
 };
 export default { render };

@@ -15,6 +15,8 @@ const STRIDE = 0.5;
 
 const wrap = (a) => Math.PI - ((((Math.PI - a) % (2 * Math.PI)) + 2 * Math.PI) % (2 * Math.PI));
 
+const apartOf = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+
 /** A small generator of its own: the same series on every machine. */
 function generator(seed) {
   let state = seed >>> 0;
@@ -476,61 +478,212 @@ function locate(room, measured) {
 
 // ---- the floor that was seen --------------------------------------------------------------------
 
-/** Part of the free floor, connected with the start, that scans have shown [tours.coverage]. */
-class Seen {
+const [UNKNOWN, FREE, OCCUPIED] = [0, 1, 2];
+const AROUND = [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]];
+
+/** What scans have shown of the floor, cell by cell [SeenFloor], and how much of what can be reached
+ *  from the start that is [tours.coverage]. */
+class Floor {
   constructor(room, [x, y], cell = 0.05) {
     const [x0, x1, y0, y1] = room.bounds;
     Object.assign(this, { cell, origin: [x0, y0], columns: Math.ceil((x1 - x0) / cell - 1e-9), rows: Math.ceil((y1 - y0) / cell - 1e-9) });
-    this.due = new Uint8Array(this.rows * this.columns);
-    this.seen = new Uint8Array(this.due.length);
-    this.total = this.found = 0;
+    const size = this.rows * this.columns;
+    for (const name of ["due", "state", "shut", "doubt"]) this[name] = new Uint8Array(size);
+    this.total = 0;
     const free = (row, column) => {
       const at = [(column + 0.5) * cell, (row + 0.5) * cell].map((v) => Math.floor(v / room.resolution + 1e-9));
       return at[1] < room.rows && at[0] < room.columns && !isSolid(room, at[1], at[0]);
     };
-    const open = [[Math.floor((y - y0) / cell), Math.floor((x - x0) / cell)]];
+    const open = [this.cellAt([x, y])];
     while (open.length) {
       const [row, column] = open.pop();
-      const k = row * this.columns + column;
-      if (row < 0 || row >= this.rows || column < 0 || column >= this.columns || this.due[k] || !free(row, column)) continue;
-      this.due[k] = 1;
+      if (!this.holds(row, column) || this.due[row * this.columns + column] || !free(row, column)) continue;
+      this.due[row * this.columns + column] = 1;
       this.total += 1;
       open.push([row + 1, column], [row - 1, column], [row, column + 1], [row, column - 1]);
     }
   }
 
-  mark(k) {
-    if (this.seen[k]) return;
-    this.seen[k] = 1;
-    this.found += this.due[k];
+  holds(row, column) { return row >= 0 && row < this.rows && column >= 0 && column < this.columns; }
+
+  cellAt([x, y]) { return [Math.floor((y - this.origin[1]) / this.cell), Math.floor((x - this.origin[0]) / this.cell)]; }
+
+  centre(k) { return [this.origin[0] + ((k % this.columns) + 0.5) * this.cell, this.origin[1] + (Math.floor(k / this.columns) + 0.5) * this.cell]; }
+
+  get share() {
+    let seen = 0;
+    for (let k = 0; k < this.due.length; k++) if (this.due[k] && this.state[k] !== UNKNOWN) seen += 1;
+    return this.total ? seen / this.total : 0;
   }
 
-  /** Cells nearer than the ends of both beams beside them, and those in which beams end. */
+  /** Walls where beams end and between two ends that are neighbours; free what lies nearer than the
+   *  ends of both beams beside it. A lost beam is left out. */
   insert([x, y, theta], ranges) {
-    const n = ranges.length;
+    const kept = Array.from(ranges.keys()).filter((i) => !Number.isNaN(ranges[i]));
+    const n = kept.length;
+    if (!n) return;
+    const angles = kept.map((i) => (i * 2 * Math.PI) / ranges.length);
+    const reach = kept.map((i) => Math.min(ranges[i] / this.cell, this.rows + this.columns));
     const [px, py] = [(x - this.origin[0]) / this.cell, (y - this.origin[1]) / this.cell];
-    const reach = Array.from(ranges, (r) => (Number.isNaN(r) ? 0 : r / this.cell));
-    if (2 * Math.PI / n <= 12.5 * DEGREE) {
-      for (let row = 0; row < this.rows; row++) {
-        for (let column = 0; column < this.columns; column++) {
-          const k = row * this.columns + column;
-          if (!this.due[k] || this.seen[k]) continue;
-          const [dx, dy] = [column + 0.5 - px, row + 0.5 - py];
-          const place = ((((Math.atan2(dy, dx) - theta) / (2 * Math.PI)) % 1) + 1) % 1 * n;
-          const before = Math.floor(place) % n;
-          if (Math.hypot(dx, dy) <= Math.min(reach[before], reach[(before + 1) % n])) this.mark(k);
+    const end = (i) => {
+      const [a, r] = [theta + angles[i], reach[i] + 0.02];
+      return [px + r * Math.cos(a), py + r * Math.sin(a)];
+    };
+    for (let i = 0; i < n; i++) {
+      if (!Number.isFinite(ranges[kept[i]])) continue;
+      const [xa, ya] = end(i);
+      let [xb, yb, steps] = [xa, ya, 0];
+      if (Number.isFinite(ranges[kept[(i + 1) % n]])) {
+        [xb, yb] = end((i + 1) % n);
+        const length = Math.hypot(xb - xa, yb - ya);
+        if (length <= 3) steps = Math.floor(2 * length) + 1;
+      }
+      for (let k = 0; k <= steps; k++) {
+        const u = steps ? k / steps : 0;
+        const [row, column] = [Math.floor(ya + u * (yb - ya)), Math.floor(xa + u * (xb - xa))];
+        if (this.holds(row, column)) this.state[row * this.columns + column] = OCCUPIED;
+        if (this.holds(row, column)) this.doubt[row * this.columns + column] = 0;
+      }
+    }
+    for (let row = 0; row < this.rows; row++) {
+      for (let column = 0; column < this.columns; column++) {
+        const k = row * this.columns + column;
+        if (this.state[k] === FREE) continue;
+        const [dx, dy] = [column + 0.5 - px, row + 0.5 - py];
+        const angle = (((Math.atan2(dy, dx) - theta) % (2 * Math.PI)) + 2 * Math.PI) % (2 * Math.PI);
+        let after = Math.min(Math.ceil((angle / (2 * Math.PI)) * n), n);
+        while (after > 0 && angles[after - 1] >= angle) after -= 1;
+        while (after < n && angles[after] < angle) after += 1;
+        const before = (after + n - 1) % n;
+        after %= n;
+        let wedge = angles[after] - angles[before];
+        if (wedge <= 0) wedge += 2 * Math.PI;
+        const [distance, nearer] = [Math.hypot(dx, dy), Math.min(reach[before], reach[after])];
+        if (this.state[k] === UNKNOWN) {
+          if (distance <= nearer && wedge <= 12.5 * DEGREE) this.state[k] = FREE;
+        } else if (distance <= nearer - 1.5 && distance * wedge <= 1) {
+          this.doubt[k] += 1;
+          if (this.doubt[k] === 3) this.state[k] = FREE;
         }
       }
     }
-    for (let i = 0; i < n; i++) {
-      if (!(reach[i] > 0) || !Number.isFinite(reach[i])) continue;
-      const a = theta + (i * 2 * Math.PI) / n;
-      const [column, row] = [Math.floor(px + (reach[i] + 0.02) * Math.cos(a)), Math.floor(py + (reach[i] + 0.02) * Math.sin(a))];
-      if (row >= 0 && row < this.rows && column >= 0 && column < this.columns) this.mark(row * this.columns + column);
-    }
   }
 
-  get share() { return this.total ? this.found / this.total : 0; }
+  /** Free cells beside an unknown one, in parts of three cells or more, without those given up. */
+  frontier() {
+    const edge = new Uint8Array(this.state.length);
+    for (let k = 0; k < edge.length; k++) {
+      if (this.state[k] !== FREE || this.shut[k]) continue;
+      const [row, column] = [Math.floor(k / this.columns), k % this.columns];
+      edge[k] = [[1, 0], [-1, 0], [0, 1], [0, -1]].some(([i, j]) =>
+        this.holds(row + i, column + j) && this.state[k + i * this.columns + j] === UNKNOWN) ? 1 : 0;
+    }
+    const found = [];
+    for (let k = 0; k < edge.length; k++) {
+      if (edge[k] !== 1) continue;
+      const part = [k];
+      edge[k] = 2;
+      for (let at = 0; at < part.length; at++) {
+        const [row, column] = [Math.floor(part[at] / this.columns), part[at] % this.columns];
+        for (const [i, j] of AROUND) {
+          const next = part[at] + i * this.columns + j;
+          if (!this.holds(row + i, column + j) || edge[next] !== 1) continue;
+          edge[next] = 2;
+          part.push(next);
+        }
+      }
+      if (part.length >= 3) found.push(...part);
+    }
+    return found;
+  }
+
+  /** Cells where a disc lies on seen free floor. */
+  fits(radius) {
+    const far = radius / this.cell + Math.SQRT1_2;
+    const disc = [];
+    for (let i = -Math.ceil(far); i <= far; i++) for (let j = -Math.ceil(far); j <= far; j++) if (Math.hypot(i, j) < far - 1e-9) disc.push([i, j]);
+    return this.state.map((state, k) => {
+      if (state !== FREE) return 0;
+      const [row, column] = [Math.floor(k / this.columns), k % this.columns];
+      return disc.every(([i, j]) => this.holds(row + i, column + j) && this.state[k + i * this.columns + j] === FREE) ? 1 : 0;
+    });
+  }
+
+  /** Shortest ways (cells) of a disc from a point, and the cell before each. */
+  ways(point, radius) {
+    const fits = this.fits(radius);
+    const lengths = new Float64Array(fits.length).fill(Infinity);
+    const parents = new Int32Array(fits.length).fill(-1);
+    let [start, gap] = [-1, radius];
+    for (let k = 0; k < fits.length; k++) {
+      const away = fits[k] ? apartOf(this.centre(k), point) : Infinity;
+      if (away <= gap) [start, gap] = [k, away];
+    }
+    const queue = start < 0 ? [] : [start];
+    if (start >= 0) lengths[start] = 0;
+    for (let at = 0; at < queue.length; at++) {
+      const k = queue[at];
+      const [row, column] = [Math.floor(k / this.columns), k % this.columns];
+      for (const [i, j] of AROUND) {
+        const next = k + i * this.columns + j;
+        if (!this.holds(row + i, column + j) || !fits[next]) continue;
+        if (i && j && !(fits[k + i * this.columns] && fits[k + j])) continue;
+        const length = lengths[k] + Math.hypot(i, j);
+        if (length < lengths[next] - 1e-9) {
+          lengths[next] = length;
+          parents[next] = k;
+          queue.push(next);
+        }
+      }
+    }
+    return { fits, lengths, parents };
+  }
+
+  /** Points at which the way to a cell bends, the cell last. */
+  wayTo({ fits, parents }, goal) {
+    const cells = [];
+    for (let k = goal; k >= 0; k = parents[k]) cells.unshift([Math.floor(k / this.columns), k % this.columns]);
+    const straight = (a, b) => {
+      const steps = 4 * Math.max(Math.abs(b[0] - a[0]), Math.abs(b[1] - a[1]));
+      for (let k = 1; k < steps; k++) {
+        const at = a.map((v, i) => v + (k / steps) * (b[i] - v));
+        for (const i of [-0.25, 0.25]) for (const j of [-0.25, 0.25]) if (!fits[Math.round(at[0] + i) * this.columns + Math.round(at[1] + j)]) return false;
+      }
+      return true;
+    };
+    const points = [];
+    for (let at = 0; at < cells.length - 1;) {
+      let ahead = cells.length - 1;
+      while (ahead > at + 1 && !straight(cells[at], cells[ahead])) ahead -= 1;
+      at = ahead;
+      points.push(this.centre(cells[at][0] * this.columns + cells[at][1]));
+    }
+    return points.length ? points : [this.centre(goal)];
+  }
+
+  /** The way to the nearest place from which the edge of the unknown is at hand [NearestFrontier];
+   *  null when nothing is left. One visit a frontier: what it does not clear up is no way on. */
+  nearestFrontier(pose, radius) {
+    for (const k of this.frontier()) if (apartOf(this.centre(k), pose) <= radius + 3 * this.cell) this.shut[k] = 1;
+    const ways = this.ways(pose, radius);
+    const stands = Array.from(ways.lengths.keys()).filter((k) => Number.isFinite(ways.lengths[k]));
+    let [best, goal] = [Infinity, -1];
+    const nearest = this.frontier().map((k) => {
+      let [gap, place] = [Infinity, -1];
+      const [row, column] = [Math.floor(k / this.columns), k % this.columns];
+      for (const stand of stands) {
+        const away = (Math.floor(stand / this.columns) - row) ** 2 + ((stand % this.columns) - column) ** 2;
+        if (away < gap) [gap, place] = [away, stand];
+      }
+      gap = Math.sqrt(gap);
+      const cost = gap * this.cell > 2 ? Infinity : ways.lengths[place] + gap;
+      if (cost < best) [best, goal] = [cost, place];
+      return [k, place];
+    });
+    if (goal < 0) return null;
+    for (const [k, place] of nearest) if (place === goal) this.shut[k] = 1;
+    return this.wayTo(ways, goal);
+  }
 }
 
 // ---- autonomous motion --------------------------------------------------------------------------
@@ -559,6 +712,7 @@ const STRATEGIES = {
   "fraction-printed": { label: "… as printed: / U(0.1, 2)", part: (length, random) => partOf(length, true, random) },
   quadrants: { label: "four quarters", quarters: true, part: (length, random) => partOf(length, false, random) },
   "quadrants-printed": { label: "… as printed: from 160°, / U(0.1, 2)", quarters: true, printed: true, part: (length, random) => partOf(length, true, random) },
+  frontier: { label: "nearest frontier (not P5's)" },
 };
 
 /** Where to go next: a beam and a distance [LongestBeam, RandomFraction, Quadrants]. */
@@ -582,54 +736,61 @@ function choose(strategy, lengths, { refused, cameFrom, theta, side }, random) {
 /** A pilot: turns and drives in strides to the point that a strategy chose [Explorer]. */
 class Pilot {
   constructor(half, strategy, guard, random) {
-    Object.assign(this, { half, strategy, guard, random, way: null, aimed: false, begun: true, tries: 0, cameFrom: null, refused: 0 });
+    Object.assign(this, { half, strategy, guard, random, way: [], aimed: false, begun: true, tries: 0, cameFrom: null, refused: 0 });
   }
 
-  /** The next motion [distance, angle], from the pose, the newest scan and whether it touched. */
-  command(pose, ranges, reach, hit) {
+  /** The next motion [distance, angle], from the pose, the newest scan, the floor that was seen and
+   *  whether it touched; null when nothing is left. */
+  command(pose, ranges, reach, hit, floor) {
     this.points = ends([0, 0, 0], ranges);
     this.ranges = Array.from(ranges, (r) => (Number.isNaN(r) ? Infinity : r));
-    if (hit) this.way = null;
+    if (hit) this.way = [];
     for (let k = 0; k < 50; k++) {
       const motion = this.follow(pose);
       if (motion) return motion;
       if (!this.begun) this.refused += 1;
-      const lengths = Array.from(ranges, (r) => (Number.isNaN(r) ? 0 : Math.min(r, reach)));
-      const state = { refused: !this.begun, cameFrom: this.cameFrom, theta: pose[2], side: 2 * this.half };
-      const [beam, far] = choose(this.strategy, lengths, state, this.random);
-      const a = pose[2] + bearing(beam, ranges.length);
-      this.way = [pose[0] + far * Math.cos(a), pose[1] + far * Math.sin(a)];
+      if (this.strategy.part) this.way = [this.drawn(pose, ranges, reach)];
+      else this.way = floor.nearestFrontier(pose, this.half * Math.SQRT2 + 0.02);
+      if (!this.way) return null;
       Object.assign(this, { begun: false, aimed: false, tries: 0 });
     }
     return null;
   }
 
+  /** The point that one of P5's rules draws. */
+  drawn(pose, ranges, reach) {
+    const lengths = Array.from(ranges, (r) => (Number.isNaN(r) ? 0 : Math.min(r, reach)));
+    const state = { refused: !this.begun, cameFrom: this.cameFrom, theta: pose[2], side: 2 * this.half };
+    const [beam, far] = choose(this.strategy, lengths, state, this.random);
+    const a = pose[2] + bearing(beam, ranges.length);
+    return [pose[0] + far * Math.cos(a), pose[1] + far * Math.sin(a)];
+  }
+
   follow(pose) {
-    if (!this.way) return null;
-    const [dx, dy] = [this.way[0] - pose[0], this.way[1] - pose[1]];
-    const [c, s] = [Math.cos(pose[2]), Math.sin(pose[2])];
-    const [x, y] = [c * dx + s * dy, c * dy - s * dx];
-    const length = Math.hypot(x, y);
-    if (length < 0.02) return this.arrive(pose);
-    if (!this.aimed) return this.turn(pose, Math.atan2(y, x));
-    const go = this.allowed(length);
-    if (go >= 0.99 * Math.min(length, STRIDE, 0.02)) {
-      this.begun = true;
-      // After the stride the point lies there: does the robot still look at it?
-      this.aimed = length - go < 0.1 || Math.abs(Math.atan2(y, x - go)) < 0.05;
-      return [go, 0];
+    while (this.way.length) {
+      const [x, y] = betweenPoses(pose, [...this.way[0], 0]);
+      const length = Math.hypot(x, y);
+      if (length < 0.02) {
+        this.arrive(pose);
+        continue;
+      }
+      if (!this.aimed) return this.turn(pose, Math.atan2(y, x));
+      const go = this.allowed(length);
+      if (go >= 0.99 * Math.min(length, STRIDE, 0.02)) {
+        this.begun = true;
+        // After the stride the point lies there: does the robot still look at it?
+        this.aimed = length - go < 0.1 || Math.abs(Math.atan2(y, x - go)) < 0.05;
+        return [go, 0];
+      }
+      if (length >= 0.1) this.way = [];
+      else this.arrive(pose);
     }
-    if (length >= 0.1) {
-      this.way = null;
-      return null;
-    }
-    return this.arrive(pose);
+    return null;
   }
 
   arrive(pose) {
-    Object.assign(this, { way: null, aimed: false, tries: 0 });
+    Object.assign(this, { way: this.way.slice(1), aimed: false, tries: 0 });
     if (this.begun) this.cameFrom = wrap(pose[2] + Math.PI);
-    return null;
   }
 
   turn(pose, angle) {
@@ -639,7 +800,7 @@ class Pilot {
     }
     this.tries += 1;
     const room = this.tries <= 3 ? this.makeRoom(pose, angle) : null;
-    if (!room) this.way = null;
+    if (!room) this.way = [];
     return room;
   }
 
@@ -649,7 +810,8 @@ class Pilot {
     for (const way of [...steps.map((v) => -v), ...steps]) {
       if (driveHits(this.points, way, this.half, 0.5 * MARGIN)) continue;
       if (turnHits(this.points.map(([x, y]) => [x - way, y]), angle, this.half, MARGIN)) continue;
-      this.way = [this.way[0] + way * Math.cos(pose[2]), this.way[1] + way * Math.sin(pose[2])];
+      const [x, y] = this.way[0];
+      this.way[0] = [x + way * Math.cos(pose[2]), y + way * Math.sin(pose[2])];
       return [way, 0];
     }
     return null;

@@ -19,7 +19,7 @@ from slamlab.evaluation.tours import coverage
 from slamlab.geometry import wrap_angle
 from slamlab.localization import DeadReckoning, SignatureMap
 from slamlab.localization.signature import spectrum, three_numbers
-from slamlab.navigation import Explorer, LongestBeam, Quadrants
+from slamlab.navigation import Explorer, LongestBeam, NearestFrontier, Quadrants, SeenFloor
 from slamlab.printed.p5 import can_move_as_printed, displacement_as_printed, turn_as_printed
 from slamlab.robots import RelativePose, SquareRobot, Unicycle
 from slamlab.sensors import Lidar, turn_between
@@ -287,33 +287,58 @@ def test_guards_and_listings_of_the_page_are_those_of_the_library(show):
         assert beams == np.argmax(np.where(inside, before[0], -1.0), axis=1).tolist()
 
 
-def test_the_page_explores_as_the_library_does(show):
-    """The longest beam throws no dice while nothing is refused: pose by pose, and the coverage."""
-    page, start = show(figure()), [0.8, 1.5, np.deg2rad(25)]
-    rng = np.random.default_rng(0)
+DRIVE = """([start, name, guard, most]) => { const r = rooms[0], poses = [start], shares = [];
+  const pilot = new js.Pilot(0.15, js.STRATEGIES[name], guard, js.generator(1));
+  const floor = new js.Floor(r, start); let hits = 0;
+  for (let hit = false; poses.length < most;) {
+    const pose = poses[poses.length - 1], ranges = js.castScan(r, pose, 120);
+    floor.insert(pose, ranges); shares.push(floor.share);
+    const motion = pilot.command(pose, ranges, r.reach, hit, floor);
+    if (!motion) break;
+    const [next, whole] = js.move(r, pose, ...motion, 0.15);
+    hit = !whole; hits += hit; poses.push(next); }
+  return [poses.slice(0, shares.length), shares, hits, Array.from(floor.state)]; }"""
+
+
+def explored(strategy, **settings):
+    rng, start = np.random.default_rng(0), [0.8, 1.5, np.deg2rad(25)]
+    pilot = Explorer(ROBOT, LIDAR, strategy, rng, bounds=(0, 0, 4, 4), **settings)
     log = record(
-        ROOM, Unicycle(), LIDAR, Explorer(ROBOT, LIDAR, LongestBeam(), rng, max_moves=6), Truth(),
-        rng, start=start, dt=1.0, footprint=ROBOT.footprint,
+        ROOM, Unicycle(), LIDAR, pilot, Truth(), rng, start=start, dt=1.0,
+        footprint=ROBOT.footprint,
     )  # fmt: skip
-    drive = """([start, steps, guard]) => { const r = rooms[0], poses = [start], shares = [];
-      const pilot = new js.Pilot(0.15, js.STRATEGIES.longest, guard, js.generator(1));
-      const seen = new js.Seen(r, start); let hits = 0;
-      for (let k = 0, hit = false; k <= steps; k++) {
-        const pose = poses[poses.length - 1], ranges = js.castScan(r, pose, 120);
-        seen.insert(pose, ranges); shares.push(seen.share);
-        const motion = pilot.command(pose, ranges, r.reach, hit);
-        const [next, whole] = js.move(r, pose, ...motion, 0.15);
-        hit = !whole; hits += hit; poses.push(next); }
-      return [poses.slice(0, -1), shares, hits]; }"""
-    steps = len(log) - 1
-    poses, shares, hits = page.evaluate(drive, [start, steps, "swept"])
+    return start, log, pilot
+
+
+def test_the_page_explores_as_the_library_does(show):
+    """The longest beam throws no dice while nothing is refused: pose by pose, and the floor."""
+    page = show(figure())
+    start, log, pilot = explored(LongestBeam(), max_moves=6)
+    poses, shares, hits, state = page.evaluate(DRIVE, [start, "longest", "swept", len(log)])
+    poses, steps = np.array(poses), len(shares)
     assert steps > 15
-    off = np.array(poses) - log.truth
+    off = poses - log.truth[:steps]
     off[:, 2] = wrap_angle(off[:, 2])
     np.testing.assert_allclose(off, 0, atol=1e-6)
     assert hits == 0
-    np.testing.assert_allclose(shares, coverage(log, ROOM), atol=0.01)
-    assert page.evaluate(drive, [start, 60, "printed"])[2] > 0, "as printed it touches"
+    np.testing.assert_allclose(shares, coverage(log, ROOM)[:steps], atol=1e-3)
+    whole = SeenFloor(ROOM.bounds, 0.05)
+    for pose, ranges in zip(log.truth[:steps], log.ranges[:steps], strict=True):
+        whole.insert(pose, ranges, LIDAR)
+    assert np.mean(whole.state.ravel() == state) > 0.999
+    assert page.evaluate(DRIVE, [start, "longest", "printed", 60])[2] > 0, "as printed it touches"
+
+
+def test_frontiers_of_the_page_end_by_themselves_as_the_librarys_do(show):
+    page = show(figure())
+    start, log, pilot = explored(NearestFrontier())
+    poses, shares, hits, _ = page.evaluate(DRIVE, [start, "frontier", "swept", 400])
+    assert pilot.finished
+    assert len(poses) < 400
+    assert hits == 0
+    assert shares[-1] == pytest.approx(coverage(log, ROOM)[-1], abs=0.02)
+    ways = [np.hypot(*np.diff(np.array(p)[:, :2], axis=0).T).sum() for p in (poses, log.truth)]
+    assert ways[0] == pytest.approx(ways[1], rel=0.25)
 
 
 def test_a_picture_is_read_as_the_library_reads_it(show, tmp_path):
