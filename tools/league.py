@@ -65,7 +65,7 @@ ENTRANTS = {
     "FastSLAM 1.0": ("12", "landmarks with names", "sharp sensors: few particles survive"),
     "FastSLAM 2.0": ("12", "landmarks with names", "forgets the past: too sure in the end"),
     "landmark graph, all at once": ("13", "named landmarks", "answers only in the end"),
-    "Monte Carlo, map given": ("04", "the map", "two places that look alike"),
+    "Monte Carlo, map given": ("04", "the map, but no start", "two places that look alike"),
     "Hector": ("14", "a lidar, wheels optional", "long loops; fast turns without wheels"),
     "Hector, no wheels": ("14", "a fast lidar alone", "turns of 20 degrees a scan; corridors"),
     "scan matching": ("14", "lidar and wheels", "long loops; plain corridors"),
