@@ -178,6 +178,13 @@ def _ranges(fields: list[str]) -> list[float]:
     return values
 
 
+def _pose(values: list[float]) -> list[float]:
+    # What follows squares differences of poses.
+    if max(map(abs, values)) > 1e9:
+        raise ValueError(f"expected a pose within 1e9 m, got {values}")
+    return values
+
+
 def _flaser(fields: list[str], field_of_view: float) -> _Scan:
     # FLASER n r1..rn x y theta odom_x odom_y odom_theta ipc_timestamp hostname logger_timestamp
     n = _count(fields[1]) if len(fields) > 1 else 0
@@ -187,7 +194,7 @@ def _flaser(fields: list[str], field_of_view: float) -> _Scan:
     # 180 readings in half a turn stand one degree apart, 181 and 361 reach both ends.
     step = field_of_view / (n if n % 2 == 0 else max(n - 1, 1))
     angles = -field_of_view / 2 + step * np.arange(n, dtype=np.float64)
-    return _Scan(_ranges(fields[2 : n + 2]), tail[:3], tail[6], angles, None)
+    return _Scan(_ranges(fields[2 : n + 2]), _pose(tail[:3]), tail[6], angles, None)
 
 
 def _robotlaser(fields: list[str]) -> _Scan:
@@ -208,7 +215,7 @@ def _robotlaser(fields: list[str]) -> _Scan:
     _numbers(fields[n + 10 : n + 10 + k])
     values = _numbers([*tail[:12], tail[13]])
     angles = start + resolution * np.arange(n, dtype=np.float64)
-    return _Scan(_ranges(fields[9 : n + 9]), values[:3], values[11], angles, max_range)
+    return _Scan(_ranges(fields[9 : n + 9]), _pose(values[:3]), values[11], angles, max_range)
 
 
 def _same_beams(scans: list[_Scan]) -> None:

@@ -189,3 +189,11 @@ def test_real_logs(name, shape, metres):
     assert log.ranges.shape == shape
     assert np.linalg.norm(log.u[:, :2], axis=1).sum() == pytest.approx(metres, abs=1.0)
     assert np.isinf(log.ranges).any()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_pose_beyond_the_earth_is_refused_without_a_warning(tmp_path):
+    path = tmp_path / "far.log"
+    path.write_text("FLASER 2 1.0 1.0 {x} 0 0 {x} 0 0 1.0 host 1.0\n".replace("{x}", "1e308"))
+    with pytest.raises(ValueError, match="line 1: expected a pose within 1e9 m"):
+        read_carmen(path)
