@@ -23,6 +23,7 @@ from slamlab.evaluation import run as run_system
 from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
 from slamlab.mapping import OccupancyGrid
+from slamlab.models import as_scan_sensor
 from slamlab.robots import RelativePose
 from slamlab.slam import HectorSlam, ScanGraphSlam
 
@@ -84,7 +85,8 @@ def system_for(method: str, log: Log) -> Any:
     """Return the system that makes the map."""
     if method == "odometry":
         return DeadReckoning(RelativePose(), np.zeros(3))
-    return (HectorSlam if method == "hector" else ScanGraphSlam)(log.scan)
+    lidar = as_scan_sensor("log.scan", log.scan)
+    return HectorSlam(lidar) if method == "hector" else ScanGraphSlam(lidar)
 
 
 def report(method: str, result: Run, seconds: float) -> list[tuple[str, str]]:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_covariance
 from slamlab.models import MotionModel, as_motion
+from slamlab.robots import moved
 
 __all__ = ["DeadReckoning"]
 
@@ -62,11 +63,7 @@ class DeadReckoning:
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
-        u = as_array("u", u, ("...", "p"))
-        V = as_covariance("control_cov", control_cov, u.shape[-1])
-        F_x, F_u = self.motion.jacobians(self._pose, u, dt)
-        self._pose = self.motion.step(self._pose, u, dt)
-        self._P = F_x @ self._P @ np.swapaxes(F_x, -1, -2) + F_u @ V @ np.swapaxes(F_u, -1, -2)
+        self._pose, self._P = moved(self.motion, self._pose, u, dt, control_cov, self._P)
 
     def update(self, measurement: Any, ids: Any = None) -> None:
         """Look at nothing."""

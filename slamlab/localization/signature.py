@@ -315,7 +315,7 @@ class SignatureMap:
         signature : str, default "spectrum"
             See the class.
         progress : bool, default False
-            Show a progress bar if tqdm is installed.
+            Show a progress bar; ImportError without tqdm.
 
         Returns
         -------

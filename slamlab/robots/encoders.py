@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
 from slamlab.models import MotionModel, as_motion
 
-__all__ = ["Encoders", "dead_reckoning", "dead_reckoning_cov"]
+__all__ = ["Encoders", "dead_reckoning", "dead_reckoning_cov", "moved"]
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,48 @@ class Encoders:
         speeds = as_array("wheel_speeds", wheel_speeds, ("...", 4))
         dt = as_scalar("dt", dt, low=float(np.finfo(float).tiny), high=1e300)
         return self.sigma_slip * np.sqrt(np.abs(speeds) / dt)
+
+
+def moved(
+    motion: MotionModel,
+    pose: ArrayLike,
+    u: ArrayLike,
+    dt: float,
+    control_cov: ArrayLike,
+    *covs: Array,
+) -> tuple[Array, ...]:
+    """Return the pose after one step, and covariances moved with it: P1 (8), (11), (14).
+
+    Parameters
+    ----------
+    motion : MotionModel
+    pose : array_like, shape (..., 3)
+        Before the step (m, m, rad).
+    u : array_like, shape (..., p)
+        Control.
+    dt : float
+        Duration (s).
+    control_cov : array_like, shape (p, p)
+        V of P1 (15).
+    *covs : ndarray, shape (..., 3, 3)
+        Covariances of the pose, or of what it has moved since some moment.
+
+    Returns
+    -------
+    tuple of ndarray
+        The pose, then each covariance, new arrays.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a number is not finite, or `control_cov` is no covariance.
+    """
+    u = as_array("u", u, ("...", "p"))
+    V = as_covariance("control_cov", control_cov, u.shape[-1])
+    F_x, F_u = motion.jacobians(pose, u, dt)
+    Q = F_u @ V @ np.swapaxes(F_u, -1, -2)
+    after = (F_x @ P @ np.swapaxes(F_x, -1, -2) + Q for P in covs)
+    return motion.step(pose, u, dt), *after
 
 
 def dead_reckoning(motion: MotionModel, pose: ArrayLike, controls: ArrayLike, dt: float) -> Array:

@@ -21,6 +21,7 @@ from slamlab.matching import (
     match_icp,
     thin,
 )
+from slamlab.models import ScanSensor
 
 REACH = 30.0  # points farther away than this (m) are not matched
 SPACING = 0.1  # one point in every square of this side (m)
@@ -48,9 +49,9 @@ class Keyframe:
         return cls(points, Outline.of(points))
 
 
-def scan_points(ranges: Array, lidar: object) -> Array:
+def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     """Thinned end points (k, 2) of a scan within `REACH`, in the frame of the body."""
-    points = lidar.points(np.where(ranges <= REACH, ranges, np.nan))  # type: ignore[attr-defined]
+    points = lidar.points(np.where(ranges <= REACH, ranges, np.nan))
     return thin(points, SPACING)
 
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from slamlab._checks import Array, as_a, as_array, as_count, as_scalar
 from slamlab.gaussian import chi2_quantile
-from slamlab.slam._particle_view import IGNORED, NEW
+from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
 
 __all__ = [
     "IGNORED",
@@ -522,7 +522,7 @@ class Confirmation:
 
     def __call__(self, slam: Surface, z: ArrayLike, covs: ArrayLike | None = None) -> Rows:
         """Return rows as any association does."""
-        if hasattr(slam, "number"):
+        if isinstance(slam, ParticleView):
             raise ValueError("slam: expected EKFSlam, got a particle of FastSlam")
         z = as_array("z", z, ("k", 2))
         more = {} if covs is None else {"covs": covs}

@@ -12,7 +12,16 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar, as_tuple
+from slamlab._checks import (
+    Array,
+    all_finite,
+    as_array,
+    as_count,
+    as_covariance,
+    as_rng,
+    as_scalar,
+    as_tuple,
+)
 from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
 from slamlab.gaussian import chi2_quantile, root
 from slamlab.geometry import wrap_angle
@@ -210,11 +219,10 @@ class FastSlam(PoseParticles):
         R, names = as_noise(self.sensor, covs, len(z)), self._checked_ids(ids, len(z))
         with restored_on_failure(self._rng):
             book = self._columns_with(names)
-            columns = (
-                self._associated(z, R, covs is not None)
-                if names is None
-                else self._rows(book, names)
-            )
+            if names is None:
+                columns = self._associated(z, R, covs is not None)
+            else:
+                columns = self._rows(book, names)
             seen, old = columns >= 0, self._landmarks(columns)
             # What is new to a particle, or left out, has nothing to compare with.
             met = seen & old.present
@@ -232,13 +240,10 @@ class FastSlam(PoseParticles):
             # 4. Correct the landmarks that were met, start those that were not.
             new = np.zeros((FIELDS, *columns.shape))
             new[:, :, some] = corrected.fields
-            fresh = (seen & ~met).any(0)
-            if fresh.any():
-                there = started(self.sensor, poses, z[fresh], R[fresh])
-                new[:, :, fresh] = np.where(met[:, fresh], new[:, :, fresh], there.fields)
+            _start(new, seen & ~met, self.sensor, poses, z, R)
             new[5] += self._hit
             kept = new[:, seen].T
-            if not np.isfinite(kept).all():
+            if not all_finite(kept):
                 raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         # Nothing can fail any more: change the filter.
         self._columns, self._unknown = book, self._unknown or (names is None and len(z) > 0)
@@ -457,6 +462,16 @@ class FastSlam(PoseParticles):
 
     def _contents(self) -> str:
         return f"version {self.version}.0, {self.n_landmarks} landmarks, "
+
+
+def _start(
+    new: Array, fresh: NDArray[np.bool_], sensor: LandmarkSensor, poses: Array, z: Array, R: Array
+) -> None:
+    """Write what is `fresh` (M, k) to a particle into the fields `new` (., M, k) of its map."""
+    some = fresh.any(0)
+    if some.any():
+        there = started(sensor, poses, z[some], R[some])
+        new[:, :, some] = np.where(fresh[:, some], there.fields, new[:, :, some])
 
 
 def _log_odds(detection: tuple[float, float] | None) -> tuple[float, float]:

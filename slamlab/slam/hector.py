@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
 from slamlab.geometry import between, transform
 from slamlab.mapping import OccupancyGrid
 from slamlab.matching import Field, Match, match_field
-from slamlab.models import MotionModel, as_motion, as_scan_sensor
-from slamlab.robots import RelativePose
+from slamlab.models import MotionModel, ScanSensor, as_motion, as_scan_sensor
+from slamlab.robots import RelativePose, moved
 
 __all__ = ["HectorSlam"]
 
@@ -69,7 +69,7 @@ class HectorSlam:
 
     def __init__(
         self,
-        lidar: object,
+        lidar: ScanSensor,
         pose: ArrayLike = (0.0, 0.0, 0.0),
         resolution: float = 0.05,
         levels: int = 3,
@@ -108,13 +108,8 @@ class HectorSlam:
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by what the wheels tell: control u (p,) during dt (s), covariance (p, p)."""
-        if self._motion is None:
-            return
-        u = as_array("u", u, ("p",))
-        Q = as_covariance("control_cov", control_cov, len(u))
-        F, G = self._motion.jacobians(self._pose, u, dt)
-        self._pose = self._motion.step(self._pose, u, dt)
-        self._cov = F @ self._cov @ F.T + G @ Q @ G.T
+        if self._motion is not None:
+            self._pose, self._cov = moved(self._motion, self._pose, u, dt, control_cov, self._cov)
 
     def update(self, ranges: ArrayLike, ids: None = None) -> Match:
         """Match a scan to the map, and draw it in if the robot has moved.

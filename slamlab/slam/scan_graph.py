@@ -11,11 +11,11 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_covariance, as_shaped
+from slamlab._checks import Array, as_array, as_choice, as_count, as_shaped
 from slamlab.geometry import between, compose, rotation
 from slamlab.matching import Match
-from slamlab.models import MotionModel, as_motion, as_scan_sensor
-from slamlab.robots import RelativePose
+from slamlab.models import MotionModel, ScanSensor, as_motion, as_scan_sensor
+from slamlab.robots import RelativePose, moved
 from slamlab.slam._closures import AROUND, STRIDE, Closure, candidate, verify, witnessed
 from slamlab.slam._tracking import (
     FLOOR,
@@ -82,7 +82,7 @@ class ScanGraphSlam:
 
     def __init__(
         self,
-        lidar: object,
+        lidar: ScanSensor,
         pose: ArrayLike = (0.0, 0.0, 0.0),
         n_keyframes: int = 20,
         motion: MotionModel = RelativePose(),  # noqa: B008
@@ -134,12 +134,9 @@ class ScanGraphSlam:
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
-        u = as_array("u", u, ("p",))
-        Q = as_covariance("control_cov", control_cov, len(u))
-        F, G = self._motion.jacobians(self._pose, u, dt)
-        self._pose = self._motion.step(self._pose, u, dt)
-        self._moved_cov = F @ self._moved_cov @ F.T + G @ Q @ G.T
-        self._cov = F @ self._cov @ F.T + G @ Q @ G.T
+        self._pose, self._cov, self._moved_cov = moved(
+            self._motion, self._pose, u, dt, control_cov, self._cov, self._moved_cov
+        )
 
     def update(self, ranges: ArrayLike, ids: None = None) -> Match:
         """Match a scan to the nodes before it; make it a node if the robot has moved.
