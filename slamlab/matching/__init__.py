@@ -9,10 +9,9 @@ from slamlab.matching.eight_point import (
     hartley_transform,
 )
 from slamlab.matching.field import Field, PointField, match_field
-from slamlab.matching.icp import AdaptiveGate, Outline, match_icp, normals, thin
+from slamlab.matching.icp import Outline, match_icp, normals, thin
 
 __all__ = [
-    "AdaptiveGate",
     "Field",
     "Match",
     "Outline",

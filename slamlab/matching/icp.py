@@ -22,10 +22,10 @@ from slamlab._checks import (
     as_shaped,
     as_tuple,
 )
-from slamlab.geometry import between, wrap_angle
+from slamlab.geometry import wrap_angle
 from slamlab.matching._match import CAP, Match, capped_inverse, good_points
 
-__all__ = ["AdaptiveGate", "Outline", "match_icp", "normals", "thin"]
+__all__ = ["Outline", "match_icp", "normals", "thin"]
 
 
 def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
@@ -277,46 +277,3 @@ def _reference(reference: ArrayLike | Outline, line: bool) -> Outline:
     return Outline(
         reference.points[on_wall], reference.normals[on_wall], reference.spread[on_wall]
     )
-
-
-class AdaptiveGate:
-    """KISS-ICP's rule: expect errors as large as the guesses have been wrong so far.
-
-    Parameters
-    ----------
-    start : float, default 0.5
-        Gate (m) before anything is known.
-    least : float, default 0.1
-        Never narrower than this (m).
-    max_range : float, default 20
-        How far out (m) a wrong heading displaces points.
-
-    Examples
-    --------
-    >>> gate = AdaptiveGate(start=0.5)
-    >>> gate.gate
-    0.5
-    >>> gate.add([1.0, 0.0, 0.0], [1.03, 0.04, 0.0])
-    >>> round(gate.gate, 3)
-    0.15
-    """
-
-    def __init__(self, start: float = 0.5, least: float = 0.1, max_range: float = 20.0) -> None:
-        self.start = as_scalar("start", start, 1e-6, 1e6)
-        self.least = as_scalar("least", least, 1e-6, 1e6)
-        self.max_range = as_scalar("max_range", max_range, 1e-6, 1e6)
-        self._squares, self._count = 0.0, 0
-
-    @property
-    def gate(self) -> float:
-        """Three times the root mean square of the deviations so far (m)."""
-        if self._count == 0:
-            return self.start
-        return max(self.least, 3.0 * float(np.sqrt(self._squares / self._count)))
-
-    def add(self, guess: ArrayLike, matched: ArrayLike) -> None:
-        """Learn from a guess (3,) and the pose (3,) that the match made of it."""
-        dx, dy, turn = between(guess, matched)
-        deviation = np.hypot(dx, dy) + 2 * self.max_range * abs(np.sin(0.5 * turn))
-        self._squares += float(deviation * deviation)
-        self._count += 1

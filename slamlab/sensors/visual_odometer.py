@@ -14,11 +14,18 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar, as_shaped
 from slamlab.geometry import between, compose, wrap_angle
 
-__all__ = ["Motion", "StereoOdometer", "VisualOdometer", "align", "fit_noise", "room_points"]
+__all__ = [
+    "MeasuredMotion",
+    "StereoOdometer",
+    "VisualOdometer",
+    "rigid_motion",
+    "fit_noise",
+    "room_points",
+]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class MeasuredMotion:
     """What the odometer says about one step.
 
     Attributes
@@ -62,7 +69,7 @@ def room_points(
     return np.stack([x, y, rng.uniform(0, height, n)], -1)
 
 
-def align(p: ArrayLike, q: ArrayLike) -> tuple[Array, Array]:
+def rigid_motion(p: ArrayLike, q: ArrayLike) -> tuple[Array, Array]:
     """Rigid motion (R, t) with the smallest sum of squares of q - (R p + t).
 
     Parameters
@@ -205,7 +212,7 @@ class StereoOdometer:
         partner[wrong] = both[(wrong + rng.integers(1, max(len(both), 2), len(wrong))) % len(both)]
         return before[both], after[partner]
 
-    def estimate(self, before: Array, after: Array, rng: np.random.Generator) -> Motion:
+    def estimate(self, before: Array, after: Array, rng: np.random.Generator) -> MeasuredMotion:
         """Estimate the motion from matched pictures (m, 3) before and after.
 
         Raises
@@ -225,7 +232,7 @@ class StereoOdometer:
             if inliers.sum() < 3:
                 raise ValueError("after: expected three matches that agree, got fewer")
             motion, cov = self._refine(motion, before[inliers], after[inliers])
-        return Motion(motion, cov, inliers)
+        return MeasuredMotion(motion, cov, inliers)
 
     def _errors(self, motion: Array, before: Array, after: Array) -> Array:
         """Pixels by which the second picture differs from what a motion predicts, (m, 3)."""
@@ -235,7 +242,7 @@ class StereoOdometer:
         """Random search: three matches propose a motion; smallest sum of clipped errors wins."""
         p, q = self.triangulate(before), self.triangulate(after)
         triples = np.argsort(rng.random((self.n_trials, len(p))), axis=1)[:, :3]
-        R, t = align(p[triples], q[triples])
+        R, t = rigid_motion(p[triples], q[triples])
         # Seen from the body the world moves by the inverse of the body's motion; in the plane.
         turn = np.arctan2(R[:, 0, 1] - R[:, 1, 0], R[:, 0, 0] + R[:, 1, 1])
         c, s = np.cos(turn), np.sin(turn)
@@ -270,7 +277,9 @@ class StereoOdometer:
         motion[2] = wrap_angle(motion[2])
         return motion, 0.5 * (cov + cov.T)
 
-    def run(self, poses: ArrayLike, points: ArrayLike, rng: np.random.Generator) -> list[Motion]:
+    def run(
+        self, poses: ArrayLike, points: ArrayLike, rng: np.random.Generator
+    ) -> list[MeasuredMotion]:
         """Estimate every step of a drive; a picture serves the step before and the step after.
 
         Parameters
@@ -283,7 +292,7 @@ class StereoOdometer:
 
         Returns
         -------
-        list of Motion, n - 1 of them
+        list of MeasuredMotion, n - 1 of them
         """
         poses, rng = as_array("poses", poses, ("n", 3)), as_rng("rng", rng)
         motions, before = [], None

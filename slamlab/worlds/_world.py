@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.models import World
 
-__all__ = ["free_poses"]
+__all__ = ["Solid", "free_poses"]
 
 
 def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float = 0.0) -> Array:
@@ -59,6 +59,66 @@ def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float 
         found = np.concatenate([found, points])
     headings = wrap_angle(rng.uniform(-np.pi, np.pi, n))
     return np.column_stack([found[:n], headings])
+
+
+class Solid:
+    """What every world with obstacles says of a body in it."""
+
+    def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
+        """Tell at which poses a footprint overlaps an obstacle or stands where it is not free.
+
+        Parameters
+        ----------
+        footprint : array_like, shape (k, 2)
+            Vertices of a convex polygon in the body frame (m), in order.
+        poses : array_like, shape (..., 3)
+            Body in the world (m, m, rad).
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            Touching is no collision.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite or the footprint is not convex.
+        """
+        footprint = checked_footprint(footprint)
+        poses = as_array("poses", poses, ("...", 3)).astype(float)
+        flat = poses.reshape(-1, 3)
+        return self._hits(footprint, flat, flat).reshape(poses.shape[:-1])
+
+    def sweep_collides(
+        self, footprint: ArrayLike, start: ArrayLike, end: ArrayLike
+    ) -> NDArray[np.bool_]:
+        """Tell which motions sweep the footprint over an obstacle or over what is not free.
+
+        Parameters
+        ----------
+        footprint : array_like, shape (k, 2)
+            Vertices of a convex polygon in the body frame (m), in order.
+        start, end : array_like, shape (..., 3)
+            Poses before and after (m, m, rad): either a straight drive with constant heading, in
+            any direction, or a turn on the spot, the shorter way round.
+
+        Returns
+        -------
+        ndarray of bool, shape (...)
+            Exact for the whole swept area; touching is no collision.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, a number is not finite, the footprint is not convex, or a motion
+            both drives and turns.
+        """
+        footprint, start, end, lead = checked_motion(footprint, start, end)
+        return self._hits(footprint, start, end).reshape(lead)
+
+    def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
+        """Tell which checked motions (n, 3) of a checked footprint meet an obstacle, (n,)."""
+        raise NotImplementedError
 
 
 def checked_motion(

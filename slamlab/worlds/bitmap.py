@@ -19,12 +19,12 @@ from slamlab.worlds._cast import cast_everywhere, cast_grid
 from slamlab.worlds._clearance import grid_clearance
 from slamlab.worlds._collide import hits_grid
 from slamlab.worlds._image import read_map
-from slamlab.worlds._world import checked_footprint, checked_motion
+from slamlab.worlds._world import Solid
 
 __all__ = ["BitmapWorld"]
 
 
-class BitmapWorld(Grid):
+class BitmapWorld(Grid, Solid):
     """A room of square cells, occupied or free.
 
     What lies beyond the bitmap is empty for beams and forbidden for the robot: a beam that leaves
@@ -202,60 +202,7 @@ class BitmapWorld(Grid):
         out *= self.resolution
         return out
 
-    def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
-        """Tell at which poses a footprint overlaps an occupied cell or leaves the bitmap.
-
-        Parameters
-        ----------
-        footprint : array_like, shape (k, 2)
-            Vertices of a convex polygon in the body frame (m), in order.
-        poses : array_like, shape (..., 3)
-            Body in the world (m, m, rad).
-
-        Returns
-        -------
-        ndarray of bool, shape (...)
-            Touching is no collision.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite or the footprint is not convex.
-        """
-        footprint = checked_footprint(footprint)
-        poses = as_array("poses", poses, ("...", 3))
-        return self._hits(footprint, poses.reshape(-1, 3), None).reshape(poses.shape[:-1])
-
-    def sweep_collides(
-        self, footprint: ArrayLike, start: ArrayLike, end: ArrayLike
-    ) -> NDArray[np.bool_]:
-        """Tell which motions sweep the footprint over an occupied cell or out of the bitmap.
-
-        Parameters
-        ----------
-        footprint : array_like, shape (k, 2)
-            Vertices of a convex polygon in the body frame (m), in order.
-        start, end : array_like, shape (..., 3)
-            Poses before and after (m, m, rad): either a straight drive with constant heading, in
-            any direction, or a turn on the spot, the shorter way round.
-
-        Returns
-        -------
-        ndarray of bool, shape (...)
-            Exact for the whole swept area; touching is no collision.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, the footprint is not convex, or a motion
-            both drives and turns.
-        """
-        footprint, start, end, lead = checked_motion(footprint, start, end)
-        return self._hits(footprint, start, end).reshape(lead)
-
-    def _hits(self, footprint: Array, start: Array, end: Array | None) -> NDArray[np.bool_]:
-        start = np.array(start, dtype=float)
-        end = start if end is None else np.array(end, dtype=float)
+    def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
         out = np.empty(len(start), dtype=np.bool_)
         left, bottom = self.origin
         hits_grid(self.occupied, self.resolution, left, bottom, footprint, start, end, out)

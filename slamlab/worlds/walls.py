@@ -13,13 +13,13 @@ from slamlab.models import Bounds
 from slamlab.worlds._cast import cast_segments, inside_segments
 from slamlab.worlds._clearance import segment_clearance
 from slamlab.worlds._collide import hits_segments
-from slamlab.worlds._world import checked_footprint, checked_motion
+from slamlab.worlds._world import Solid
 from slamlab.worlds.bitmap import BitmapWorld, checked_beams
 
 __all__ = ["WallWorld"]
 
 
-class WallWorld:
+class WallWorld(Solid):
     """Segments that stop beams and robots.
 
     If the segments form closed outlines (every end point belongs to an even number of segments),
@@ -229,58 +229,6 @@ class WallWorld:
         if self.closed:
             out[np.broadcast_to(~self.is_free(origins), angles.shape).ravel()] = 0.0
         return out.reshape(angles.shape)
-
-    def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
-        """Tell at which poses a footprint overlaps a wall or stands where it is not free.
-
-        Parameters
-        ----------
-        footprint : array_like, shape (k, 2)
-            Vertices of a convex polygon in the body frame (m), in order.
-        poses : array_like, shape (..., 3)
-            Body in the world (m, m, rad).
-
-        Returns
-        -------
-        ndarray of bool, shape (...)
-            Touching is no collision.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite or the footprint is not convex.
-        """
-        footprint = checked_footprint(footprint)
-        poses = as_array("poses", poses, ("...", 3))
-        flat = poses.reshape(-1, 3)
-        return self._hits(footprint, flat, flat).reshape(poses.shape[:-1])
-
-    def sweep_collides(
-        self, footprint: ArrayLike, start: ArrayLike, end: ArrayLike
-    ) -> NDArray[np.bool_]:
-        """Tell which motions sweep the footprint over a wall or over ground that is not free.
-
-        Parameters
-        ----------
-        footprint : array_like, shape (k, 2)
-            Vertices of a convex polygon in the body frame (m), in order.
-        start, end : array_like, shape (..., 3)
-            Poses before and after (m, m, rad): either a straight drive with constant heading, in
-            any direction, or a turn on the spot, the shorter way round.
-
-        Returns
-        -------
-        ndarray of bool, shape (...)
-            Exact for the whole swept area; touching is no collision.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, the footprint is not convex, or a motion
-            both drives and turns.
-        """
-        footprint, start, end, lead = checked_motion(footprint, start, end)
-        return self._hits(footprint, start, end).reshape(lead)
 
     def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
         # A footprint that meets no wall lies on one side of all of them: its centre tells which.

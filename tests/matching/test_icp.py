@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slamlab.geometry import between, compose, inverse, rotation, transform
-from slamlab.matching import AdaptiveGate, Outline, match_icp, normals, thin
+from slamlab.matching import Outline, match_icp, normals, thin
 from slamlab.matching._icp_kernels import icp_equations
 from slamlab.sensors import Lidar
 from slamlab.worlds import rooms
@@ -145,15 +145,6 @@ def test_thinning_keeps_one_point_a_square():
     assert len(thin(np.full((5, 2), np.nan))) == 0
 
 
-def test_the_gate_learns_how_wrong_guesses_are():
-    gate = AdaptiveGate(start=0.5, least=0.01, max_range=10.0)
-    assert gate.gate == 0.5
-    gate.add([0, 0, 0], [0.03, 0.04, 0.0])
-    assert gate.gate == pytest.approx(0.15)
-    gate.add([1, 2, 0.5], [1, 2, 0.5 + 0.02])
-    assert gate.gate == pytest.approx(3 * np.sqrt((0.05**2 + (20 * np.sin(0.01)) ** 2) / 2))
-
-
 def test_no_pairs_is_a_match_that_knows_nothing():
     a, b = pair_of_scans()
     match = match_icp(a, b, [100.0, 0.0, 0.0])
@@ -176,7 +167,6 @@ def test_no_pairs_is_a_match_that_knows_nothing():
         (lambda a: Outline.of(a, neighbours=2), "neighbours"),
         (lambda a: normals([[np.nan, 0.0]]), "points"),
         (lambda a: thin(a, 0.0), "spacing"),
-        (lambda a: AdaptiveGate(0.0), "start"),
     ],
 )
 def test_bad_input_is_named(call, message):

@@ -8,8 +8,8 @@ from slamlab.geometry import between, compose
 from slamlab.sensors.visual_odometer import (
     StereoOdometer,
     VisualOdometer,
-    align,
     fit_noise,
+    rigid_motion,
     room_points,
 )
 
@@ -37,7 +37,7 @@ def measure(odometer, before, after, rng):
 def test_align_finds_the_motion(n):
     rng = np.random.default_rng(n)
     p, R, t = rng.normal(size=(5, n, 3)), rotation(rng), rng.normal(size=3)
-    found_R, found_t = align(p, p @ R.T + t)
+    found_R, found_t = rigid_motion(p, p @ R.T + t)
     assert_allclose(found_R, np.broadcast_to(R, (5, 3, 3)), atol=1e-9)
     assert_allclose(found_t, np.broadcast_to(t, (5, 3)), atol=1e-9)
     assert np.abs(found_R - R.T).max() > 0.1, "the inverse is another motion"
@@ -48,7 +48,7 @@ def test_align_gives_no_mirror():
     rng = np.random.default_rng(2)
     p = rng.normal(size=(200, 4, 3)) * [1, 1, 0.01]
     q = p + rng.normal(0, 0.05, p.shape)
-    R, _ = align(p, q)
+    R, _ = rigid_motion(p, q)
     assert_allclose(np.linalg.det(R), 1, atol=1e-9)
     mean = p.mean(1, keepdims=True), q.mean(1, keepdims=True)
     U, _, Vt = np.linalg.svd(np.swapaxes(q - mean[1], 1, 2) @ (p - mean[0]))
@@ -87,7 +87,7 @@ def test_outliers_are_found_and_ruin_the_plain_alignment():
         motion = odometer.estimate(*pair, rng)
         assert 0.4 < motion.inliers.mean() < 0.8
         robust.append(motion.increment - step)
-        R, _ = align(odometer.triangulate(pair[0]), odometer.triangulate(pair[1]))
+        R, _ = rigid_motion(odometer.triangulate(pair[0]), odometer.triangulate(pair[1]))
         plain.append(np.arctan2(R[0, 1] - R[1, 0], R[0, 0] + R[1, 1]) - step[2])
     assert np.abs(np.array(robust)[:, 2]).max() < 0.02
     assert np.abs(plain).max() > 0.1
@@ -201,7 +201,7 @@ def test_noise_is_drawn_for_every_step_and_run():
         (lambda: StereoOdometer(camera_height=np.nan), "camera_height"),
         (lambda: room_points(3), "rng: expected a numpy"),
         (lambda: room_points(np.random.default_rng(0), 0), "n: expected at least 1"),
-        (lambda: align(np.zeros((3, 3)), np.zeros((4, 3))), "q: expected the shape of p"),
+        (lambda: rigid_motion(np.zeros((3, 3)), np.zeros((4, 3))), "q: expected the shape of p"),
         (lambda: VisualOdometer(-np.eye(3), np.eye(3), np.eye(3)), "cov_step"),
         (lambda: VisualOdometer.simple(-1, 0), "sigma_position"),
         (lambda: fit_noise(np.zeros((9, 3)), np.zeros((9, 3))), "at least ten steps"),
