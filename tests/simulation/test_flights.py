@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from slamlab.evaluation import run
+from slamlab.evaluation import chi2_band, nees, run
 from slamlab.geometry import wrap_angle
 from slamlab.localization import DeadReckoning
 from slamlab.robots import Unicycle
 from slamlab.sensors import PointSensor
 from slamlab.simulation import FIELD_SENSOR, field_flights
+from slamlab.slam import EKFSlamBatch
 
 
 def test_all_fly_one_path_at_one_speed_and_it_stays_over_the_field():
@@ -63,6 +64,21 @@ def test_trees_do_not_depend_on_the_sensor_and_some_are_felled():
     thin = field_flights(1, np.random.default_rng(5), felled=1.0).landmarks
     assert thin[:, 0].max() < 45.0
     assert len(thin) == (one.landmarks[:, 0] < 45.0).sum()
+
+
+def test_with_four_trees_in_sight_the_usual_filter_believes_too_much_and_the_invariant_not():
+    near = PointSensor(FIELD_SENSOR.cov, max_range=12.0)
+    low, high = chi2_band(3, 50)
+    for seed in (2, 5):
+        log = field_flights(50, np.random.default_rng(seed), near)
+        score = {}
+        for kind in ("latest", "invariant"):
+            system = EKFSlamBatch(
+                Unicycle(), near, log.truth[0], linearisation=kind, n_landmarks=len(log.landmarks)
+            )
+            score[kind] = nees(run(system, log))[-1].mean()
+        assert score["latest"] > 1.5 * high
+        assert low < score["invariant"] < high
 
 
 @pytest.mark.parametrize(
