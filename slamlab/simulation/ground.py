@@ -17,7 +17,7 @@ __all__ = ["ground_laps"]
 
 # Stands for the odometry of P5's robot, of which no figure is given: noise of a step (m, rad),
 # relative errors of distance and turn.
-_ODOMETER = VisualOdometer.simple(0.01, 0.008, 0.02, 0.05)
+_ODOMETER = VisualOdometer.simple(0.01, 0.015, 0.02, 0.1)
 
 
 def ground_laps(

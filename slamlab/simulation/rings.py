@@ -1,6 +1,6 @@
-"""Laps of a corridor that runs round a building: the loop on which maps of walls are tried.
+"""Laps of a corridor that runs round a building: the loop for maps of walls.
 
-The lidar sees a few metres, so the robot meets nothing that it knows until it is round. Chapter 15.
+The lidar sees a few metres: the robot meets nothing that it knows until it is round. Chapter 15.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LIDAR = Lidar(60, np.deg2rad(240.0), max_range=5.0, sigma_range=0.02)
 
 
 def ring_corridor(size: tuple[float, float], rng: np.random.Generator) -> WallWorld:
-    """Draw a corridor of 2.4 m round a closed block, with pillars at odd places of its outer walls.
+    """Draw a corridor of 2.4 m round a closed block, with pillars along its outer walls.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def ring_laps(
     ranges = lidar.scan(ring_corridor(size, np.random.default_rng(5)), poses, rng)
     n = len(poses)
     still, dt = np.zeros((n, 3)), np.minimum(np.arange(n), 1.0)
-    log = Log(np.arange(n), still, dt, np.eye(3), ranges=ranges, scan=lidar, truth=poses)
+    log = Log(np.arange(float(n)), still, dt, np.eye(3), ranges=ranges, scan=lidar, truth=poses)
     return drifted(log, rng)
 
 

@@ -79,9 +79,9 @@ def test_the_median_of_five_drives_is_less_than_half_of_the_odometrys():
             systems.append(GammaSlam(rig, start, 60, rng=rng, density=density))
         errors.append([ate(run(system, log)).rmse for system in systems])
     odometry, heights, variances = np.median(errors, axis=0)
-    assert heights < 0.1 * odometry
+    assert heights < 0.25 * odometry
     # Wrong: densities of different statistics, compared.
-    assert variances > 3 * heights
+    assert variances > 2 * heights
 
 
 def test_where_all_ground_is_alike_nothing_is_recognised():
