@@ -78,6 +78,27 @@ def test_p2_9_text_a_landmark_that_moves_needs_its_own_time_update():
     assert nees[0.0] / due > 10
 
 
+def told(seen_at_once):
+    """Share of its variance that each of 12 landmarks in a row loses when the first is told."""
+    slam = EKFSlam(CompassMotion(), Displacement(0.3), [0, 0, 0], np.diag([0.04, 0.04, 0]))
+    for k in range(12):
+        names = range(12) if seen_at_once else range(max(k - 2, 0), min(k + 3, 12))
+        slam.update(np.zeros((len(names), 2)), names)
+        slam.predict([0, 0], 1.0, 0.05**2 * np.eye(2))
+    order = [3 + 2 * slam.ids.index(name) for name in range(12)]
+    P = slam.cov[np.ix_(order, order)]
+    return P[:, 0] ** 2 / (P[0, 0] + 0.01**2) / np.diag(P)
+
+
+def test_p2_the_effect_of_a_look_falls_with_distance_only_along_a_way():
+    """P2: it "falls with the distance to neighbouring landmarks"; what decides is the tie."""
+    along, at_once = told(False), told(True)
+    assert (np.diff(along[2:]) < 0).all()
+    assert along[1] < along[2], "the nearest, seen less often, gains less than the next"
+    assert along[-1] < 0.75 * along[2]
+    np.testing.assert_allclose(at_once[1:], at_once[1], rtol=1e-9)
+
+
 def guided(rng, r, policy, steps=60, n=50):
     """Error against the Kalman filter of a particle filter that resamples when `policy` says."""
     truth, m, P, errors = 0.0, 0.0, 0.0, []
