@@ -55,7 +55,7 @@ CHAPTERS = {
     "12": "12_fastslam",
     "13": "13_pose_graphs",
     "14": "14_scan_matching_and_hector",
-    "15": "15_gamma_slam_and_dp_slam",
+    "15": "15_other_maps",
 }
 # Name: chapter, what it needs, where it fails.
 ENTRANTS = {
