@@ -13,6 +13,12 @@ __all__ = ["NEARLY", "general_mistakes"]
 
 Function = Callable[..., Any]
 
+
+def _several(a: np.ndarray) -> np.ndarray:
+    """Return an array; a single number has no sum of its own, and no share of one."""
+    return a if a.ndim else np.full((), np.nan)
+
+
 _RESULTS: dict[str, Function] = {
     "`{}` is the transpose of what is due": lambda a: a.T,
     "the sign of `{}` is reversed": lambda a: -a,
@@ -30,9 +36,9 @@ _RESULTS: dict[str, Function] = {
     "`{}` is one minus what is due": lambda a: 1 - a,
     "`{}` came in reverse order": lambda a: a[::-1],
     "`{}` has its columns in reverse order": lambda a: a[..., ::-1],
-    "`{}` is divided by its largest entry": lambda a: a / a.max(),
-    "`{}` is divided by its sum": lambda a: a / a.sum(),
-    "`{}` is divided by the number of its entries": lambda a: a / a.size,
+    "`{}` is divided by its largest entry": lambda a: a / _several(a).max(),
+    "`{}` is divided by its sum": lambda a: a / _several(a).sum(),
+    "`{}` is divided by the number of its entries": lambda a: a / _several(a).size,
     "`{}` is summed over all its entries": np.sum,
     "`{}` is averaged over all its entries": np.mean,
     "`{}` is zero": np.zeros_like,
@@ -89,11 +95,11 @@ def general_mistakes(
             yield message, _exchanged_results(reference, returns, a, b)
         if len(returns) > 1:
             yield f"only `{returns[a]}` came", _only(reference, returns, a)
+    for k, name in enumerate(names):
+        yield f"`{name}` came back unchanged", _returned(k)
     for message, wrong in _ARGUMENTS.items():
         for k, name in enumerate(names):
             yield message.format(name), _of_argument(reference, k, wrong)
-    for k, name in enumerate(names):
-        yield f"`{name}` came back unchanged", _returned(k)
 
 
 def _results(reference: Function, returns: Sequence[str], arguments: Sequence[Any]) -> list[Any]:

@@ -148,7 +148,7 @@ check_update = Check(
 def _looks_needed(prior: float, p_right: float, goal: float) -> int:
     """Smallest number of agreeing looks after which a door of prior probability is believed."""
     odds, n = prior / (1 - prior), 0
-    while odds / (1 + odds) < goal:
+    while odds / (1 + odds) < goal and n < 1000:  # a mistaken eye may never get there
         odds, n = odds * p_right / (1 - p_right), n + 1
     return n
 

@@ -357,6 +357,10 @@ check_odometry = Check(
             "/ lever]",
             "* lever]",
         ),
+        "the turn has the wrong sign: the right wheels are faster when it turns left": (
+            "/ lever]",
+            "/ -lever]",
+        ),
         "a quarter is missing: four wheels share the motion": ("r / 4 *", "r *"),
         "the wheels come in another order: front left, front right, rear left, rear right": (
             "[-1, 1, 1, -1]",

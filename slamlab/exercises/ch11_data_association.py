@@ -95,6 +95,10 @@ check_nearest = Check(
         "the gate is for the squared distance: no square root": _by(
             lambda y, S: np.sqrt(_squared(y, S))
         ),
+        "the gate is that of the squared distance already: its root was taken": (
+            "< gate",
+            "< np.sqrt(gate)",
+        ),
         "this takes the likeliest landmark, with ln det S: the nearest is asked for": _by(
             _by_likelihood
         ),

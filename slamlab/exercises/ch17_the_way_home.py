@@ -176,7 +176,7 @@ check_loop = Check(
     },
     {
         "the right side lost its minus: a_2 sigma + a_3 w = -a_1": ("-c[1]", "c[1]"),
-        "w is sigma^2 - t_a t_b, not the product: the root is of 4 w - 3 sigma^2": (
+        "no loop was found at all: w is sigma^2 - t_a t_b, the root is of 4 w - 3 sigma^2": (
             "np.sqrt(4 * w - 3 * sigma**2) if 4 * w > 3 * sigma**2",
             "np.sqrt(sigma**2 - 4 * w) if sigma**2 > 4 * w",
         ),
