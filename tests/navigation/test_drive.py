@@ -79,15 +79,16 @@ def test_the_guard_saves_a_robot_that_does_not_know_where_it_is(monkeypatch):
     # Dead reckoning with bad wheels: the belief is metres off, and so are map and ways.
     def hits(seed):
         world, start, rng = case(seed)
-        options = {"sigma_wheel": 1.5, "max_time": 60.0, "margin": 0.12, **QUICK}
+        options = {"sigma_wheel": 1.5, "max_time": 120.0, "margin": 0.12, **QUICK}
         log, _ = drive_round(world, start, rng, DeadReckoning(YOUBOT, start), **options)
         return log.notes["hit"].sum()
 
     seeds = [1, 2, 4, 6, 9, 10, 11]
     assert sum(hits(seed) for seed in seeds) == 0
-    # Without the guard the same robots drive into things.
+    # Without the guard six of the seven drive into things within these two minutes (in one minute
+    # two did), ten of fourteen over the seeds 0 to 13.
     monkeypatch.setattr(RoomDriver, "_guarded", lambda self, wish, points, dt: wish)
-    assert sum(hits(seed) > 0 for seed in seeds) >= 2
+    assert sum(hits(seed) > 0 for seed in seeds) >= 4
 
 
 # -------------------------------------------------------------------- the whole room was seen
