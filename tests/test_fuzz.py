@@ -555,7 +555,9 @@ def complaints(name, function):
     except ValueError:
         return  # what is good elsewhere is not good here
     parameters = inspect.signature(function).parameters.values()
-    for parameter in [p.name for p in parameters if p.kind is not p.VAR_KEYWORD]:
+    for parameter in [
+        p.name for p in parameters if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+    ]:
         for label, bad in BAD.items():
             if label == "type" and parameter in FUNCTIONS:  # what it does is its own affair
                 continue

@@ -104,8 +104,9 @@ class TileMaps:
         """Whole map of one particle, shape (rows, columns, channels)."""
         pages, table = self.read()
         columns, rows = self.size
-        tiles = pages[table[particle]].reshape(rows, columns, TILE, TILE, -1)
-        return tiles.swapaxes(1, 2).reshape(rows * TILE, columns * TILE, -1)
+        channels = pages.shape[-1]  # told, for before the first scan there is no tile
+        tiles = pages[table[particle]].reshape(rows, columns, TILE, TILE, channels)
+        return tiles.swapaxes(1, 2).reshape(rows * TILE, columns * TILE, channels)
 
 
 @dataclass

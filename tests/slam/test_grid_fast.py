@@ -309,3 +309,9 @@ def test_freiburg_with_drifting_wheels():
     table = system._maps.shared.table
     copies = np.count_nonzero(table) * EMPTY.nbytes
     assert system.map_bytes <= copies / 3
+
+
+def test_before_the_first_scan_the_map_is_empty():
+    cells, origin = GridFastSlam(Lidar(24, max_range=5.0), rng=np.random.default_rng(1)).map()
+    assert cells.shape == (0, 0, 4)
+    assert origin.shape == (2,)
