@@ -229,10 +229,6 @@ check_survivors = Check(
             "left[particles] = True",
             "left[particles] = False",
         ),
-        "this keeps all that lead to a particle: pruned, not merged": (
-            "left = branches >= 2",
-            "left = leads",
-        ),
         "the root may be merged too": (
             "left = branches >= 2",
             "left = branches >= 2; left[0] = 1",
