@@ -26,10 +26,11 @@ def test_the_robot_keeps_to_the_middle_of_the_corridor_and_comes_round():
 def test_the_scans_are_of_that_corridor_and_the_wheels_drift():
     log = ring_laps((16.0, 11.0), rng())
     world = ring_corridor((16.0, 11.0), rng(5))
-    due = log.scan.scan(world, log.truth)
-    met = np.isfinite(due)
+    due = log.scan.scan(world, log.truth, rng(9))
+    met = np.isfinite(due) & np.isfinite(log.ranges)
     assert met.mean() > 0.8
-    assert np.abs(log.ranges - due)[met & np.isfinite(log.ranges)].max() < 0.15
+    # Twice the noise of 2 cm; a beam along an edge may just miss it.
+    assert np.percentile(np.abs(log.ranges - due)[met], 99) < 0.15
     assert np.abs(log.u[1:, 0] - 0.4).max() > 0.01
     other = ring_laps((16.0, 11.0), rng())
     np.testing.assert_array_equal(log.ranges, other.ranges)
