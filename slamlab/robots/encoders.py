@@ -195,6 +195,13 @@ def moved(
     ------
     ValueError
         If a shape is wrong, a number is not finite, or `control_cov` is no covariance.
+
+    Examples
+    --------
+    >>> from slamlab.robots import Unicycle
+    >>> pose, cov = moved(Unicycle(), [0, 0, 0], [1.0, 0.0], 1.0, np.eye(2), np.zeros((3, 3)))
+    >>> pose.tolist()
+    [1.0, 0.0, 0.0]
     """
     u = as_array("u", u, ("...", "p"))
     V = as_covariance("control_cov", control_cov, u.shape[-1])
