@@ -52,6 +52,7 @@ check_retraced = Check(
             "-c * x + s * y, -s * x - c * y",
         ),
         "these are motions back tail first with the nose turning on": ("-turn", "turn"),
+        "these are the motions of the way out, in another order": lambda p: p[::-1],
     },
 )
 
@@ -86,6 +87,10 @@ check_turn_back = Check(
         "without the reserve the first closed door is the end": ("reserve * home", "home"),
         "exactly enough is the last moment": (">=", ">"),
         "this says when it may drive on": (">=", "<"),
+        "what is driven already is gone from the budget too": (
+            "driven + reserve * home",
+            "reserve * home",
+        ),
     },
     draws=30,
 )
@@ -123,6 +128,10 @@ check_relaid = Check(
         ),
         "all points moved with the last node: each has its own": lambda p, n, b, a: _relaid(
             p, np.full(len(n), len(b) - 1), b, a
+        ),
+        "the old pose must be undone: inverse(before)": (
+            "inverse(before[nodes])",
+            "before[nodes]",
         ),
         "from the new poses to the old ones": lambda p, n, b, a: _relaid(p, n, a, b),
         "the points were taken for points in the frame of their node": lambda p, n, b, a: (
