@@ -58,7 +58,8 @@ def test_a_mistake_that_does_not_explain_everything_is_not_named():
     ("student", "message"),
     [
         (lambda a, b: -a - b, "the sign of `total` is reversed"),
-        (lambda a, b: a, "`b` has no effect, as if it were zero"),
+        (lambda a, b: a, "`a` came back unchanged"),
+        (lambda a, b: b / 1.0, "`b` came back unchanged"),
         (lambda a, b: 2 * a + b, "`a` counts twice"),
         (lambda a, b: a + b + 2 * np.pi, "an angle is off by a full turn"),
         (lambda a, b: (a + b) * (1 + 1e-5), "almost right"),

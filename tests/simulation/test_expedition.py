@@ -13,6 +13,7 @@ from slamlab.simulation import Truth, record
 from slamlab.simulation.expedition import (
     BELIEFS,
     BUILDINGS,
+    NEAR,
     WAYS,
     WornWheels,
     come_home,
@@ -133,6 +134,20 @@ def test_a_stored_run_can_be_had_again():
     assert isinstance(out.belief, DeadReckoning)
 
 
-def test_nothing_is_touched_in_any_stored_run():
-    cells = [cell for beliefs in results().values() for cell in beliefs.values()]
-    assert sum(cell["touched"].sum() for cell in cells) == 0
+def test_hardly_anything_is_touched_and_nothing_where_places_are_recognised():
+    stored = results()
+    cells = [cell for beliefs in stored.values() for cell in beliefs.values()]
+    touched, runs = sum(c["touched"].sum() for c in cells), sum(c["touched"].size for c in cells)
+    assert touched <= runs / 100
+    assert sum(beliefs["scan graph"]["touched"].sum() for beliefs in stored.values()) == 0
+
+
+def test_closures_bring_the_robot_home_and_nothing_else_does():
+    """Of thirty in the ring: with closures at least 29, by wheels at most 5, matching between."""
+    ring, k = results()["ring"], WAYS.index("map")
+    home = {name: int((ring[name]["error"][:, k] <= NEAR).sum()) for name in
+            ("scan graph", "dead reckoning", "scan matching")}  # fmt: skip
+    assert all(len(ring[name]["error"]) == 30 for name in home)
+    assert home["scan graph"] >= 29
+    assert home["dead reckoning"] <= 5
+    assert home["dead reckoning"] < home["scan matching"] < 15
