@@ -155,6 +155,8 @@ def write_pages() -> int:
         print(done.stdout)
         # A page that was read is not read again, and its warning would not come again.
         shutil.rmtree(BUILD / ".doctrees", ignore_errors=True)
+    for path in (BUILD / "html" / "_static").rglob("*.map"):
+        path.unlink()  # maps of the theme's scripts: megabytes that no reader opens
     return done.returncode
 
 
