@@ -147,7 +147,7 @@ function drawPath(ctx, view, path, kind, step, colours) {
 
 function ellipseAt(ctx, view, x, y, [a, b, angle]) {
   if (Number.isNaN(a) || Number.isNaN(x)) return;
-  const [cx, cy, ra] = [view.px(x), view.py(y), a * view.sx];
+  const [cx, cy, ra] = [view.px(x), view.py(y), Math.max(a * view.sx, 0)]; // packed: -1e-10 is 0
   ctx.moveTo(cx + ra * Math.cos(angle), cy - ra * Math.sin(angle));
   ctx.ellipse(cx, cy, ra, Math.max(b * view.sx, 0.5), -angle, 0, 2 * Math.PI);
 }
