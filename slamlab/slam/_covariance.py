@@ -141,7 +141,8 @@ class Covariance:
         """Make room for `size` rows and keep what is there; the memory grows by doubling."""
         P, old = self._P, min(self._size, size)
         if size * size > len(self._flat):
-            self._flat = np.empty(max(size * size, 2 * len(self._flat)))
+            # Zeros: what is added above the diagonal must not warn of numbers that nobody wrote.
+            self._flat = np.zeros(max(size * size, 2 * len(self._flat)))
         self._size = size
         self._P = self._flat[: size * size].reshape(size, size)
         # In the same memory the rows move apart; NumPy sees the overlap and copies first.

@@ -96,3 +96,24 @@ def test_a_covariance_does_what_dense_matrices_do(N):
         np.testing.assert_allclose(P.pose, due[:3, :3], atol=1e-9)
     np.testing.assert_allclose(P.matrix, due, atol=1e-9)
     np.testing.assert_array_equal(P.matrix, P.matrix.T)
+
+
+def test_memory_that_nobody_wrote_is_never_reckoned_with(monkeypatch):
+    rng = np.random.default_rng(0)
+    empty = np.empty
+
+    def garbage(*args, **kwargs):
+        """What malloc may return: signalling NaN, which warn as soon as one adds to them."""
+        array = empty(*args, **kwargs)
+        array.view(np.uint64)[...] = 0x7FF0_0000_0000_0001
+        return array
+
+    monkeypatch.setattr(np, "empty", garbage)
+    for n in (_covariance.SMALL // 2, _covariance.SMALL):
+        P = Covariance(np.eye(3))
+        with np.errstate(all="raise"):
+            P.append(np.ones((2 * n, 3)), np.eye(2 * n))
+            P.correct(0.01 * rng.normal(size=(2, 3 + 2 * n)))
+            P.append(np.ones((2, 3)), np.eye(2))
+            P.correct(0.01 * rng.normal(size=(2, 5 + 2 * n)))
+        assert np.isfinite(P.matrix).all()
