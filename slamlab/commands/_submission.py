@@ -169,6 +169,7 @@ def _executed(cell: str, space: dict[str, Any]) -> None:
 
 
 def limit_memory(size: int) -> None:
+    """Let this process take so many bytes at most; Windows knows no such limit."""
     try:
         import resource
     except ImportError:  # Windows

@@ -11,6 +11,7 @@ __all__ = ["agree", "difference", "overlap", "pairs", "plain", "same", "show"]
 
 
 def plain(value: Any) -> Any:
+    """Copy a result into numbers, arrays, tuples and lists; of anything else its repr."""
     if hasattr(value, "mean") and hasattr(value, "cov") and not isinstance(value, np.ndarray):
         return (np.array(value.mean, dtype=float), np.array(value.cov, dtype=float))
     if value is None or isinstance(value, (bool, int, float, str)):
@@ -23,6 +24,7 @@ def plain(value: Any) -> Any:
 
 
 def leaves(value: Any) -> Iterator[np.ndarray]:
+    """Go through the arrays of a result, nested ones and those of a Gaussian too."""
     if isinstance(value, np.ndarray):
         yield value
     elif isinstance(value, (tuple, list)):
@@ -42,6 +44,7 @@ def overlap(result: Any, argument: Any) -> bool:
 
 
 def same(a: Any, b: Any) -> bool:
+    """Say whether two results have equal arrays, digit by digit; NaN equals NaN."""
     ours, theirs = list(leaves(a)), list(leaves(b))
     return len(ours) == len(theirs) and all(
         x.shape == y.shape and np.array_equal(x, y, equal_nan=x.dtype.kind == "f")
@@ -50,6 +53,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def agree(came: Any, due: Any, tolerance: float) -> bool:
+    """Say whether what came is what is due, up to a tolerance, absolute and relative."""
     if due is None or came is None:
         return due is None and came is None
     if isinstance(due, str):
@@ -133,6 +137,7 @@ def _apart(a: float, b: float) -> tuple[str, str]:
 
 
 def show(value: Any) -> str:
+    """Write a value in one line: five digits, of a large array its shape."""
     try:
         array = np.asarray(value)
     except ValueError:

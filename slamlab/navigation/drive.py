@@ -34,7 +34,7 @@ _PLANS = 10
 # Who was so far from the start (m) and is within half of it again has come back.
 _LEFT = 10.0
 # A belief that moves a place by so much (m) has a new map to be drawn.
-_MOVED = 0.05
+MOVED = 0.05
 
 
 @dataclass(frozen=True)
@@ -320,7 +320,7 @@ class RoomDriver:
             return
         rows, poses, scans = zip(*self._drawn, strict=True)
         now = self._past.trajectory[list(rows)]
-        if np.hypot(*(now - poses)[:, :2].T).max() < _MOVED:
+        if np.hypot(*(now - poses)[:, :2].T).max() < MOVED:
             return
         self._drawn = list(zip(rows, now, scans, strict=True))
         self.floor, self._way = self._blank(), np.empty((0, 2))

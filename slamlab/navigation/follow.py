@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_a, as_array, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.models import ScanSensor, Smoother, View
-from slamlab.navigation.drive import Guard
+from slamlab.navigation.drive import MOVED, Guard
 from slamlab.navigation.path_memory import PathMemory
 
 __all__ = ["Homer", "Law", "RegulatedPurePursuit", "Retracer", "ReturnLaw"]
@@ -401,10 +401,7 @@ class Retracer:
         return u
 
     def _lay(self) -> None:
-        self.memory = PathMemory(self._tolerance, max_step=1e3)
-        for point in self._way:
-            self.memory.add(point)
-        self.memory.close()
+        self.memory = PathMemory.from_points(self._way, self._tolerance, max_step=1e3)
         self._s = np.asarray(self.memory.length)
 
     def _revise(self, pose: Array) -> None:
@@ -412,7 +409,7 @@ class Retracer:
         if self._past is None:
             return
         now = self._past.trajectory[: len(self._way), :2]
-        if np.hypot(*(now - self._way).T).max() < 0.05:
+        if np.hypot(*(now - self._way).T).max() < MOVED:
             return
         part = float(self._s) / max(self.memory.length, 1e-9)
         self._way, self._best, self._waited = now, np.inf, 0

@@ -14,12 +14,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from slamlab import datasets
 from slamlab._checks import Array, as_array, as_choice, as_count
 from slamlab.evaluation.tours import coverage, path_length
-from slamlab.gaussian import mahalanobis_squared
+from slamlab.gaussian import chi2_quantile, mahalanobis_squared
 from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
 from slamlab.models import Estimator, MotionModel, Smoother, World
@@ -48,7 +47,7 @@ NEAR = 0.15  # home is within so much of the mark (m)
 COVERED = 0.95  # and after having seen so much of the floor
 _SPEED, _TURN, _DT = 0.6, 1.0, 0.2
 _AGAIN = 8.0  # of the first way, driven once more before the robot stops (m)
-_GATE = float(stats.chi2.ppf(0.95, 2))
+_GATE = float(chi2_quantile(0.95, 2))
 
 
 @dataclass(frozen=True)
@@ -95,61 +94,40 @@ class Building:
     lidar : Lidar
     sight : float
         Floor nearer than this counts as explored (m).
+    margin : float
+        Room that the guard keeps round the body (m).
     sigma_wheel : float
         Noise of each wheel (rad/s).
     scale, drift : float
         How far the wheels are worn at most, see `WornWheels`.
     budget : float
         Seconds for the way out, and again for the way home.
-    margin : float
-        Room that the guard keeps round the body (m).
     """
 
     world: Callable[[], World]
     start: tuple[float, float, float]
     lidar: Lidar
     sight: float
-    sigma_wheel: float
-    scale: float
-    drift: float
-    budget: float
     margin: float
+    sigma_wheel: float = 0.3
+    scale: float = 0.02
+    drift: float = np.deg2rad(0.1)
+    budget: float = 240.0
 
 
+_NEAR_SIGHTED = Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01)
 #: The three buildings of the chapter.
 BUILDINGS = {
     "office": Building(
         rooms.office,
         (2.0, 4.0, 0.0),
         Lidar(180, max_range=8.0, offset=0.3, sigma_range=0.01),
-        2.0,
-        0.3,
-        0.02,
-        np.deg2rad(0.1),
-        240.0,
-        0.06,
+        sight=2.0,
+        margin=0.06,
     ),
-    "ring": Building(
-        rooms.ring,
-        (15.8, 1.4, 0.0),
-        Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01),
-        2.5,
-        0.3,
-        0.02,
-        np.deg2rad(0.1),
-        240.0,
-        0.12,
-    ),
+    "ring": Building(rooms.ring, (15.8, 1.4, 0.0), _NEAR_SIGHTED, sight=2.5, margin=0.12),
     "corridor": Building(
-        rooms.long_corridor,
-        (2.5, 1.0, 0.0),
-        Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01),
-        2.5,
-        0.3,
-        0.02,
-        np.deg2rad(0.1),
-        240.0,
-        0.12,
+        rooms.long_corridor, (2.5, 1.0, 0.0), _NEAR_SIGHTED, sight=2.5, margin=0.12
     ),
 }
 

@@ -126,7 +126,6 @@ class GridFastSlam(PoseParticles):
             if storage == "tree"
             else TileMaps(M, resolution, pose[:2].copy(), share=storage == "tiles")
         )
-        self._rng = rng
         self._empty = True
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:

@@ -52,7 +52,7 @@ function weigh(cloud, z, landmark, sigmas) {
   const weights = logs.map((l) => Math.exp(l - top));
   const sum = weights.reduce((a, b) => a + b, 0);
   const mean = [0, 1].map((i) => cloud.reduce((m, pose, k) => m + weights[k] * pose[i], 0) / sum);
-  return { weights, mean, ess: (sum * sum) / weights.reduce((a, w) => a + w * w, 0) };
+  return { weights, mean };
 }
 
 /** Robots that agree with the start, each after its own straight drive. */
@@ -89,10 +89,9 @@ function drawSighting(ctx, view, state, colours, handles) {
   view.clear(ctx, colours);
   view.axes(ctx, colours);
   view.clip(ctx);
-  const likely = Math.max(...state.seen.weights);
   ctx.fillStyle = colours.particle;
   state.cloud.forEach(([x, y], k) => {
-    const share = state.seen.weights[k] / likely;
+    const share = state.seen.weights[k];
     ctx.globalAlpha = k % 4 ? 0 : 0.12;
     if (share > 0.01) ctx.globalAlpha = 0.25 + 0.75 * share;
     if (ctx.globalAlpha > 0) ctx.fillRect(view.px(x) - 1.5, view.py(y) - 1.5, 3, 3);

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -61,7 +63,7 @@ def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float 
     return np.column_stack([found[:n], headings])
 
 
-class Solid:
+class Solid(ABC):
     """What every world with obstacles says of a body in it."""
 
     def collides(self, footprint: ArrayLike, poses: ArrayLike) -> NDArray[np.bool_]:
@@ -116,9 +118,9 @@ class Solid:
         footprint, start, end, lead = checked_motion(footprint, start, end)
         return self._hits(footprint, start, end).reshape(lead)
 
+    @abstractmethod
     def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
         """Tell which checked motions (n, 3) of a checked footprint meet an obstacle, (n,)."""
-        raise NotImplementedError
 
 
 def checked_motion(
