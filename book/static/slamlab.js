@@ -1,3 +1,7 @@
+// Runs before MathJax: centred beside its number a formula would leave half a phone's width empty.
+if (window.MathJax && window.innerWidth < 600) {
+  window.MathJax.chtml = { displayAlign: "left" };
+}
 // Small repairs of the theme for readers with a keyboard or a screen reader.
 document.addEventListener("DOMContentLoaded", function () {
   // Wide tables and code scroll inside their own box; such a box must be reachable by keyboard.
