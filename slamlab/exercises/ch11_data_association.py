@@ -1,4 +1,4 @@
-"""Checks of chapter 11: the gate, the joint distance, nothing twice.
+"""Checks of chapter 11: the gate, the joint distance, nothing twice, the search for all pairs.
 
 P4 (2a), (2b) with the gate that page 84 lacks; joint compatibility after Neira and Tardos (2001).
 """
@@ -11,11 +11,71 @@ import numpy as np
 
 from slamlab.exercises._draw import a_covariance
 from slamlab.exercises._report import Array, Check, Function, Ints
+from slamlab.gaussian import chi2_quantile
+from slamlab.sensors import RangeBearing
 
-__all__ = ["check_best_first", "check_joint", "check_nearest"]
+__all__ = [
+    "check_best_first",
+    "check_gate",
+    "check_joint",
+    "check_nearest",
+    "check_stacked",
+    "check_together",
+]
 
 
-# Exercise 1: the nearest landmark inside a gate.
+# Exercise 1: a gate for many pairs, with a pencil.
+
+
+def _gate_for(share: float, pairs: int) -> float:
+    """Gate of the squared distance that all true pairs pass together with probability `share`."""
+    return float(-2 * np.log(1 - share ** (1 / pairs)))
+
+
+def _wanted(rng: np.random.Generator) -> Any:
+    return float(np.round(rng.uniform(0.5, 0.999), 3)), int(rng.integers(1, 60))
+
+
+check_gate = Check(
+    _gate_for,
+    "gate",
+    {
+        "one pair": (0.99, 1),
+        "eight pairs": (0.99, 8),
+        "a coin for each of two": (0.5, 2),
+        "any wish": _wanted,
+    },
+    {
+        "the range and the bearing are two numbers: this is the gate of one": (
+            lambda share, pairs: float(chi2_quantile(share ** (1 / pairs), 1))
+        ),
+        "the exponent is -c/2: the 2 is missing": ("-2 * np.log", "-np.log"),
+        "this is the gate of one pair: all of them must pass": ("share ** (1 / pairs)", "share"),
+        "this is P(D^2 < c) = share to the power n: each pair must pass oftener, not less often": (
+            "share ** (1 / pairs)",
+            "share**pairs",
+        ),
+        "misses were added: that they are all avoided is a product": (
+            "1 - share ** (1 / pairs)",
+            "(1 - share) / pairs",
+        ),
+        "this is the distance: the gate is for its square": (
+            lambda share, pairs: np.sqrt(_gate_for(share, pairs))
+        ),
+        "this many lie outside, and the rest inside: P(D^2 < c) = 1 - exp(-c/2)": (
+            "1 - share ** (1 / pairs)",
+            "share ** (1 / pairs)",
+        ),
+        "this is the probability of one pair: its gate is due": (
+            lambda share, pairs: share ** (1 / pairs)
+        ),
+    },
+    tolerance=1e-6,
+    draws=12,
+)
+
+
+# Exercise 2: the nearest landmark inside a gate.
 
 
 def _squared(y: Array, S: Array) -> Any:
@@ -125,7 +185,7 @@ check_nearest = Check(
 )
 
 
-# Exercise 2: the joint distance.
+# Exercise 3: the joint distance.
 
 
 def _joint_distance(y: Array, S: Array) -> float:
@@ -196,7 +256,7 @@ check_joint = Check(
 )
 
 
-# Exercise 3: nothing twice.
+# Exercise 4: nothing twice.
 
 
 def _best_first(distance: Array, gate: float) -> Ints:
@@ -297,4 +357,265 @@ check_best_first = Check(
     },
     draws=12,
     edges=("no landmarks yet", "no measurements"),
+)
+
+
+# Exercise 5: a bug to find.
+
+
+def _stacked_cov(H: Array, P: Array, R: Array) -> Array:
+    """Covariance (2m, 2m) of m innovations with Jacobians H (m, 2, d), state P, sensor noise R."""
+    A = H.reshape(-1, H.shape[2])
+    S: Array = A @ P @ A.T + np.kron(np.eye(len(H)), R)
+    return S
+
+
+def _slopes(m: int) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        d = int(rng.integers(3, 8))
+        return np.round(rng.normal(0, 1, (m, 2, d)), 2), a_covariance(rng, d), a_covariance(rng, 2)
+
+    return draw
+
+
+check_stacked = Check(
+    _stacked_cov,
+    "S",
+    {
+        "a single pair": _slopes(1),
+        "two pairs": _slopes(2),
+        "two pairs, the state known": lambda rng: (
+            (given := _slopes(2)(rng))[0],
+            0 * given[1],
+            given[2],
+        ),
+        "two pairs, a perfect sensor": lambda rng: (*_slopes(2)(rng)[:2], np.zeros((2, 2))),
+        "five pairs": _slopes(5),
+    },
+    {
+        "R stands in every block: each measurement has a noise of its own": (
+            "np.kron(np.eye(len(H)), R)",
+            "np.tile(R, (len(H), len(H)))",
+        ),
+        "the blocks off the diagonal are empty: all pairs share the error of the state": (
+            lambda H, P, R: np.kron(np.eye(len(H)), np.ones((2, 2))) * _stacked_cov(H, P, R)
+        ),
+        "R is missing: the sensor has noise too": (" + np.kron(np.eye(len(H)), R)", ""),
+        "R stands in the first block only: every measurement has noise": (
+            "np.eye(len(H))",
+            "np.diag([1.0] + [0.0] * (len(H) - 1))",
+        ),
+        "only the diagonal of R was used: range and bearing may err together": (
+            "np.kron(np.eye(len(H)), R)",
+            "np.kron(np.eye(len(H)), np.diag(np.diag(R)))",
+        ),
+        "P is missing: the innovations share the doubt of the state, A P A^T": (
+            "A @ P @ A.T",
+            "A @ A.T",
+        ),
+        "R counts twice": (", R)", ", 2 * R)"),
+        "R is spread the wrong way: the order is first range, first bearing, second range": (
+            "np.kron(np.eye(len(H)), R)",
+            "np.kron(R, np.eye(len(H)))",
+        ),
+        "stacked in the wrong order: first pair's range and bearing, then the second pair's": (
+            "H.reshape(-1, H.shape[2])",
+            "H.transpose(1, 0, 2).reshape(-1, H.shape[2])",
+            "np.kron(np.eye(len(H)), R)",
+            "np.kron(R, np.eye(len(H)))",
+        ),
+    },
+)
+
+
+# Exercise 6: assembled, back in the orchard.
+
+
+def _together(y: Array, H: Array, P: Array, R: Array, gates: Array) -> Ints:
+    """Landmark (k,) of each measurement: the largest set of pairs that fit together, -1 for none.
+
+    y (k, n, 2) are the innovations of every measurement with every landmark, H (n, 2, d) their
+    Jacobians, gates (k,) those of 1 to k pairs. Of equally large sets the nearest.
+    """
+    k, n = y.shape[:2]
+    best: list[Any] = [0, 0.0, []]
+
+    def search(j: int, pairs: list[tuple[int, int]], distance: float) -> None:
+        if len(pairs) + k - j < best[0]:
+            return
+        if j == k:
+            if (len(pairs), -distance) > (best[0], -best[1]):
+                best[:] = [len(pairs), distance, pairs]
+            return
+        for i in range(n):
+            if i not in [row for _, row in pairs]:
+                more = [*pairs, (j, i)]
+                js, rows = map(list, zip(*more, strict=True))
+                longer = _joint_distance(y[js, rows], _stacked_cov(H[rows], P, R))
+                if longer < gates[len(more) - 1]:
+                    search(j + 1, more, longer)
+        search(j + 1, pairs, distance)
+
+    search(0, [], 0.0)
+    answer = np.full(k, -1)
+    for j, i in best[2]:
+        answer[j] = i
+    return answer
+
+
+def _by_singles(measure: Function) -> Function:
+    """Return an association that pairs by single distances alone."""
+
+    def wrong(y: Array, H: Array, P: Array, R: Array, gates: Array) -> Any:
+        S = H @ P @ H.transpose(0, 2, 1) + R
+        distance = np.array([_squared(one, S) for one in y]).reshape(y.shape[:2])
+        return measure(distance, gates[0] if len(gates) else 0.0)
+
+    return wrong
+
+
+def _greedy(y: Array, H: Array, P: Array, R: Array, gates: Array) -> Any:
+    """Take the best pair that still fits those taken, and never give one back."""
+    S = H @ P @ H.transpose(0, 2, 1) + R
+    distance = np.array([_squared(one, S) for one in y]).reshape(y.shape[:2])
+    pairs: list[tuple[int, int]] = []
+    for flat in np.argsort(distance, axis=None).tolist():
+        j, i = divmod(flat, y.shape[1])
+        if j in [a for a, _ in pairs] or i in [b for _, b in pairs]:
+            continue
+        more = [*pairs, (j, i)]
+        js, rows = map(list, zip(*more, strict=True))
+        if _joint_distance(y[js, rows], _stacked_cov(H[rows], P, R)) < gates[len(pairs)]:
+            pairs = more
+    answer = np.full(len(y), -1)
+    for j, i in pairs:
+        answer[j] = i
+    return answer
+
+
+def _back(trees: int, seen: int, strangers: int = 0, echo: int = 0, mixed: bool = True) -> Any:
+    """Draw what a robot sees that has lost its place by half a metre and five degrees."""
+
+    def draw(rng: np.random.Generator) -> Any:
+        sensor = RangeBearing(0.05, np.radians(0.5))
+        believed = np.zeros(3)
+        truth = rng.normal(0, 1, 3) * [0.5, 0.5, 0.08]
+        orchard = rng.uniform([2.0, -2.5], [6.0, 2.5], (trees, 2))
+        P = np.diag([0.25, 0.25, 0.0064, *[0.0004] * (2 * trees)])
+        in_map = orchard + rng.normal(0, 0.02, (trees, 2))
+        which = rng.permutation(trees)[:seen] if mixed else np.arange(seen)
+        which = np.append(which, which[:echo])
+        z = sensor.observe(truth, orchard[which]) + rng.normal(0, 1, (len(which), 2)) * [
+            0.05,
+            0.0087,
+        ]
+        z = np.vstack([z, rng.uniform([2.0, -0.5], [6.0, 0.5], (strangers, 2))])
+        y = sensor.residual(z[:, None], sensor.observe(believed, in_map)[None])
+        H_pose, H_landmark = sensor.jacobians(believed, in_map)
+        H = np.zeros((trees, 2, 3 + 2 * trees))
+        H[:, :, :3] = H_pose
+        for i in range(trees):
+            H[i, :, 3 + 2 * i : 5 + 2 * i] = H_landmark[i]
+        gates = chi2_quantile(0.99, 2 * np.arange(1, len(z) + 1))
+        return np.round(y, 3), np.round(H, 3), P, sensor.cov, gates
+
+    return draw
+
+
+def _often(n: int) -> Any:
+    """Stack n looks back into the orchard; measurement j is of tree j."""
+    rng = np.random.default_rng(3)
+    looks = [_back(6, 4, mixed=False)(rng) for _ in range(n)]
+    y, H = (np.array([look[k] for look in looks]) for k in (0, 1))
+    return y, H, *looks[0][2:]
+
+
+def _paired(associate: Function, y: Array, H: Array, P: Array, R: Array, gates: Array) -> Any:
+    """Pair one look, or judge the pairs of many looks."""
+    if y.ndim == 3:
+        return associate(y, H, P, R, gates)
+    rows = [associate(one, slopes, P, R, gates) for one, slopes in zip(y, H, strict=True)]
+    if any(one is None or one is Ellipsis for one in rows):
+        return None
+    share = np.mean(np.array(rows).reshape(len(y), -1) == np.arange(y.shape[1]))
+    return "" if share >= 0.95 else f"{share:.0%} of the trees are named rightly, 95 % are due"
+
+
+check_together = Check(
+    _together,
+    "rows",
+    {
+        "one measurement, one tree": _back(1, 1),
+        "two trees": _back(2, 2),
+        "three of four trees": _back(4, 3),
+        "a look with a measurement of nothing": _back(4, 3, strangers=1),
+        "more measurements than trees": _back(2, 2, strangers=2),
+        "a tree that was measured twice": _back(3, 2, echo=1),
+        "a pair that only the gate of two would let pass": (
+            [[[3.2, 0.0]], [[9.0, 9.0]]],
+            np.zeros((1, 2, 3)),
+            np.eye(3),
+            np.eye(2),
+            [9.21, 13.28],
+        ),
+        "exactly on the gate is not inside": (
+            [[[2.0, 0.0]]],
+            np.zeros((1, 2, 3)),
+            np.eye(3),
+            np.eye(2),
+            [4.0],
+        ),
+        "nothing was measured": lambda rng: (*_back(3, 0)(rng)[:4], np.zeros(0)),
+        "no trees in the map": (
+            np.zeros((2, 0, 2)),
+            np.zeros((0, 2, 3)),
+            np.eye(3),
+            np.eye(2),
+            [9.21, 13.28],
+        ),
+        "thirty returns to the orchard": _often(30),
+    },
+    {
+        "each tree was paired by itself: pairs that fit one by one need not fit together": (
+            _by_singles(_best_first)
+        ),
+        "each took its nearest tree: pairs that fit one by one need not fit together": (
+            _by_singles(_each_its_nearest)
+        ),
+        "the best pair was taken first and never given back: try other sets too": _greedy,
+        "the pairs were only tried one by one: the whole set must be inside its gate": (
+            "longer < gates[len(more) - 1]",
+            "_joint_distance(y[[j], [i]], _stacked_cov(H[[i]], P, R)) < gates[0]",
+        ),
+        "the gate of a single pair was used for all: m pairs have the gate number m": (
+            "gates[len(more) - 1]",
+            "gates[0]",
+        ),
+        "the gate of all measurements was used for every set: m pairs have the gate number m": (
+            "gates[len(more) - 1]",
+            "gates[-1]",
+        ),
+        "no gate was used": ("if longer < gates[len(more) - 1]:", "if True:"),
+        "a tree was given to two measurements": (
+            "if i not in [row for _, row in pairs]:",
+            "if True:",
+        ),
+        "a measurement may also be of no tree: try that as well": (
+            "        search(j + 1, pairs, distance)\n",
+            "",
+        ),
+        "the first of the largest sets came: of equally large ones the nearest is due": (
+            "(len(pairs), -distance) > (best[0], -best[1])",
+            "len(pairs) > best[0]",
+        ),
+        "the farthest of the largest sets came": (
+            "(len(pairs), -distance) > (best[0], -best[1])",
+            "(len(pairs), distance) > (best[0], best[1])",
+        ),
+        "nothing was paired: the largest set is due": (
+            lambda y, H, P, R, gates: np.full(len(y), -1)
+        ),
+    },
+    use=_paired,
+    edges=("nothing was measured", "no trees in the map"),
 )
