@@ -1,4 +1,4 @@
-"""Checks of chapter 17: a constrained fit, a loop inside one cubic, gains for the way home.
+"""Checks of chapter 17: a constrained fit, a loop, the law and its gains, a memory driven home.
 
 P3 section 2 (two points), section 3 (closed form instead of boxes) and step 2.3 (return law).
 """
@@ -10,14 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from slamlab.exercises._draw import a_pose
 from slamlab.exercises._report import Array, Check, Function
+from slamlab.geometry import wrap_angle
 from slamlab.localization import DeadReckoning
 from slamlab.navigation import Homer, PathMemory, ReturnLaw
 from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer
 from slamlab.simulation import record
 
-__all__ = ["check_fit", "check_loop", "check_tune"]
+__all__ = ["check_fit", "check_loop", "check_remember", "check_steer", "check_tune"]
 
 
 # Exercise 1: a fit through two points.
@@ -212,7 +214,103 @@ check_loop = Check(
 )
 
 
-# Exercise 3: gains for the way home.
+# Exercise 3: a bug to find.
+
+
+def _steer(pose: Array, point: Array, gains: Array, limits: Array) -> tuple[float, float]:
+    """Speed and turn rate of P3's step 2.3 towards a point; gains and limits for v and omega."""
+    dx, dy = point - pose[:2]
+    alpha = wrap_angle(np.arctan2(dy, dx) - pose[2])
+    v = min(gains[0] * np.hypot(dx, dy), limits[0])
+    omega = min(max(gains[1] * alpha, -limits[1]), limits[1])
+    return float(v), float(omega)
+
+
+def _aim(behind: float | None = None, limits: tuple[float, float] = (0.2, 1.5)) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        pose = a_pose(rng)
+        if behind is not None:
+            pose[2] = rng.choice([-1, 1]) * behind
+        alpha = rng.uniform(-0.5, 0.5) if behind is not None else rng.uniform(-3, 3)
+        way = float(np.round(rng.uniform(0.05, 0.4), 2))
+        point = pose[:2] + way * np.array([np.cos(pose[2] + alpha), np.sin(pose[2] + alpha)])
+        return pose, np.round(point, 3), np.round(rng.uniform(0.6, 3.0, 2), 2), limits
+
+    return draw
+
+
+check_steer = Check(
+    _steer,
+    "v, omega",
+    {
+        "a point straight ahead": ([0, 0, 0], [0.1, 0.0], [1.0, 2.0], [0.2, 1.5]),
+        "to the left, to the right": lambda rng: (
+            [1.0, 1.0, 0.3],
+            [1.1, 1.03 + rng.choice([-0.05, 0.05])],
+            [1.0, 2.0],
+            [0.2, 1.5],
+        ),
+        "far away: both limits hold": lambda rng: (
+            [0, 0, rng.choice([-1.5, 1.5])],
+            [2.0, 0.0],
+            [1.0, 2.0],
+            [0.2, 1.5],
+        ),
+        "a robot that looks to the west": _aim(behind=3.0),
+        "almost half a turn is due": ([0, 0, 0.0], [-0.1, 0.001], [1.0, 0.3], [0.2, 1.5]),
+        "limits that never hold": _aim(limits=(9.0, 99.0)),
+        "any point": _aim(),
+    },
+    {
+        "the angle is not wrapped: a robot that looks to the west turns the long way round": (
+            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
+            "np.arctan2(dy, dx) - pose[2]",
+        ),
+        "the turn rate was limited to the left only: a turn to the right has a limit too": (
+            "min(max(gains[1] * alpha, -limits[1]), limits[1])",
+            "min(gains[1] * alpha, limits[1])",
+        ),
+        "the turn rate was limited to the right only: a turn to the left has a limit too": (
+            "min(max(gains[1] * alpha, -limits[1]), limits[1])",
+            "max(gains[1] * alpha, -limits[1])",
+        ),
+        "the turn rate was not limited": (
+            "min(max(gains[1] * alpha, -limits[1]), limits[1])",
+            "gains[1] * alpha",
+        ),
+        "the speed was not limited": (
+            "min(gains[0] * np.hypot(dx, dy), limits[0])",
+            "gains[0] * np.hypot(dx, dy)",
+        ),
+        "the robot turns away from the point: alpha is the direction less the heading": (
+            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
+            "-wrap_angle(np.arctan2(dy, dx) - pose[2])",
+        ),
+        "the heading is missing: alpha is seen from the front of the robot": (
+            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
+            "np.arctan2(dy, dx)",
+        ),
+        "the arctangent takes y first, then x": ("np.arctan2(dy, dx)", "np.arctan2(dx, dy)"),
+        "the arctangent of dy / dx forgets on which side the point lies: arctan2(dy, dx)": (
+            "np.arctan2(dy, dx)",
+            "np.arctan(dy / dx)",
+        ),
+        "the gains are exchanged: the first is that of the speed": (
+            lambda pose, point, gains, limits: _steer(pose, point, gains[::-1], limits)
+        ),
+        "the limits are exchanged: the first is that of the speed": (
+            lambda pose, point, gains, limits: _steer(pose, point, gains, limits[::-1])
+        ),
+        "the distance along x alone was taken": ("np.hypot(dx, dy)", "abs(dx)"),
+        "the angle is limited, not the rate: multiply by the gain first": (
+            "min(max(gains[1] * alpha, -limits[1]), limits[1])",
+            "gains[1] * min(max(alpha, -limits[1]), limits[1])",
+        ),
+    },
+)
+
+
+# Exercise 4: gains for the way home.
 
 
 def _tune() -> tuple[float, float, float]:
@@ -292,4 +390,157 @@ check_tune = Check(
         "it swings past no corner by more than 4 cm": (4,),
     },
     use=_aspect,
+)
+
+
+# Exercise 5: a memory assembled, and driven home.
+
+
+def _remember(points: Array, tolerance: float) -> Array:
+    """Cubics (m, 4, 2) that pass every point (n, 2) of a way within a tolerance (m).
+
+    Each is as long as it can be: it ends at the last point with which all points between its
+    ends still lie within the tolerance. The next begins where it ends.
+    """
+    t = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    first, cubics = 0, []
+    while first < len(points) - 1:
+        last = first + 1
+        while last < len(points) - 1:
+            if _gaps(t[first : last + 2], points[first : last + 2]).max() > tolerance:
+                break
+            last += 1
+        cubics.append(_fit_between(t[first : last + 1], points[first : last + 1]))
+        first = last
+    return np.array(cubics)
+
+
+def _misses(t: Array, points: Array) -> Any:
+    tau = (t - t[0]) / (t[-1] - t[0])
+    return tau[:, None] ** np.arange(4) @ _fit_between(t, points) - points
+
+
+def _gaps(t: Array, points: Array) -> Any:
+    """Distances (n,) of points from the cubic that is fitted to them."""
+    return np.hypot(*_misses(t, points).T)
+
+
+def _point_to_point(points: Array, tolerance: float) -> Any:
+    pairs = zip(points[:-1], points[1:], strict=True)
+    return np.array([_fit_between(np.arange(2.0), np.array(pair)) for pair in pairs])
+
+
+def _walk(n: int, tolerance: float) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        heading = np.cumsum(rng.normal(0, 0.5, n))
+        hops = rng.uniform(0.05, 0.4, n)[:, None]
+        return np.cumsum(hops * np.stack([np.cos(heading), np.sin(heading)], 1), 0), tolerance
+
+    return draw
+
+
+def _way_out() -> Array:
+    """Points (1, n, 2) that a camera would note on a way of four metres, off by millimetres."""
+    s = np.linspace(0, 1, 121)
+    way = np.stack([2.4 * s, 0.9 * np.sin(6.0 * s) + 0.4 * s**2], 1)
+    return np.round(way + np.random.default_rng(7).normal(0, 0.004, way.shape), 4)[None]
+
+
+def _home_along(cubics: Any, points: Array) -> str:
+    """Drive home along cubics, from the last point to the first; say what is wrong."""
+    c = np.asarray(cubics, dtype=float)
+    if c.ndim != 3 or c.shape[1:] != (4, 2):
+        return f"an array of shape (m, 4, 2) is due, one of shape {c.shape} came"
+    tau = np.linspace(0, 1, 40)[:, None] ** np.arange(4)
+    path = (tau @ c).reshape(-1, 2)
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
+    pose, at, away = np.append(path[-1], np.pi), len(path) - 1, 0.0
+    for _ in range(800):
+        at = int(np.argmin(np.hypot(*(path[: at + 1] - pose[:2]).T)))
+        ahead = path[int(np.argmin(np.abs(along[: at + 1] - along[at] + 0.15)))]
+        v, omega = _steer(pose, ahead, np.array([1.0, 2.0]), np.array([0.2, 1.5]))
+        half = pose[2] + 0.05 * omega
+        pose = pose + 0.1 * np.array([v * np.cos(half), v * np.sin(half), omega])
+        away = max(away, float(np.hypot(*(points - pose[:2]).T).min()))
+    off = float(np.hypot(*(pose[:2] - points[0])))
+    if not off <= 0.05:
+        return f"the robot comes to rest {off:.2f} m from home, 0.05 m are allowed"
+    if away > 0.08:
+        return f"the robot drives {100 * away:.0f} cm from its way out, 8 are allowed"
+    if len(c) > 6:
+        return f"{len(c)} cubics are no saving for {len(points)} points, six are allowed"
+    return ""
+
+
+def _memory_of(remember: Function, points: Array, tolerance: float) -> Any:
+    """Return the cubics, or, for the way out, what its way home says."""
+    if points.ndim == 2:
+        return remember(points, tolerance)
+    cubics = remember(points[0], tolerance)
+    return None if cubics is None or cubics is Ellipsis else _home_along(cubics, points[0])
+
+
+check_remember = Check(
+    _remember,
+    "cubics",
+    {
+        "two points make one cubic": ([[0.0, 0.0], [1.0, 2.0]], 0.05),
+        "a straight way needs one, even without tolerance": (
+            [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]],
+            0.0,
+        ),
+        "no tolerance: a cubic passes four points, not five": lambda rng: (
+            _walk(7, 1e-6)(rng)[0],
+            1e-6,
+        ),
+        "a corner": ([[0, 0], [1, 0], [2, 0], [3, 0], [3, 1], [3, 2], [3, 3.0]], 0.05),
+        "a short way": _walk(8, 0.02),
+        "a long way": _walk(40, 0.05),
+        "out, and home along the memory": (_way_out(), 0.03),
+    },
+    {
+        "the last cubic is missing: what is open at the end of the way is stored too": (
+            lambda points, tolerance: _remember(points, tolerance)[:-1]
+        ),
+        "the cubic that left the tolerance was stored: the one before it is due": (
+            "_fit_between(t[first : last + 1], points[first : last + 1])",
+            "_fit_between(t[first : last + 2], points[first : last + 2])",
+        ),
+        "the next cubic begins one point too late: it begins where the last one ends": (
+            "first = last",
+            "first = last + 1",
+        ),
+        "only the newest point was tested: a longer cubic moves away from the old ones too": (
+            ".max() > tolerance",
+            "[-2] > tolerance",
+        ),
+        "the mean distance was tested: every point must lie within the tolerance": (
+            ".max() > tolerance",
+            ".mean() > tolerance",
+        ),
+        "squared distances were compared with the tolerance": (
+            ".max() > tolerance",
+            ".max() ** 2 > tolerance",
+        ),
+        "x and y were tested one by one: the distance in the plane counts": (
+            "_gaps(t[first : last + 2], points[first : last + 2])",
+            "np.abs(_misses(t[first : last + 2], points[first : last + 2]))",
+        ),
+        "the parameter is the number of the point: let it grow with the way": (
+            "np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))",
+            "1.0 * np.arange(len(points))",
+        ),
+        "one cubic for the whole way: begin a new one where the tolerance is left": (
+            lambda points, tolerance: _remember(points, np.inf)
+        ),
+        "a cubic from point to point: it should be as long as the tolerance allows": (
+            _point_to_point
+        ),
+        "the cubics came in the wrong order: the first begins at the first point": (
+            lambda points, tolerance: _remember(points, tolerance)[::-1]
+        ),
+        "exactly at the tolerance is still within": ("> tolerance", ">= tolerance"),
+    },
+    tolerance=1e-6,
+    use=_memory_of,
 )

@@ -1,5 +1,7 @@
 """Right answers of chapter 17, written in other ways: each passes."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -45,9 +47,36 @@ def loop_by_cramer(c):
     return sorted(roots.real)
 
 
+def steer_by_complex_numbers(pose, point, gains, limits):
+    """Another right answer: the angle of a quotient of complex numbers is wrapped already."""
+    way = complex(*(point - pose[:2])) / complex(math.cos(pose[2]), math.sin(pose[2]))
+    turn = gains[1] * math.atan2(way.imag, way.real)
+    return [min(gains[0] * abs(way), limits[0]), math.copysign(min(abs(turn), limits[1]), turn)]
+
+
+def remember_by_halving(points, tolerance):
+    """Another right answer: runs as lists, the newest point put back when it breaks the fit."""
+    t = [0.0]
+    for a, b in zip(points[:-1].tolist(), points[1:].tolist(), strict=True):
+        t.append(t[-1] + math.dist(a, b))
+    cubics, run = [], [0]
+    for new in range(1, len(points)):
+        if len(run) > 2:
+            c = by_multipliers(np.array([t[k] for k in [*run, new]]), points[[*run, new]])
+            tau = (np.array([t[k] for k in [*run, new]]) - t[run[0]]) / (t[new] - t[run[0]])
+            curve = np.polynomial.polynomial.polyval(tau, np.array(c)).T
+            if max(map(math.dist, curve, points[[*run, new]])) > tolerance:
+                cubics.append(ch.check_fit.reference(np.array([t[k] for k in run]), points[run]))
+                run = run[-1:]
+        run.append(new)
+    return [*cubics, ch.check_fit.reference(np.array([t[k] for k in run]), points[run])]
+
+
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
+        (ch.check_steer, steer_by_complex_numbers),
+        (ch.check_remember, remember_by_halving),
         (ch.check_fit, by_library),
         (ch.check_fit, by_multipliers),
         (ch.check_fit, by_elimination),
