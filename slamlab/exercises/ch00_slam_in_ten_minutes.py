@@ -1,4 +1,4 @@
-"""Checks of chapter 00: dead reckoning, the error of one edge, its Jacobian.
+"""Checks of chapter 00: dead reckoning, the error of one edge, its Jacobian, the relaxed graph.
 
 The error is that of g2o and Grisetti et al. (2010), as `slamlab.slam.PoseGraph` has it.
 """
@@ -9,11 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_pose
-from slamlab.exercises._report import Array, Check, Function
+from slamlab.exercises._draw import a_covariance, a_pose
+from slamlab.exercises._report import Array, Check, Function, Ints
 from slamlab.geometry import between, compose, inverse, rotation, wrap_angle
 
-__all__ = ["check_dead_reckoning", "check_edge_error", "check_edge_jacobian"]
+__all__ = [
+    "check_dead_reckoning",
+    "check_edge_error",
+    "check_edge_jacobian",
+    "check_relax",
+    "check_slam",
+]
 
 
 # Exercise 1: dead reckoning.
@@ -240,4 +246,200 @@ check_edge_jacobian = Check(
         "the sign of the whole matrix is reversed": ("return J", "return -J"),
     },
     tolerance=1e-4,
+)
+
+
+# Exercise 4: one step of Gauss-Newton, with bugs.
+
+
+def _relax(poses: Array, edges: Ints, z: Array, omega: Array) -> Array:
+    """Poses (n, 3) after one step of Gauss-Newton over m edges, the first pose held fixed."""
+    n = len(poses)
+    H, b = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
+    for (i, j), measured, weight in zip(edges, z, omega, strict=True):
+        e = _edge_error(poses[i], poses[j], measured)
+        A = np.zeros((3, 6))
+        A[:, :3] = _edge_jacobian(poses[i], poses[j], measured)
+        A[:2, 3:5], A[2, 5] = -A[:2, :2], 1.0
+        rows = np.r_[3 * i : 3 * i + 3, 3 * j : 3 * j + 3]
+        H[np.ix_(rows, rows)] += A.T @ weight @ A
+        b[rows] += A.T @ weight @ e
+    step = np.zeros(3 * n)
+    step[3:] = np.linalg.solve(H[3:, 3:], -b[3:])
+    new = poses + step.reshape(n, 3)
+    new[:, 2] = wrap_angle(new[:, 2])
+    return new
+
+
+def _path(rng: np.random.Generator, n: int) -> Array:
+    """Draw n poses of a drive that turns to the left and crosses half a turn."""
+    motions = np.round(rng.uniform([0.5, -0.2, 0.2], [1.5, 0.2, 0.9], (n - 1, 3)), 2)
+    start = np.array([*np.round(rng.uniform(-3, 3, 2), 2), np.round(rng.uniform(1, 2), 2)])
+    return _dead_reckoning(start, motions)
+
+
+def _graph(n: int, extra: int, noise: float = 0.1) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        poses = _path(rng, n)
+        edges = [(k, k + 1) for k in range(n - 1)]
+        edges += [tuple(rng.choice(n, 2, replace=False)) for _ in range(extra)]
+        z = np.array([between(poses[i], poses[j]) for i, j in edges])
+        poses[1:, :2] += rng.normal(0, noise, (n - 1, 2))
+        poses[1:, 2] = wrap_angle(poses[1:, 2] + rng.normal(0, noise, n - 1))
+        return poses, edges, z, np.array([10 * a_covariance(rng, 3) for _ in edges])
+
+    return draw
+
+
+def _two_readings(rng: np.random.Generator) -> Any:
+    """Draw one motion that was measured twice, once well and once badly."""
+    poses, _, z, omega = _graph(2, 1)(rng)
+    z = np.array([z[0], z[0] + np.round(rng.normal(0, 0.3, 3), 2)])
+    return poses, [(0, 1), (0, 1)], z, omega * np.array([1.0, 20.0])[:, None, None]
+
+
+check_relax = Check(
+    _relax,
+    "poses",
+    {
+        "two poses and one edge": _graph(2, 0),
+        "poses that contradict no edge stay where they are": _graph(4, 0, 0.0),
+        "one motion measured twice, well and badly": _two_readings,
+        "a chain of four": _graph(4, 0),
+        "a chain with closures, some of them read backwards": _graph(5, 3),
+        "across half a turn": (
+            [[0.0, 0.0, 3.0], [-1.0, 0.1, -3.1], [-2.0, 0.2, -2.9]],
+            [(0, 1), (1, 2), (2, 0)],
+            [[1.0, 0.0, 0.2], [1.0, 0.0, 0.1], [-2.0, 0.0, -0.35]],
+            [4.0 * np.eye(3), 2.0 * np.eye(3), np.eye(3)],
+        ),
+    },
+    {
+        "every edge pulls: the last edge of a pose has overwritten what the others said in b": (
+            "b[rows] += A.T",
+            "b[rows] = A.T",
+        ),
+        "every edge holds: the last edge of a pose has overwritten the others in H": (
+            "H[np.ix_(rows, rows)] += A.T",
+            "H[np.ix_(rows, rows)] = A.T",
+        ),
+        "the heading error is not wrapped: a full turn pulls like a wrong edge": (
+            "e = _edge_error(poses[i], poses[j], measured)",
+            "e = np.append(_edge_error(poses[i], poses[j], measured)[:2], "
+            "poses[j][2] - poses[i][2] - measured[2])",
+        ),
+        "the new headings are not wrapped: (-pi, pi] is due": (
+            "    new[:, 2] = wrap_angle(new[:, 2])\n",
+            "",
+        ),
+        "the step goes uphill: H step = -b": ("-b[3:]", "b[3:]"),
+        "the information is not used in H: A^T Omega A": ("A.T @ weight @ A", "A.T @ A"),
+        "the information is not used in b: A^T Omega e": ("A.T @ weight @ e", "A.T @ e"),
+        "the information is not used at all: an edge counts as much as it is sure": (
+            "A.T @ weight @",
+            "A.T @",
+        ),
+        "Omega was inverted: it is an information, no covariance": (
+            "A.T @ weight @",
+            "A.T @ np.linalg.inv(weight) @",
+        ),
+        "the lever is missing: turning pose i swings pose j": (
+            "= -A[:2, :2], 1.0",
+            "= -A[:2, :2], 1.0\n        A[:2, 2] = 0.0",
+        ),
+        "pose j does not move: it has columns in A too": ("= -A[:2, :2], 1.0", "= 0.0, 0.0"),
+        "only the step came: add it to the poses": ("poses + step", "0 * poses + step"),
+    },
+    tolerance=1e-6,
+)
+
+
+# Exercise 5: SLAM, assembled.
+
+
+def _slam(
+    start: Array, odometry: Array, omega: Array, closures: Ints, z: Array, omega_closure: Array
+) -> tuple[Array, float]:
+    """Poses (n + 1, 3) of least chi2 after n motions and m closures, and that chi2."""
+    n = len(odometry)
+    poses = _dead_reckoning(start, odometry)
+    edges = np.vstack([np.column_stack([np.arange(n), np.arange(n) + 1]), closures])
+    measured = np.vstack([odometry, z])
+    weights = np.array([omega] * n + [omega_closure] * len(closures))
+    for _ in range(15):
+        poses = _relax(poses, edges, measured, weights)
+    chi2 = 0.0
+    for (i, j), seen, weight in zip(edges, measured, weights, strict=True):
+        e = _edge_error(poses[i], poses[j], seen)
+        chi2 += float(e @ weight @ e)
+    return poses, chi2
+
+
+def _ride(n: int, closures: int) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        truth = _path(rng, n + 1)
+        pairs = [rng.choice(n + 1, 2, replace=False) for _ in range(closures)]
+        sigma = np.array([0.05, 0.05, 0.03])
+        odometry = [between(truth[k], truth[k + 1]) for k in range(n)]
+        z = [between(truth[i], truth[j]) for i, j in pairs]
+        odometry = np.round(odometry + sigma * rng.standard_normal((n, 3)), 3)
+        z = np.reshape(z, (closures, 3)) + sigma / 2 * rng.standard_normal((closures, 3))
+        weight = np.linalg.inv(a_covariance(rng, 3, 0.02)), np.diag((2 / sigma) ** 2)
+        return truth[0], odometry, weight[0], np.reshape(pairs, (closures, 2)), z, weight[1]
+
+    return draw
+
+
+check_slam = Check(
+    _slam,
+    "poses, chi2",
+    {
+        "without a closure it is dead reckoning": _ride(3, 0),
+        "one motion and one closure": _ride(1, 1),
+        "a closure at the end": _ride(5, 1),
+        "a ride with three closures": _ride(7, 3),
+    },
+    {
+        "the closures were not used: they are edges like the others": (
+            "measured = np.vstack([odometry, z])",
+            "edges, measured = edges[:n], odometry",
+            "weights = np.array([omega] * n + [omega_closure] * len(closures))",
+            "weights = np.array([omega] * n)",
+        ),
+        "this is dead reckoning: nothing was relaxed": ("range(15)", "range(0)"),
+        "one step is not enough: the edges bend while the poses turn": ("range(15)", "range(1)"),
+        "a closure was read backwards: pose j is seen from pose i": (
+            "np.arange(n) + 1]), closures]",
+            "np.arange(n) + 1]), closures[:, ::-1]]",
+        ),
+        "all edges have the information of the odometry: closures have their own": (
+            "[omega_closure] *",
+            "[omega] *",
+        ),
+        "all edges have the information of the closures: motions have their own": (
+            "[omega] * n",
+            "[omega_closure] * n",
+        ),
+        "chi2 is that of dead reckoning: the relaxed poses are due": (
+            "_edge_error(poses[i], poses[j], seen)",
+            "_edge_error(*_dead_reckoning(start, odometry)[[i, j]], seen)",
+        ),
+        "chi2 lacks the information: e^T Omega e": ("e @ weight @ e", "e @ e"),
+        "chi2 is that of the closures alone: the motions are edges too": (
+            "    return poses, chi2",
+            "    head = zip(edges[:n], measured[:n])\n"
+            "    for (i, j), seen in head:\n"
+            "        e = _edge_error(poses[i], poses[j], seen)\n"
+            "        chi2 -= float(e @ omega @ e)\n"
+            "    return poses, chi2",
+        ),
+        "chi2 is that of the motions alone: the closures are edges too": (
+            "zip(edges, measured, weights, strict=True)",
+            "zip(edges[:n], measured[:n], weights[:n], strict=True)",
+        ),
+        "chi2 is that of the last edge: add them all up": ("chi2 += ", "chi2 = "),
+        "chi2 has no one half in this book": ("return poses, chi2", "return poses, chi2 / 2"),
+    },
+    tolerance=1e-6,
+    draws=3,
 )
