@@ -380,10 +380,10 @@ def _ride(n: int, closures: int) -> Any:
         truth = _path(rng, n + 1)
         pairs = [rng.choice(n + 1, 2, replace=False) for _ in range(closures)]
         sigma = np.array([0.05, 0.05, 0.03])
-        odometry = [between(truth[k], truth[k + 1]) for k in range(n)]
-        z = [between(truth[i], truth[j]) for i, j in pairs]
+        odometry = np.array([between(truth[k], truth[k + 1]) for k in range(n)])
+        z = np.reshape([between(truth[i], truth[j]) for i, j in pairs], (closures, 3))
         odometry = np.round(odometry + sigma * rng.standard_normal((n, 3)), 3)
-        z = np.reshape(z, (closures, 3)) + sigma / 2 * rng.standard_normal((closures, 3))
+        z = z + sigma / 2 * rng.standard_normal((closures, 3))
         weight = np.linalg.inv(a_covariance(rng, 3, 0.02)), np.diag((2 / sigma) ** 2)
         return truth[0], odometry, weight[0], np.reshape(pairs, (closures, 2)), z, weight[1]
 

@@ -1,6 +1,6 @@
-"""Checks of chapter 06: a beam through cells, the beams of a lidar, points that keep their place.
+"""Checks of chapter 06: beams through cells and against walls, the fan of a lidar, a whole drive.
 
-P5, chapters 3.2.2 (`Scan`) and 3.2.4 (`distancetodots`), repaired.
+P5, chapters 3.2.2 (`Scan`) and 3.2.4 (`distancetodots`), repaired; points keep their place.
 """
 
 from __future__ import annotations
@@ -12,7 +12,13 @@ import numpy as np
 from slamlab.exercises._draw import a_pose
 from slamlab.exercises._report import Array, Check, Function, Ints
 
-__all__ = ["check_beam_angles", "check_first_hit", "check_scan_to_points"]
+__all__ = [
+    "check_beam_angles",
+    "check_first_hit",
+    "check_nearest_wall",
+    "check_record",
+    "check_scan_to_points",
+]
 
 
 # Exercise 1: a beam through cells.
@@ -286,3 +292,201 @@ def _turned_after(pose: Array, ranges: Array, angles: Array) -> Array:
     points = _scan_to_points(np.array([pose[0], pose[1], 0.0]), ranges, angles)
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return points @ np.array([[c, s], [-s, c]])
+
+
+# Exercise 4: a beam against straight walls, with bugs.
+
+
+def _nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
+    """Range (m) to the nearest of the walls (n, 2, 2), each two ends; inf if none is met."""
+    d = np.array([np.cos(angle), np.sin(angle)])
+    along, to = segments[:, 1] - segments[:, 0], segments[:, 0] - np.array([x, y])
+    det = d[0] * along[:, 1] - d[1] * along[:, 0]
+    with np.errstate(all="ignore"):  # a wall along the beam is met at no point: NaN or inf
+        t = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / det
+        s = (to[:, 0] * d[1] - to[:, 1] * d[0]) / det
+    met = (t >= 0) & (s >= 0) & (s <= 1)
+    return float(t[met].min()) if met.any() else np.inf
+
+
+def _walls(n: int) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        start = np.round(rng.uniform(-5, 5, (n, 2)), 2)
+        ends = start + np.round(rng.uniform(0.5, 5, (n, 2)) * rng.choice([-1, 1], (n, 2)), 2)
+        x, y = np.round(rng.uniform(-2, 2, 2), 2)
+        return np.stack([start, ends], 1), x, y, np.round(rng.uniform(-3.1, 3.1), 3)
+
+    return draw
+
+
+def _on_one_line(rng: np.random.Generator) -> Any:
+    """Draw three walls across one beam, in any order of distance, one of them behind."""
+    angle = float(np.round(rng.uniform(-3.1, 3.1), 2))
+    d = np.array([np.cos(angle), np.sin(angle)])
+    places = rng.permutation([-1.0, 2.0, 3.0, 5.0])[:, None] * d
+    across = np.round(rng.uniform(0.3, 1.0, (4, 1)), 2) * np.array([-d[1], d[0]]) + 0.1 * d
+    start = np.round(rng.uniform(-2, 2, 2), 2)
+    return np.stack([places - across, places + across], 1) + start, *start, angle
+
+
+check_nearest_wall = Check(
+    _nearest_wall,
+    "range",
+    {
+        "one wall ahead": ([[[2.0, -1.0], [2.5, 1.0]]], 0.5, 0.0, 0.1),
+        "one wall, drawn the other way round": ([[[2.5, 1.0], [2.0, -1.0]]], 0.5, 0.0, 0.1),
+        "a wall behind is not met": ([[[-2.0, -1.0], [-2.5, 1.0]]], 0.5, 0.0, 0.1),
+        "several walls one behind the other, in any order": _on_one_line,
+        "a wall that the beam passes by": ([[[2.0, 1.0], [2.5, 3.0]]], 0.5, 0.0, 0.1),
+        "the beam touches the first end of a wall": ([[[2, 0], [2, 1]]], 0.5, 0.0, 0.0),
+        "the beam touches the second end of a wall": ([[[3, -1], [3, 0]]], 0.5, 0.0, 0.0),
+        "the lidar stands on a wall": ([[[3.0, 0.0], [3.0, 2.0]], [[1, -1], [1, 1]]], 1, 0, 0),
+        "a wall along the beam, and one across": (
+            [[[1, 0.5], [2, 0.5]], [[4, 3], [4, 2]], [[3, -1], [3, 2]]],
+            0,
+            0,
+            0,
+        ),
+        "any walls, any beam": _walls(5),
+        "no walls at all": (np.zeros((0, 2, 2)), 0.5, 0.0, 0.1),
+    },
+    {
+        "walls behind the lidar are met as well: only those ahead count, t >= 0": (
+            "(t >= 0) & ",
+            "",
+            "t[met].min()",
+            "np.abs(t[met]).min()",
+        ),
+        "a range is negative: walls behind the lidar do not count": ("(t >= 0) & ", ""),
+        "this is the first wall of the list that is met: the nearest is due": (
+            "t[met].min()",
+            "t[met][0]",
+        ),
+        "this is the last wall of the list that is met: the nearest is due": (
+            "t[met].min()",
+            "t[met][-1]",
+        ),
+        "this is the farthest wall that is met: the nearest hides it": ("min()", "max()"),
+        "the walls go on for ever: each ends where s leaves 0 to 1": (
+            " & (s >= 0) & (s <= 1)",
+            "",
+        ),
+        "a wall goes on beyond its second end: s <= 1": (" & (s <= 1)", ""),
+        "a wall goes on before its first end: s >= 0": (" & (s >= 0)", ""),
+        "a wall was made twice as long: s runs from 0 to 1, not from -1": ("s >= 0", "s >= -1"),
+        "a beam that meets nothing gives inf": ("else np.inf", "else 0.0"),
+        "t and s are exchanged: t runs along the beam, s along the wall": (
+            "met = (t",
+            "t, s = s, t\n    met = (t",
+        ),
+        "sine and cosine are exchanged: angle 0 points along x": (
+            "[np.cos(angle), np.sin(angle)]",
+            "[np.sin(angle), np.cos(angle)]",
+        ),
+        "det has the wrong sign: it is d x along, not along x d": ("det = d", "det = -d"),
+    },
+    draws=15,
+    tolerance=1e-8,
+)
+
+
+# Exercise 5: a whole drive, assembled.
+
+
+def _record(
+    occupied: Ints,
+    resolution: float,
+    poses: Array,
+    n_beams: int,
+    field_of_view: float,
+    max_range: float,
+) -> tuple[Array, Array]:
+    """Ranges (k, n_beams) and points (k, n_beams, 2) of scans from k poses, all in metres."""
+    angles = _beam_angles(n_beams, field_of_view)
+    ranges = np.full((len(poses), n_beams), np.inf)
+    points = np.full((len(poses), n_beams, 2), np.nan)
+    for k, (x, y, heading) in enumerate(poses):
+        for i, angle in enumerate(angles):
+            r = resolution * _first_hit(
+                occupied, x / resolution, y / resolution, float(heading + angle)
+            )
+            ranges[k, i] = r if r <= max_range else np.inf
+        points[k] = _scan_to_points(poses[k], ranges[k], angles)
+    return ranges, points
+
+
+def _tour(poses: int, n_beams: int, view: float, reach: float = np.inf) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        rows, columns = rng.integers(6, 12, 2)
+        cells = rng.random((rows, columns)) < 0.15
+        resolution = float(rng.choice([0.25, 0.4, 2.0]))
+        places = rng.uniform(0.1, [columns - 0.1, rows - 0.1], (poses, 2))
+        cells[tuple(places.astype(int).T[::-1])] = False
+        headings = np.round(rng.uniform(-3.1, 3.1, (poses, 1)), 3)
+        path = np.hstack([np.round(places, 3) * resolution, headings])
+        return cells, resolution, path, n_beams, view, reach * resolution
+
+    return draw
+
+
+_CORRIDOR = np.zeros((3, 8), dtype=int)
+_CORRIDOR[1, [5, 7]] = 1
+
+check_record = Check(
+    _record,
+    "ranges, points",
+    {
+        "one beam, one pose": _tour(1, 1, 1.0),
+        "a full circle from three poses": _tour(3, 8, 2 * np.pi),
+        "a part of the circle": _tour(2, 7, 2.0),
+        "a short reach": _tour(3, 9, 2 * np.pi, 3.0),
+        "a wall exactly at the reach": (_CORRIDOR, 0.5, [[0.5, 0.75, 0.0]], 1, 1.0, 2.0),
+        "a wall just beyond the reach": (_CORRIDOR, 0.5, [[0.5, 0.75, 0.0]], 1, 1.0, 1.99),
+        "no pose": (_CORRIDOR, 0.5, np.zeros((0, 3)), 4, 2 * np.pi, 5.0),
+    },
+    {
+        "a pose is in metres, `first_hit` counts in cells: divide by the resolution": (
+            "x / resolution, y / resolution",
+            "x, y",
+        ),
+        "the ranges are in cells: metres are due": ("r = resolution * ", "r = "),
+        "the resolution was used the wrong way round: cells times resolution are metres": (
+            "r = resolution * _first_hit(",
+            "r = _first_hit(",
+            "if r <=",
+            "/ resolution if r / resolution <=",
+        ),
+        "the beams do not turn with the robot: add its heading to the direction of the beam": (
+            "float(heading + angle)",
+            "float(angle)",
+        ),
+        "the heading counts twice in the points": (
+            "ranges[k], angles)",
+            "ranges[k], angles + heading)",
+        ),
+        "the points are seen from the robot: the world is due": (
+            "_scan_to_points(poses[k], ",
+            "_scan_to_points(np.zeros(3), ",
+        ),
+        "every scan was taken from the first pose": (
+            "for k, (x, y, heading) in enumerate(poses):",
+            "for k in range(len(poses)):\n        x, y, heading = poses[0]",
+        ),
+        "what is farther than max_range is not seen: inf is due": ("if r <= max_range", "if True"),
+        "a beam that met nothing within its reach has the range inf, not max_range": (
+            "if r <= max_range else np.inf",
+            "if r <= max_range else max_range",
+        ),
+        "a wall exactly at max_range is seen": ("r <= max_range", "r < max_range"),
+        "max_range is in metres: it was compared with cells": (
+            "if r <= max_range",
+            "if r / resolution <= max_range",
+        ),
+        "the points came in cells: metres are due": (
+            "return ranges, points",
+            "return ranges, points / resolution",
+        ),
+    },
+    tolerance=1e-7,
+    draws=4,
+)
