@@ -166,7 +166,9 @@ def _turns(came: Any, due: Any) -> bool:
     both = pairs(came, due)
     if isinstance(both, str) or any(a.shape != b.shape for a, b in both):
         return False
-    return all(np.allclose((a - b + np.pi) % (2 * np.pi), np.pi, atol=1e-6) for a, b in both)
+    with np.errstate(invalid="ignore"):  # inf less inf is no turn
+        turns = [(a - b + np.pi) % (2 * np.pi) for a, b in both]
+    return all(np.allclose(turn, np.pi, atol=1e-6) for turn in turns)
 
 
 NEARLY: dict[str, Callable[[Any, Any], bool]] = {

@@ -341,8 +341,8 @@ check_nearest_wall = Check(
         "the beam touches the first end of a wall": ([[[2, 0], [2, 1]]], 0.5, 0.0, 0.0),
         "the beam touches the second end of a wall": ([[[3, -1], [3, 0]]], 0.5, 0.0, 0.0),
         "the lidar stands on a wall": ([[[3.0, 0.0], [3.0, 2.0]], [[1, -1], [1, 1]]], 1, 0, 0),
-        "a wall along the beam, and one across": (
-            [[[1, 0.5], [2, 0.5]], [[4, 3], [4, 2]], [[3, -1], [3, 2]]],
+        "a wall along the beam, and two across": (
+            [[[1, 0.5], [2, 0.5]], [[2, 0.5], [2, -0.5]], [[3, -1], [3, 2]]],
             0,
             0,
             0,
@@ -383,6 +383,7 @@ check_nearest_wall = Check(
             "[np.cos(angle), np.sin(angle)]",
             "[np.sin(angle), np.cos(angle)]",
         ),
+        "x and y have no effect: the beam starts there": ("- np.array([x, y])", "- 0.0"),
         "det has the wrong sign: it is d x along, not along x d": ("det = d", "det = -d"),
     },
     draws=15,
@@ -440,7 +441,7 @@ check_record = Check(
         "a full circle from three poses": _tour(3, 8, 2 * np.pi),
         "a part of the circle": _tour(2, 7, 2.0),
         "a short reach": _tour(3, 9, 2 * np.pi, 3.0),
-        "a wall exactly at the reach": (_CORRIDOR, 0.5, [[0.5, 0.75, 0.0]], 1, 1.0, 2.0),
+        "a wall just within the reach": (_CORRIDOR, 0.5, [[0.5, 0.75, 0.0]], 1, 1.0, 2.01),
         "a wall just beyond the reach": (_CORRIDOR, 0.5, [[0.5, 0.75, 0.0]], 1, 1.0, 1.99),
         "no pose": (_CORRIDOR, 0.5, np.zeros((0, 3)), 4, 2 * np.pi, 5.0),
     },
@@ -469,15 +470,19 @@ check_record = Check(
             "_scan_to_points(np.zeros(3), ",
         ),
         "every scan was taken from the first pose": (
-            "for k, (x, y, heading) in enumerate(poses):",
-            "for k in range(len(poses)):\n        x, y, heading = poses[0]",
+            lambda o, s, p, n, v, m: _record(o, s, np.repeat(p[:1], len(p), 0), n, v, m)
         ),
         "what is farther than max_range is not seen: inf is due": ("if r <= max_range", "if True"),
         "a beam that met nothing within its reach has the range inf, not max_range": (
             "if r <= max_range else np.inf",
             "if r <= max_range else max_range",
         ),
-        "a wall exactly at max_range is seen": ("r <= max_range", "r < max_range"),
+        "the points are right, but the range of a beam that met nothing is inf, not max_range": (
+            lambda o, s, p, n, v, m: (
+                np.minimum(_record(o, s, p, n, v, m)[0], m),
+                _record(o, s, p, n, v, m)[1],
+            )
+        ),
         "max_range is in metres: it was compared with cells": (
             "if r <= max_range",
             "if r / resolution <= max_range",

@@ -35,6 +35,25 @@ def by_transform(pose, ranges, angles):
     return (local @ np.array([[c, s], [-s, c]]) + pose[:2]).tolist()
 
 
+def wall_by_wall(segments, x, y, angle):
+    """Another right answer: solve the two equations of each wall, one after the other."""
+    found = [np.inf]
+    for a, b in segments:
+        M = np.array([[np.cos(angle), a[0] - b[0]], [np.sin(angle), a[1] - b[1]]])
+        if np.linalg.det(M) != 0:
+            t, s = np.linalg.solve(M, a - [x, y])
+            found += [float(t)] * bool(t >= 0 and 0 <= s <= 1)
+    return min(found)
+
+
+def by_the_lidar(occupied, resolution, poses, n_beams, field_of_view, max_range):
+    lidar = Lidar(int(n_beams), float(field_of_view), float(max_range))
+    world = BitmapWorld(occupied, resolution)
+    ranges = [lidar.scan(world, pose) for pose in poses]
+    points = [lidar.points(scan, pose) for scan, pose in zip(ranges, poses, strict=True)]
+    return np.reshape(ranges, (-1, n_beams)), np.reshape(points, (-1, n_beams, 2))
+
+
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
@@ -46,6 +65,8 @@ def by_transform(pose, ranges, angles):
             lambda *g: list(wrap_angle(ch.check_beam_angles.reference(*g))),
         ),
         (ch.check_scan_to_points, by_transform),
+        (ch.check_nearest_wall, wall_by_wall),
+        (ch.check_record, by_the_lidar),
     ],
 )
 def test_another_right_answer_passes(check, answer):
