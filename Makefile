@@ -15,7 +15,8 @@ ifneq ($(wildcard $(DATA)),)
 export SLAMLAB_DATA ?= $(DATA)
 endif
 
-NBVAL := $(BIN)/python -m pytest -q -n 2 --dist loadfile --nbval --nbval-current-env \
+# As an error a warning of numbers gone wrong tells its line; on stderr it would only differ.
+NBVAL := PYTHONWARNINGS=error::RuntimeWarning $(BIN)/python -m pytest -q -n 2 --dist loadfile --nbval --nbval-current-env \
   --nbval-cell-timeout 300
 PARTS := chromium lint unit speed notebooks same book-tests
 NOTEBOOKS := notebooks/*.ipynb notebooks/exercises/*.ipynb notebooks/solutions/*.ipynb notebooks/labs/*.ipynb

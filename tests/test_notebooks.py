@@ -3,6 +3,9 @@
 import copy
 import os
 import re
+import subprocess
+import sys
+import types
 from pathlib import Path
 
 import nbformat
@@ -12,7 +15,7 @@ from jupyter_cache import get_cache
 from jupyter_cache.base import CacheBundleIn
 
 from tools.build_book import book_notebooks, cache_key, is_cached, remaining
-from tools.kernels import LocalKernelManager
+from tools.kernels import LocalKernelManager, saying_stderr
 from tools.notebooks import SETTINGS, differences
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -262,9 +265,27 @@ def test_the_comparison_refuses_a_changed_digit_and_nothing_else():
 
 
 def test_the_other_setting_takes_all_that_may_round_differently():
-    plain = SETTINGS["plain"]
-    assert {"OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME"} <= set(plain)
-    assert "NUMBA_CACHE_DIR" in plain  # else code compiled for this processor would be taken
+    for other in (SETTINGS["plain"], SETTINGS["haswell"]):
+        assert {"OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME"} <= set(other)
+        assert "NUMBA_CACHE_DIR" in other  # else code compiled for this processor would be taken
+
+
+def test_a_warning_of_numbers_gone_wrong_is_an_error_in_every_setting():
+    for name, setting in SETTINGS.items():
+        words = [sys.executable, "-c", "import numpy; numpy.float64(1) / 0"]
+        done = subprocess.run(words, env=os.environ | setting, capture_output=True, text=True)
+        assert done.returncode == 1, name
+        assert "RuntimeWarning: divide by zero" in done.stderr
+
+
+def test_an_unexpected_line_on_stderr_is_told_word_for_word():
+    cell = types.SimpleNamespace(comparison_traceback=["Unexpected output fields"])
+    compare = saying_stderr(lambda self, test, ref, skip=None: test == ref)
+    warned = {"output_type": "stream", "name": "stderr", "text": "x.py:3: DeprecationWarning"}
+    assert not compare(cell, [warned], [])
+    assert cell.comparison_traceback[-1] == "on stderr: x.py:3: DeprecationWarning"
+    assert compare(cell, [warned], [warned])
+    assert len(cell.comparison_traceback) == 2
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such sockets")

@@ -1,4 +1,4 @@
-"""Kernels that talk over files of their own: no two of them can reach for one port.
+"""Kernels that talk over files of their own: no two reach for one port; and what nbval says.
 
 By default a kernel is told five TCP ports that were free a moment before; with two kernels
 starting at once, one of them may find a port taken. Under IPC the sockets are files in a folder
@@ -11,6 +11,8 @@ import atexit
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
+from typing import Any
 
 from jupyter_client.manager import AsyncKernelManager, KernelManager
 
@@ -39,3 +41,16 @@ class LocalAsyncKernelManager(AsyncKernelManager):
 
     def __init__(self, **kwargs):
         super().__init__(**options() | kwargs)
+
+
+def saying_stderr(compare: Callable[..., bool]) -> Callable[..., bool]:
+    """Wrap nbval's comparison: of text on stderr that nobody expected, it says the text."""
+
+    def compare_outputs(self: Any, test: list[Any], ref: list[Any], *rest: Any) -> bool:
+        same = compare(self, test, ref, *rest)
+        said = "".join(output["text"] for output in test if output.get("name") == "stderr")
+        if said and not same:
+            self.comparison_traceback.append(f"on stderr: {said}")
+        return same
+
+    return compare_outputs

@@ -3,7 +3,8 @@
 python tools/notebooks.py run PATH...     execute in place, then slim
 python tools/notebooks.py slim PATH...    drop images, widget views and state, keep text outputs
 python tools/notebooks.py check PATH...   execute a copy and compare its text with what is stored
-                                          (--setting plain: as on a machine without AVX)
+                                          (--setting plain: as on a machine without AVX; haswell:
+                                          with AVX2, and with memory full of large numbers)
 
 Git keeps text outputs only: they are compared, the book draws the figures anew.
 """
@@ -41,10 +42,22 @@ METADATA = {
         "pygments_lexer": "ipython3",
     },
 }
+# A RuntimeWarning would only be a line on stderr; as an error it tells where it came from.
+STRICT = {"PYTHONWARNINGS": "error::RuntimeWarning"}
 # What decides the last bits of a sum: OpenBLAS' kernels, numpy's vector units, numba's target.
 SETTINGS = {
-    "own": {},
-    "plain": {
+    "own": STRICT,
+    # AVX2 without AVX-512; and memory that nobody wrote holds 1.4e306, not zeros by good luck.
+    "haswell": STRICT
+    | {
+        "OPENBLAS_CORETYPE": "Haswell",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+        "NUMBA_CPU_NAME": "haswell",
+        "NUMBA_CACHE_DIR": str(ROOT / "_build" / "numba-haswell"),
+        "MALLOC_PERTURB_": "128",
+    },
+    "plain": STRICT
+    | {
         "OPENBLAS_CORETYPE": "Nehalem",
         "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
         "NUMBA_CPU_NAME": "generic",
@@ -114,6 +127,11 @@ def _run_file(path: Path) -> Executed:
     return Executed(path, notebook, time.perf_counter() - begin, error)
 
 
+def find_fonts() -> None:
+    """Let matplotlib list the machine's fonts now; in a cell it would say so, and once only."""
+    import matplotlib.font_manager  # noqa: F401
+
+
 def n_cores() -> int:
     """Cores that this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
@@ -124,6 +142,7 @@ def run_all(
     paths: list[Path], setting: str = "own", jobs: int | None = None
 ) -> Iterator[Executed]:
     """Execute copies of notebooks on all cores, in the order given; yield them as they end."""
+    find_fonts()
     os.environ.update(SETTINGS[setting])
     with ProcessPoolExecutor(jobs or n_cores()) as pool:
         for future in as_completed([pool.submit(_run_file, path) for path in paths]):

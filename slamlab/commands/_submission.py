@@ -53,12 +53,22 @@ def checks_of(chapter: str) -> dict[str, Check]:
 
 
 def cells_of(path: Path) -> list[str]:
-    """Return the code of a file: the cells of a notebook, or all of a Python file."""
+    """Return the code of a file: the cells of a notebook, or all of a Python file.
+
+    Raises
+    ------
+    ValueError
+        If it is no text, or a notebook that is none.
+    """
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         return [text]
-    cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
-    sources = ["".join(cell["source"]) for cell in cells]
+    try:
+        cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+        sources = ["".join(cell["source"]) for cell in cells]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise ValueError(f"{path.name}: expected a notebook ({reason:.80})") from error
     return ["\n".join(_plain_line(line) for line in source.split("\n")) for source in sources]
 
 
@@ -75,7 +85,7 @@ def refusals(cells: list[str], closed: Sequence[str] = ()) -> list[str]:
     for cell in cells:
         try:
             tree = ast.parse(cell)
-        except SyntaxError:
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
             continue  # it will be said when the cell is run
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom):

@@ -80,7 +80,7 @@ def _executed(path: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
     """Run one submission; return what its process has written, line by line."""
     try:
         refused = _submission.refusals(_submission.cells_of(path))
-    except (ValueError, KeyError, TypeError, OSError) as error:
+    except (ValueError, OSError) as error:
         return [{"note": f"the file cannot be read: {error}"}]
     if refused:
         return [{"cheat": text} for text in refused]

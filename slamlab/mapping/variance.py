@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaln
 
-from slamlab._checks import Array, as_array, as_choice, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_batch, as_choice, as_scalar, as_shaped
 from slamlab.geometry import transform
 from slamlab.grids import Grid
 
@@ -60,6 +60,9 @@ def log_density(
         if not (as_array(name, value) > 0).all():
             raise ValueError(f"{name}: expected positive numbers, got {np.min(value):g}")
     s2, nu, alpha, beta = (np.asarray(value, float) for value in (s2, nu, alpha, beta))
+    lead = s2.shape
+    for name, array in {"nu": nu, "alpha": alpha, "beta": beta}.items():
+        lead = as_batch(name, array.shape, lead)
     return _log_density(s2, nu, alpha, beta, of)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import as_shaped
+from slamlab._checks import as_shaped, as_tuple
 from slamlab.plots._table import Table
 
 __all__ = ["claims"]
@@ -60,7 +60,7 @@ def claims(rows: Iterable[Sequence[Any]]) -> Table:
     97 of 100 find home  97 %            98 ... 99  >= 97 %                     confirmed
     it is fast           100 ms          no number  their computer is not ours  unsupported
     """
-    table, rows = [], list(rows)
+    table, rows = [], [as_tuple("rows", row) for row in as_tuple("rows", rows)]
     for number, row in enumerate(rows):
         if len(row) != 4:
             raise ValueError(f"rows: expected 4 entries in row {number}, got {len(row)}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.image import AxesImage
@@ -12,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import ArrayLike
 
-from slamlab._checks import as_array, as_shaped
+from slamlab._checks import as_a, as_array, as_choice, as_scalar, as_shaped
 from slamlab.gaussian import confidence_ellipse
 from slamlab.plots._style import COLOURS, line_style
 
@@ -42,7 +41,8 @@ def path(
     >>> plt.close()
     """
     poses = as_shaped("poses", poses, ("n", None))
-    return ax.plot(poses[:, 0], poses[:, 1], label=label, **(line_style(kind) | style))[0]
+    style = line_style(kind) | style
+    return _axes(ax).plot(poses[:, 0], poses[:, 1], label=_label(label), **style)[0]
 
 
 def ellipse(
@@ -66,11 +66,12 @@ def ellipse(
     >>> patch = ellipse(plt.gca(), [1.0, 2.0], [[0.04, 0.0], [0.0, 0.01]])
     >>> plt.close()
     """
+    as_choice("kind", kind, tuple(COLOURS))
     mean = as_array("mean", mean, ("n",))[:2]
     cov = as_array("cov", cov, ("n", "n"))[:2, :2]
     outline = confidence_ellipse(mean, cov, probability).points()
     patch = Polygon(outline, closed=True, facecolor=COLOURS[kind] + "33", edgecolor=COLOURS[kind])
-    ax.add_patch(patch)
+    _axes(ax).add_patch(patch)
     ax.update_datalim(outline)
     return patch
 
@@ -91,7 +92,7 @@ def landmarks(
         style: dict[str, Any] = {"marker": "x", "color": COLOURS["estimate"], "markersize": 7}
     else:
         style = {"marker": "*", "color": COLOURS["landmark"], "markersize": 11, "mfc": "none"}
-    return ax.plot(*points.T, linestyle="none", label=label, **style)[0]
+    return _axes(ax).plot(*points.T, linestyle="none", label=_label(label), **style)[0]
 
 
 def particles(ax: Axes, poses: ArrayLike, label: str | None = None) -> Line2D:
@@ -105,8 +106,8 @@ def particles(ax: Axes, poses: ArrayLike, label: str | None = None) -> Line2D:
     """
     poses = as_array("poses", poses, ("n", None))
     style: dict[str, Any] = {"marker": ".", "alpha": 0.25, "color": COLOURS["particle"]}
-    return ax.plot(
-        poses[:, 0], poses[:, 1], linestyle="none", rasterized=True, label=label, **style
+    return _axes(ax).plot(
+        poses[:, 0], poses[:, 1], linestyle="none", rasterized=True, label=_label(label), **style
     )[0]
 
 
@@ -116,19 +117,19 @@ def lidar_points(ax: Axes, points: ArrayLike, s: float = 0.5, label: str | None 
     Examples
     --------
     >>> import matplotlib.pyplot as plt
-    >>> drawn = lidar_points(plt.gca(), [[1.0, 2.0], [np.nan, np.nan]])
+    >>> drawn = lidar_points(plt.gca(), [[1.0, 2.0], [float("nan"), 0.0]])
     >>> plt.close()
     """
     points = as_shaped("points", points, ("...", 2)).reshape(-1, 2)
-    return ax.plot(
+    return _axes(ax).plot(
         *points.T,
         linestyle="none",
         marker="o",
-        markersize=s,
+        markersize=as_scalar("s", s, 0.0),
         markeredgewidth=0,
         color=COLOURS["lidar"],
         rasterized=True,
-        label=label,
+        label=_label(label),
     )[0]
 
 
@@ -144,8 +145,8 @@ def walls(ax: Axes, segments: ArrayLike, label: str | None = None) -> LineCollec
     segments = as_array("segments", segments, ("k", 2, 2))
     style = line_style("wall")
     lines = LineCollection(list(segments), colors=style["color"], linewidths=style["linewidth"])
-    lines.set_label(label or "_nolegend_")
-    ax.add_collection(lines)
+    lines.set_label(_label(label) or "_nolegend_")
+    _axes(ax).add_collection(lines)
     ax.autoscale_view()
     return lines
 
@@ -160,7 +161,7 @@ def floor(ax: Axes) -> None:
     >>> plt.gca().get_aspect()
     1.0
     """
-    ax.set_aspect("equal", adjustable="datalim")
+    _axes(ax).set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x (m)")
     ax.set_ylabel("y (m)")
 
@@ -188,11 +189,12 @@ def error_band(
     t = as_array("t", t, ("n",))
     error = as_shaped("error", error, (len(t),))
     sigma = as_shaped("sigma", sigma, (len(t),))
-    ax.fill_between(
+    as_choice("kind", kind, tuple(COLOURS))
+    _axes(ax).fill_between(
         t, -2 * sigma, 2 * sigma, color=COLOURS[kind], alpha=0.2, lw=0, label="±2σ claimed"
     )
     ax.axhline(0.0, color="0.3", lw=0.8)
-    return ax.plot(t, error, label=label, **line_style(kind))[0]
+    return ax.plot(t, error, label=_label(label), **line_style(kind))[0]
 
 
 def occupancy(ax: Axes, probability: ArrayLike, extent: ArrayLike) -> AxesImage:
@@ -213,8 +215,8 @@ def occupancy(ax: Axes, probability: ArrayLike, extent: ArrayLike) -> AxesImage:
     >>> plt.close()
     """
     probability = as_array("probability", probability, ("rows", "columns"))
-    left, right, bottom, top = np.asarray(extent, dtype=float)
-    image = ax.imshow(
+    left, right, bottom, top = as_array("extent", extent, (4,))
+    image = _axes(ax).imshow(
         probability,
         cmap="gray_r",
         vmin=0.0,
@@ -226,3 +228,14 @@ def occupancy(ax: Axes, probability: ArrayLike, extent: ArrayLike) -> AxesImage:
     ax.grid(False)
     floor(ax)
     return image
+
+
+def _axes(ax: Axes) -> Axes:
+    """Return what is drawn on, if it is that: who leaves it out gets a sentence."""
+    axes: Axes = as_a("ax", ax, Axes, "the axes to draw on, as from plt.subplots(),")
+    return axes
+
+
+def _label(label: str | None) -> str | None:
+    """Return one label as text, whatever it is: of a list matplotlib makes one for each line."""
+    return None if label is None else str(label)

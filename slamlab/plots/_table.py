@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from slamlab._checks import as_tuple
+
 __all__ = ["Table"]
 
 
@@ -42,8 +44,9 @@ class Table:
     def __init__(
         self, columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = ""
     ) -> None:
-        self.columns = [str(c) for c in columns]
-        self.rows = [[_text(entry) for entry in row] for row in rows]
+        self.columns = [str(c) for c in as_tuple("columns", columns)]
+        entries = [as_tuple("rows", row) for row in as_tuple("rows", rows)]
+        self.rows = [[_text(entry) for entry in row] for row in entries]
         self.caption = caption
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array
+from slamlab._checks import Array, as_a, as_array
 from slamlab.logs import Log
 from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.sensors import RangeBearing
@@ -147,8 +147,9 @@ def gain_as_printed(P: ArrayLike, H: ArrayLike, S: ArrayLike, R: ArrayLike) -> A
     ValueError
         Always, by NumPy, unless the state happens to have two numbers.
     """
-    P, H, S = (np.asarray(matrix, dtype=float) for matrix in (P, H, S))
-    return np.asarray(P @ H.T @ np.linalg.inv(S) + np.asarray(R, dtype=float))
+    P = as_array("P", P, ("N", "N"))
+    H, S, R = as_array("H", H, ("m", len(P))), as_array("S", S), as_array("R", R, ("m", "m"))
+    return np.asarray(P @ H.T @ np.linalg.inv(S) + R)
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,7 @@ def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
     dict of str to Variant
         The repaired one first.
     """
+    sensor = as_a("sensor", sensor, RangeBearing)
     arguments = (
         sensor.sigma_range,
         sensor.sigma_bearing,

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped, as_tuple
 from slamlab.models import World
 from slamlab.sensors import Lidar
 
@@ -223,7 +223,10 @@ def acf_as_printed(arr: Sequence[int], bits: int = 32) -> list[int]:
     >>> acf_as_printed([5, 1, 4, 2, 8, 3])
     [119, 72, 103, 60, 103, 72, 119]
     """
-    arrtmp, tmp, half = list(arr), [], 2 ** (as_count("bits", bits, 2) - 1)
+    arr, tmp = [as_count("arr", x, -(2**63)) for x in as_tuple("arr", arr)], []
+    if not arr:
+        raise ValueError("arr: expected at least one distance, got none")
+    arrtmp, half = list(arr), 2 ** (as_count("bits", bits, 2) - 1)
     i = 0
     while i <= len(arrtmp):
         s = 0
