@@ -428,7 +428,9 @@ def test_the_guards_of_the_page_see_what_they_are_for():
 def minutes_of_header(path):
     """Minutes to read and for the exercises, as the head of a chapter states them."""
     head = nbformat.read(path, as_version=4).cells[0].source
-    return tuple(map(int, re.findall(r"\d+", re.search(r"\*\*Minutes\*\*(.*)", head)[1])[:2]))
+    said = re.search(r"\*\*Minutes\*\* (\d+) to read; the exercises take another (\d+)\.\n", head)
+    assert said, "say: N to read; the exercises take another M."
+    return tuple(map(int, said.groups()))
 
 
 def minutes_of_guide(text, number):

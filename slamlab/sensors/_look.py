@@ -64,6 +64,7 @@ def look(
         ids = ids[rng.random(len(ids)) < p_detect]
     noise = rng.standard_normal((len(ids), 2)) * [sensor.sigma_range, sensor.sigma_bearing]
     z = sensor.observe(pose, landmarks[ids]) + noise
+    z[:, 0] = np.maximum(z[:, 0], 0.0)  # as of a lidar: noise never makes a range negative
     if clutter_rate > 0:
         # False alarms: a Poisson number of them, uniform over the ranges and bearings in view.
         half = 0.5 * sensor.field_of_view

@@ -241,8 +241,8 @@ class RangeBearing:
         Returns
         -------
         z : ndarray, shape (k, 2)
-            Range (m) and wrapped bearing (rad) of what was seen. The noise is Gaussian, so
-            a range of the size of `sigma_range` may come out negative.
+            Range (m) and wrapped bearing (rad) of what was seen. The noise is Gaussian, but a
+            range that it would make negative ends at 0.
         ids : ndarray of int, shape (k,)
             Rows in `landmarks`, ascending; then -1 for each false alarm.
 

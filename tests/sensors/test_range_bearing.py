@@ -6,7 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slamlab.geometry import compose, transform, wrap_angle
+from slamlab.robots import Unicycle
 from slamlab.sensors import RangeBearing
+from slamlab.slam import EKFSlam
 
 rng = np.random.default_rng(20)
 SENSOR = RangeBearing(0.05, 0.02, offset=0.3)
@@ -237,3 +239,16 @@ def test_bad_arguments_are_named():
         SENSOR.log_likelihood(POSES, np.zeros((2, 2)), LANDMARKS[:3])
     with pytest.raises(ValueError, match="read-only"):
         SENSOR.cov[0, 0] = 1.0
+
+
+def test_noise_never_makes_a_range_negative_so_that_every_measurement_can_be_located():
+    sensor, landmark = RangeBearing(0.1, 0.02), np.array([[0.05, 0.0]])
+    rng = np.random.default_rng(3)
+    z = np.array([sensor.measure([0, 0, 0], landmark, rng)[0][0] for _ in range(2000)])
+    assert z[:, 0].min() == 0.0
+    assert 0.2 < (z[:, 0] == 0).mean() < 0.4  # P(0.05 + 0.1 n < 0) = 0.31
+    slam = EKFSlam(Unicycle(), sensor, [0, 0, 0])
+    slam.update(z[z[:, 0] == 0][:1], ids=[0])
+    assert np.isfinite(slam.landmark_covs).all()
+    with pytest.raises(ValueError, match="not negative"):
+        sensor.locate([0, 0, 0], [-0.05, 0.0])
