@@ -71,6 +71,16 @@ def as_shaped(
     return array
 
 
+def as_distances(
+    name: str, value: ArrayLike, shape: Sequence[int | str | None] | None = None
+) -> Array:
+    """Like `as_shaped`, and no number is negative; ValueError otherwise."""
+    array = as_shaped(name, value, shape)
+    if (array < 0).any():
+        raise ValueError(f"{name}: expected distances, got {np.nanmin(array):g}")
+    return array
+
+
 def _as_floats(name: str, value: ArrayLike) -> Array:
     try:
         array = np.asarray(value)
@@ -173,6 +183,11 @@ def as_scalar(name: str, value: Any, low: float = -np.inf, high: float = np.inf)
     if not low <= number <= high:
         raise ValueError(f"{name}: expected {_interval(low, high)}, got {number:g}")
     return number
+
+
+def as_positive(name: str, value: Any, high: float = np.inf) -> float:
+    """Return `value` as a float above zero, at most `high`; ValueError as of `as_scalar`."""
+    return as_scalar(name, value, float(np.finfo(float).tiny), high)
 
 
 def _interval(low: float, high: float) -> str:

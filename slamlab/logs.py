@@ -19,7 +19,9 @@ from slamlab._checks import (
     as_a,
     as_array,
     as_covariance,
+    as_distances,
     as_index,
+    as_positive,
     as_scalar,
     as_shaped,
     as_tuple,
@@ -66,7 +68,7 @@ class ScanGeometry:
             raise ValueError("beam_angles: expected at least one beam, got none")
         angles.setflags(write=False)
         object.__setattr__(self, "beam_angles", angles)
-        as_scalar("max_range", self.max_range, float(np.finfo(float).tiny))
+        as_positive("max_range", self.max_range)
         as_scalar("offset", self.offset, -1e300, 1e300)
 
     @property
@@ -94,9 +96,7 @@ class ScanGeometry:
         ValueError
             If a shape is wrong or a range is negative.
         """
-        ranges = as_shaped("ranges", ranges, ("...", self.n_beams))
-        if (ranges < 0).any():
-            raise ValueError(f"ranges: expected distances, got {np.nanmin(ranges):g}")
+        ranges = as_distances("ranges", ranges, ("...", self.n_beams))
         ranges = np.where(ranges < self.max_range, ranges, np.nan)
         pose = np.zeros(3) if poses is None else as_array("poses", poses, ("...", 3))
         heading = pose[..., 2, None]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slamlab._checks import Array, as_scalar
+from slamlab._checks import Array, as_positive
 from slamlab._files import read_bytes
 from slamlab.geometry import between
 from slamlab.logs import Log, ScanGeometry
@@ -91,9 +91,8 @@ def read_carmen(
     >>> log.ranges.tolist(), log.scan.beam_angles.round(3).tolist()
     ([[1.0, inf, 2.0]], [-1.571, 0.0, 1.571])
     """
-    tiny = float(np.finfo(float).tiny)
-    field_of_view = as_scalar("field_of_view", field_of_view, tiny, 2 * np.pi)
-    limit = None if max_range is None else as_scalar("max_range", max_range, tiny)
+    field_of_view = as_positive("field_of_view", field_of_view, 2 * np.pi)
+    limit = None if max_range is None else as_positive("max_range", max_range)
     scans: list[_Scan] = []
     for number, line in enumerate(_lines(Path(path)), start=1):
         fields = line.split()

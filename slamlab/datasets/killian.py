@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from slamlab._checks import Array
 from slamlab.logs import Log, ScanGeometry
-from slamlab.robots import RelativePose
-from slamlab.robots.encoders import dead_reckoning
+from slamlab.robots import RelativePose, dead_reckoning
 from slamlab.slam import PoseGraph
 
 __all__ = ["Killian", "killian"]

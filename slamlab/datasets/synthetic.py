@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from slamlab._checks import Array, as_count, as_rng, as_scalar
-from slamlab.geometry import between, compose, wrap_angle
+from slamlab._checks import Array, as_count, as_positive, as_rng
+from slamlab.geometry import between, wrap_angle
+from slamlab.robots import RelativePose, dead_reckoning
 from slamlab.slam import PoseGraph
 
 __all__ = ["ManhattanGraph", "manhattan_graph"]
@@ -76,10 +77,9 @@ def manhattan_graph(
     if n_edges > most:
         raise ValueError(f"n_edges: expected at most {most} for {n_poses} poses, got {n_edges}")
     rng = as_rng("rng", rng)
-    smallest = float(np.finfo(float).tiny)
     sigma = np.array(
-        [as_scalar("sigma_position", sigma_position, smallest, 1e6)] * 2
-        + [as_scalar("sigma_heading", sigma_heading, smallest, 1e6)]
+        [as_positive("sigma_position", sigma_position, 1e6)] * 2
+        + [as_positive("sigma_heading", sigma_heading, 1e6)]
     )
     truth = _walk(n_poses, rng)
     odometry = np.column_stack([np.arange(n_poses - 1), np.arange(1, n_poses)])
@@ -87,7 +87,7 @@ def manhattan_graph(
     exact = between(truth[edges[:, 0]], truth[edges[:, 1]])
     measurements = exact + sigma * rng.standard_normal(exact.shape)
     measurements[:, 2] = wrap_angle(measurements[:, 2])
-    start = _dead_reckoning(truth[0], measurements[: n_poses - 1])
+    start = dead_reckoning(RelativePose(), truth[0], measurements[: n_poses - 1], 1.0)
     return ManhattanGraph(PoseGraph(start, edges, measurements, np.diag(sigma**-2)), truth)
 
 
@@ -120,10 +120,3 @@ def _closures(truth: Array, count: int, rng: np.random.Generator) -> np.ndarray:
         radius *= 1.5
     chosen = np.sort(rng.choice(len(pairs), size=count, replace=False))
     return pairs[chosen]
-
-
-def _dead_reckoning(start: Array, steps: Array) -> Array:
-    poses = [start]
-    for step in steps:
-        poses.append(compose(poses[-1], step))
-    return np.array(poses)

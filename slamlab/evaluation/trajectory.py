@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar
+from slamlab._checks import Array, as_array, as_choice, as_count, as_positive
 from slamlab.evaluation.run import Run
 from slamlab.geometry import between, compose, rotation, wrap_angle
 
@@ -182,7 +182,7 @@ def _stretches(truth: Array, delta: float, unit: str) -> tuple[np.ndarray, np.nd
     if unit == "steps":
         steps = as_count("delta", delta, 1)
         return rows[:-steps], rows[steps:]
-    delta = as_scalar("delta", delta, float(np.finfo(float).tiny))
+    delta = as_positive("delta", delta)
     steps_driven = np.linalg.norm(np.diff(truth[:, :2], axis=0), axis=1)
     driven = np.concatenate([[0.0], np.cumsum(steps_driven)])
     # Rounding of a sum of steps must not push the end of a stretch to the next pose.

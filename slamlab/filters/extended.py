@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_function, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_function, as_positive
 from slamlab.filters.kalman import Innovation, _belief, correct
 from slamlab.gaussian import Gaussian, as_belief
 
@@ -155,7 +155,7 @@ def numerical_jacobian(f: Function, x: ArrayLike, step: float = 1e-6) -> Array:
     x, f = as_array("x", x, ("n",)), as_function("f", f)
     if not len(x):
         raise ValueError("x: expected at least one number, got none")
-    step = as_scalar("step", step, float(np.finfo(float).tiny), 1e300)
+    step = as_positive("step", step, 1e300)
     columns = [
         (as_array("f(x)", f(x + d), ("m",)) - as_array("f(x)", f(x - d), ("m",))) / (2 * step)
         for d in step * np.eye(len(x))

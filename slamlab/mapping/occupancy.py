@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_distances, as_scalar
 from slamlab._optional import needed
 from slamlab.grids import Grid
 from slamlab.models import ScanSensor, as_scan_sensor
@@ -127,9 +127,7 @@ class OccupancyGrid(Grid):
         """
         poses = as_array("pose", pose, ("...", 3))
         angles = np.asarray(as_scan_sensor("lidar", lidar).beam_angles, dtype=float)
-        scans = as_shaped("ranges", ranges, (*poses.shape[:-1], len(angles)))
-        if (scans < 0).any():
-            raise ValueError(f"ranges: expected distances, got {np.nanmin(scans):g}")
+        scans = as_distances("ranges", ranges, (*poses.shape[:-1], len(angles)))
         trusted = min(as_scalar("max_range", max_range, 0.0), float(lidar.max_range))
         met_nothing = scans >= lidar.max_range
         if free_missing and met_nothing.any() and not np.isfinite(trusted):

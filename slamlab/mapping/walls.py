@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_choice, as_count, as_positive, as_scalar, as_shaped
 from slamlab.geometry import wrap_angle
 from slamlab.sensors.wall import Wall
 
@@ -121,11 +121,10 @@ def extract_walls(
     [[2.0, 0.0], [1.0, 1.570796]]
     """
     points = as_shaped("points", points, ("k", 2)).astype(float)
-    tiny = float(np.finfo(float).tiny)
-    sigma_range = as_scalar("sigma_range", sigma_range, tiny, 1e300)
+    sigma_range = as_positive("sigma_range", sigma_range, 1e300)
     sigma_bearing = as_scalar("sigma_bearing", sigma_bearing, 0, 1e300)
     method = as_choice("method", method, ("split-and-merge", "incremental"))
-    threshold = as_scalar("threshold", threshold, tiny, 1e300)
+    threshold = as_positive("threshold", threshold, 1e300)
     max_gap = as_scalar("max_gap", max_gap, 0)
     min_points = as_count("min_points", min_points, 4)
     min_length = as_scalar("min_length", min_length, 0, 1e300)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slamlab._checks import Array, as_a, as_array, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_positive, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
 from slamlab.models import Smoother, View, as_scan_sensor
@@ -62,9 +62,8 @@ class Body:
 
     def __post_init__(self) -> None:
         """Check the sizes."""
-        tiny = float(np.finfo(float).tiny)
-        as_scalar("length", self.length, tiny, 1e300)
-        as_scalar("width", self.width, tiny, 1e300)
+        as_positive("length", self.length, 1e300)
+        as_positive("width", self.width, 1e300)
 
     @property
     def footprint(self) -> Array:
@@ -226,12 +225,11 @@ class RoomDriver:
         again: float = 0.0,
         past: Smoother | None = None,
     ) -> None:
-        tiny = float(np.finfo(float).tiny)
         self._body: Body = as_a("body", body, Body)
         as_scan_sensor("lidar", lidar)
         self._lidar, self._home = lidar, bool(home)
         self._sight = as_scalar("sight", sight, 0.5, 1e3)
-        self._max_speed = as_scalar("max_speed", max_speed, tiny, 1e3)
+        self._max_speed = as_positive("max_speed", max_speed, 1e3)
         self._max_turn = as_scalar("max_turn", max_turn, 0, 1e3)
         margin = as_scalar("margin", margin, 0, 1e3)
         self._guard = Guard(body, margin)

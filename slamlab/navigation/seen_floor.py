@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_count, as_distances, as_scalar
 from slamlab._compiling import njit
 from slamlab.grids import Grid
 from slamlab.models import ScanSensor, as_scan_sensor
@@ -101,9 +101,7 @@ class SeenFloor(Grid):
         """
         pose = as_array("pose", pose, (3,))
         angles = np.asarray(as_scan_sensor("lidar", lidar).beam_angles, dtype=float)
-        ranges = as_shaped("ranges", ranges, (len(angles),))
-        if (ranges < 0).any():
-            raise ValueError(f"ranges: expected distances, got {np.nanmin(ranges):g}")
+        ranges = as_distances("ranges", ranges, (len(angles),))
         # A lost beam is left out: its neighbours are neighbours now.
         order = np.argsort(angles)
         order = order[~np.isnan(ranges[order])]

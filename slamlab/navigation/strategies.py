@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_scalar
+from slamlab._checks import Array, as_positive, as_scalar
 from slamlab.navigation.seen_floor import SeenFloor
 from slamlab.sensors.lidar import Lidar
 
@@ -114,7 +114,7 @@ class LongestBeam:
     """
 
     def __init__(self, fraction: float = 0.5) -> None:
-        self.fraction = as_scalar("fraction", fraction, float(np.finfo(float).tiny), 1.0)
+        self.fraction = as_positive("fraction", fraction, 1.0)
 
     def choose(self, now: Situation, rng: np.random.Generator) -> Array:
         """See `Strategy`; after a refusal a random direction is tried."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_scalar
+from slamlab._checks import Array, as_array, as_choice, as_positive, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.models import MotionModel
 from slamlab.robots.unicycle import _sinc, _sinc_slope
@@ -70,10 +70,9 @@ class Mecanum(MotionModel):
 
     def __post_init__(self) -> None:
         """Check the parameters and set both maps."""
-        tiny = float(np.finfo(float).tiny)
-        r = as_scalar("wheel_radius", self.wheel_radius, low=tiny, high=1e300)
-        lever = as_scalar("half_length", self.half_length, low=tiny, high=1e300)
-        lever += as_scalar("half_width", self.half_width, low=tiny, high=1e300)
+        r = as_positive("wheel_radius", self.wheel_radius, 1e300)
+        lever = as_positive("half_length", self.half_length, 1e300)
+        lever += as_positive("half_width", self.half_width, 1e300)
         as_choice("integration", self.integration, ("exact", "euler", "midpoint"))
         # (9a): forward, left and turn, wheel by wheel. Its columns are orthogonal.
         pattern = np.array([[1, -1, -1], [1, 1, 1], [1, 1, -1], [1, -1, 1]], dtype=float)

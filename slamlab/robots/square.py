@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_positive, as_scalar, as_shaped
 from slamlab.geometry import wrap_angle
 
 __all__ = ["SquareRobot"]
@@ -48,7 +48,7 @@ class SquareRobot:
     """
 
     def __init__(self, side: float = 0.30) -> None:
-        self.side = as_scalar("side", side, float(np.finfo(float).tiny), 1e9)
+        self.side = as_positive("side", side, 1e9)
         self.half = 0.5 * self.side
         self.circumradius = self.half * float(np.sqrt(2.0))
         corners = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])

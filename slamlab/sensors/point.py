@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_covariance, as_scalar
+from slamlab._checks import Array, as_array, as_covariance, as_positive
 from slamlab.geometry import inverse_transform, rotation, transform
 
 __all__ = ["PointSensor"]
@@ -50,7 +50,7 @@ class PointSensor:
             raise ValueError(f"cov: expected shape (2, 2), got {cov.shape}")
         cov.setflags(write=False)
         object.__setattr__(self, "cov", cov)
-        as_scalar("max_range", self.max_range, float(np.finfo(float).tiny))
+        as_positive("max_range", self.max_range)
 
     def __repr__(self) -> str:
         """Say in one line how well it measures, and how far."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_positive, as_rng, as_scalar
 from slamlab.sensors.lidar import BeamWorld, refuse_walls
 
 __all__ = ["Sonar"]
@@ -56,9 +56,8 @@ class Sonar:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        tiny = float(np.finfo(float).tiny)
         as_scalar("opening", self.opening, 0.0, 2 * np.pi)
-        as_scalar("max_range", self.max_range, tiny)
+        as_positive("max_range", self.max_range)
         as_scalar("sigma_range", self.sigma_range, 0.0, 1e300)
         as_count("n_rays", self.n_rays, 1)
 

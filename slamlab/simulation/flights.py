@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_positive, as_rng, as_scalar
 from slamlab.gaussian import root
 from slamlab.logs import Log
 from slamlab.models import as_sensor
-from slamlab.robots import Unicycle
+from slamlab.robots import Unicycle, dead_reckoning
 from slamlab.sensors import PointSensor
+from slamlab.simulation.landmarks import landmark_log
 
 __all__ = ["FIELD_SENSOR", "field_flights"]
 
@@ -72,9 +73,8 @@ def field_flights(
     Log(181 steps over 72 s, 2 runs, 3548 measurements of landmarks, truth)
     """
     n_runs, rng = as_count("n_runs", n_runs, 1), as_rng("rng", rng)
-    tiny = float(np.finfo(float).tiny)
-    side = as_scalar("side", side, tiny, 1e6)
-    lane = as_scalar("lane", lane, tiny, side / 2)
+    side = as_positive("side", side, 1e6)
+    lane = as_positive("lane", lane, side / 2)
     n = round(side**2 / 100) if n_landmarks is None else n_landmarks
     n, felled = as_count("n_landmarks", n, 1), as_scalar("felled", felled, 0.0, 1.0)
     as_sensor("sensor", sensor)
@@ -84,26 +84,14 @@ def field_flights(
     landmarks = rng.uniform(0.0, side, (n, 2))
     landmarks = landmarks[(landmarks[:, 0] < side / 2) | (rng.random(n) >= felled)]
     controls, dt = _lanes(side, lane), 0.4
-    poses = [np.array([lane / 2, lane / 2, 0.0])]
-    for control in controls:
-        poses.append(Unicycle().step(poses[-1], control, dt))
-    truth, n = np.array(poses)[:, None], len(landmarks)
-    steps = len(truth)
-    u = np.zeros((steps, n_runs, 2))
-    u[1:] = controls[:, None] + noise * rng.standard_normal((steps - 1, n_runs, 2))
+    truth = dead_reckoning(Unicycle(), [lane / 2, lane / 2, 0.0], controls, dt)[:, None]
+    steps, n = len(truth), len(landmarks)
+    u = controls[:, None] + noise * rng.standard_normal((steps - 1, n_runs, 2))
     error = rng.standard_normal((steps, n_runs, n, 2)) @ root(sensor.cov).T
     there = sensor.visible(truth, landmarks)[:, None, :, None]
     z = np.where(there, sensor.observe(truth, landmarks)[:, None] + error, np.nan)
-    return Log(
-        times=dt * np.arange(steps, dtype=float),
-        u=u,
-        dt=dt * np.minimum(np.arange(steps), 1),
-        control_cov=np.diag(noise**2),
-        looks=tuple(z),
-        ids=(np.arange(n),) * steps,
-        truth=truth.repeat(n_runs, axis=1),
-        landmarks=landmarks,
-    )
+    ids, truths = (np.arange(n),) * steps, truth.repeat(n_runs, axis=1)
+    return landmark_log(u, dt, np.diag(noise**2), tuple(z), ids, truths, landmarks)
 
 
 def _leg(metres: float, turn: float = 0.0) -> Array:

@@ -12,7 +12,7 @@ from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
 from slamlab.models import MotionModel, as_motion, as_sensor
-from slamlab.robots import YOUBOT, Unicycle
+from slamlab.robots import YOUBOT, Unicycle, dead_reckoning
 from slamlab.sensors import RangeBearing, Wall
 
 __all__ = ["ORCHARD_SENSOR", "ROOM_SENSOR", "landmark_drives", "orchard_loop", "room_drives"]
@@ -97,7 +97,7 @@ def landmark_drives(
     z[~sensor.visible(there, landmarks)] = np.nan
     looks = (np.full((n_runs, len(landmarks), 2), np.nan), *z)
     ids = (np.arange(len(landmarks)),) * len(poses)
-    return _log(u, dt, control_cov, looks, ids, np.array(poses), landmarks)
+    return landmark_log(u, dt, control_cov, looks, ids, np.array(poses), landmarks)
 
 
 def room_drives(
@@ -154,7 +154,7 @@ def room_drives(
     start = np.array([0.0, -2.4, 0.0])
     if landmarks is None:
         many = rng.uniform([-5.0, -4.0], [5.0, 4.0], (200, 2))
-        gap = many[:, None] - _path(YOUBOT, start, u, dt)[:, :2]
+        gap = many[:, None] - dead_reckoning(YOUBOT, start, u, dt)[:, :2]
         landmarks = many[np.hypot(gap[..., 0], gap[..., 1]).min(1) > 0.5][:24]
     world = (YOUBOT, sensor, landmarks, u, dt, control_cov)
     return landmark_drives(*world, n_runs, rng, start, start_cov)
@@ -215,7 +215,8 @@ def orchard_loop(
     control_cov = drift**2 * np.diag([0.05, 0.01]) ** 2
     steps = round(laps * lap)
     u = control + rng.standard_normal((steps, 2)) * np.sqrt(np.diag(control_cov))
-    poses = _path(Unicycle(), np.array([8.0, 0.0, np.pi / 2]), np.tile(control, (steps, 1)), dt)
+    start = [8.0, 0.0, np.pi / 2]
+    poses = dead_reckoning(Unicycle(), start, np.tile(control, (steps, 1)), dt)
     looks, ids = [np.empty((0, 2))], [np.empty(0, dtype=np.intp)]
     for k, pose in enumerate(poses[1:]):
         awake = not 10 <= k < lap - 3
@@ -223,10 +224,10 @@ def orchard_loop(
         z, names = ORCHARD_SENSOR.measure(pose, landmarks, rng, **chances)
         looks.append(z)
         ids.append(names)
-    return _log(u, dt, control_cov, tuple(looks), tuple(ids), poses, landmarks)
+    return landmark_log(u, dt, control_cov, tuple(looks), tuple(ids), poses, landmarks)
 
 
-def _log(
+def landmark_log(
     u: Array,
     dt: float,
     control_cov: Array,
@@ -237,7 +238,7 @@ def _log(
 ) -> Log:
     """Log of T steps of dt, after one that moved nothing."""
     steps = np.arange(len(truth), dtype=float)
-    still = np.zeros((1, u.shape[1]))
+    still = np.zeros((1, *u.shape[1:]))
     return Log(
         times=dt * steps,
         u=np.concatenate([still, u]),
@@ -248,11 +249,3 @@ def _log(
         truth=truth,
         landmarks=landmarks,
     )
-
-
-def _path(motion: MotionModel, start: Array, u: Array, dt: float) -> Array:
-    """Poses (T + 1, 3) that controls (T, l) lead to without noise."""
-    poses = [start]
-    for control in u:
-        poses.append(motion.step(poses[-1], control, dt))
-    return np.array(poses)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from slamlab._checks import Array, as_a, as_array, as_count, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_scalar
 from slamlab.gaussian import chi2_quantile
 from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
 
@@ -109,7 +109,7 @@ def nearest_euclidean(
     """
     as_a("slam", slam, Surface)
     z = as_array("z", z, ("k", 2))
-    gate = as_scalar("gate", gate, float(np.finfo(float).tiny), 1e300)
+    gate = as_positive("gate", gate, 1e300)
     landmarks = np.asarray(slam.landmarks)
     if len(landmarks) == 0 or len(z) == 0:
         return np.full(len(z), NEW, dtype=np.intp)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_scalar
+from slamlab._checks import Array, as_array, as_positive, as_scalar
 from slamlab.models import LandmarkSensor, MotionModel
 
 __all__ = ["CompassMotion", "Displacement"]
@@ -63,7 +63,7 @@ class Displacement(LandmarkSensor):
 
     def __post_init__(self) -> None:
         """Check `sigma`."""
-        as_scalar("sigma", self.sigma, low=float(np.finfo(float).tiny), high=1e150)
+        as_positive("sigma", self.sigma, 1e150)
 
     @property
     def cov(self) -> Array:
