@@ -32,7 +32,7 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class MotionAsPrinted:
+class MotionAsPrinted(MotionModel):
     """A motion model whose F_u lacks the factor dt, P1 (17).
 
     A velocity acts for the time dt, so the paper's process noise F_u V F_u^T is 1/dt^2 times too
@@ -41,7 +41,7 @@ class MotionAsPrinted:
     Parameters
     ----------
     motion : motion model
-        The right one; its `step` and its F_x are kept.
+        The right one; its `step`, by which `sample` draws, and its F_x are kept.
     """
 
     motion: MotionModel
@@ -54,17 +54,6 @@ class MotionAsPrinted:
         """Return the right F_x, P1 (16), and F_u as printed in (17)."""
         F_x, F_u = self.motion.jacobians(pose, u, dt)
         return F_x, F_u / dt
-
-    def sample(
-        self,
-        pose: ArrayLike,
-        u: ArrayLike,
-        dt: float,
-        control_cov: ArrayLike,
-        rng: np.random.Generator,
-    ) -> Array:
-        """Draw next poses as the right model does: the world is not what the paper got wrong."""
-        return np.asarray(self.motion.sample(pose, u, dt, control_cov, rng))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar, shown
+from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
 
@@ -80,9 +80,8 @@ class Lidar:
     def __post_init__(self) -> None:
         """Check the parameters and lay out the beams."""
         n = as_count("n_beams", self.n_beams, 1)
-        tiny = float(np.finfo(float).tiny)
-        view = as_scalar("field_of_view", self.field_of_view, tiny, 2 * np.pi + 1e-9)
-        as_scalar("max_range", self.max_range, tiny)
+        view = as_positive("field_of_view", self.field_of_view, 2 * np.pi + 1e-9)
+        as_positive("max_range", self.max_range)
         as_scalar("offset", self.offset, -1e300, 1e300)
         as_scalar("sigma_range", self.sigma_range, 0.0, 1e300)
         as_scalar("p_miss", self.p_miss, 0.0, 1.0)
@@ -166,8 +165,7 @@ class Lidar:
 
 def refuse_walls(world: BeamWorld, positions: Array) -> None:
     """Raise ValueError if a sensor at one of the positions (..., 2) would stand in a wall."""
-    if not (hasattr(world, "is_free") and hasattr(world, "cast")):
-        raise ValueError(f"world: expected a world such as BitmapWorld(...), got {shown(world)}")
+    as_a("world", world, BeamWorld, "a world such as BitmapWorld(...)")
     inside = ~np.asarray(world.is_free(positions))
     if inside.any():
         where = tuple(int(i) for i in np.argwhere(inside)[0])

@@ -6,20 +6,20 @@ A drop-in for `RangeBearing` in EKF-SLAM (chapter 09); chapter 07 measures it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_scalar
+from slamlab._checks import Array, as_array
 from slamlab.geometry import wrap_angle
-from slamlab.sensors._look import look, noise_cov
+from slamlab.sensors._look import PolarSensor
 
 __all__ = ["Wall"]
 
 
 @dataclass(frozen=True)
-class Wall:
+class Wall(PolarSensor):
     """Range and bearing of straight walls without end, with Gaussian noise.
 
     A wall (r, alpha) is the line x cos(alpha) + y sin(alpha) = r; (-r, alpha + pi) is the same
@@ -58,18 +58,6 @@ class Wall:
     >>> sensor.observe([[0, 0, 0], [4, 0, 0]], [3, 0]).round(3).tolist()
     [[2.5, 0.0], [1.5, 3.142]]
     """
-
-    sigma_range: float
-    sigma_bearing: float
-    offset: float = 0.0
-    max_range: float = np.inf
-    field_of_view: float = 2 * np.pi
-    cov: Array = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        """Check the parameters and set `cov`."""
-        as_scalar("offset", self.offset, low=-1e300, high=1e300)
-        object.__setattr__(self, "cov", noise_cov(self))
 
     def observe(self, pose: ArrayLike, landmark: ArrayLike) -> Array:
         """Return the noise-free measurement h(pose, wall).
@@ -211,46 +199,6 @@ class Wall:
         slant = np.maximum(np.abs(z[..., 1]) - self.field_of_view / 2, 0.0)
         facing = slant < np.pi / 2
         return facing & (z[..., 0] <= self.max_range * np.cos(np.where(facing, slant, 0.0)))
-
-    def measure(
-        self,
-        pose: ArrayLike,
-        landmarks: ArrayLike,
-        rng: np.random.Generator,
-        *,
-        p_detect: float = 1.0,
-        clutter_rate: float = 0.0,
-    ) -> tuple[Array, NDArray[np.intp]]:
-        """Simulate one look at the world: noisy measurements of the visible walls.
-
-        Parameters
-        ----------
-        pose : array_like, shape (3,)
-            True pose of the body.
-        landmarks : array_like, shape (n, 2)
-            True walls (r, alpha) (m, rad), without ends: nothing hides behind anything.
-        rng : numpy.random.Generator
-        p_detect : float, default 1.0
-            Probability that a visible wall is seen at all.
-        clutter_rate : float, default 0.0
-            Mean number of false alarms a look (Poisson), uniform over ranges up to `max_range`
-            and bearings within `field_of_view`.
-
-        Returns
-        -------
-        z : ndarray, shape (k, 2)
-            Range (m) and wrapped bearing (rad) of what was seen. The noise is Gaussian, but a
-            range that it would make negative ends at 0.
-        ids : ndarray of int, shape (k,)
-            Rows in `landmarks`, ascending; then -1 for each false alarm.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite or outside its range, `rng` is no
-            generator, or clutter is asked of a sensor without a finite `max_range`.
-        """
-        return look(self, pose, landmarks, rng, p_detect, clutter_rate)
 
     def _arrays(
         self, pose: ArrayLike, name: str, polar: ArrayLike
