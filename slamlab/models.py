@@ -18,6 +18,7 @@ from slamlab.gaussian import root
 __all__ = [
     "Bounds",
     "Estimator",
+    "HeightSensor",
     "LandmarkSensor",
     "MotionModel",
     "Pilot",
@@ -142,6 +143,14 @@ class ScanSensor(Protocol):
 
     def points(self, ranges: ArrayLike, poses: ArrayLike | None = None) -> Array:
         """End points (..., n_beams, 2) of scans, NaN where a beam met nothing."""
+
+
+@runtime_checkable
+class HeightSensor(ScanSensor, Protocol):
+    """A scan sensor whose beams go down to the ground: `sensors.StereoRig` is one."""
+
+    def heights(self, ranges: ArrayLike) -> Array:
+        """Heights (..., n_beams) of the end points above the ground below (m), NaN as there."""
 
 
 class World(Protocol):

@@ -9,12 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array
+from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar
 from slamlab.filters.pages import SharedPages
+from slamlab.filters.particle import ParticleFilter, PoseParticles
+from slamlab.models import MotionModel, as_motion
 
-__all__ = ["TILE", "AncestryTree", "TileMaps"]
+__all__ = ["TILE", "AncestryTree", "MapParticles", "TileMaps"]
 
 TILE = 16
 # What is kept of a cell: hits, metres that beams travelled in it, sums of the end points in it.
@@ -107,6 +109,52 @@ class TileMaps:
         channels = pages.shape[-1]  # told, for before the first scan there is no tile
         tiles = pages[table[particle]].reshape(rows, columns, TILE, TILE, channels)
         return tiles.swapaxes(1, 2).reshape(rows * TILE, columns * TILE, channels)
+
+
+class MapParticles(PoseParticles):
+    """Particles that move by a motion model, see by ranges and keep a map each: `_maps`."""
+
+    measures = "ranges"
+    _maps: TileMaps
+
+    def __init__(
+        self,
+        motion: MotionModel,
+        pose: ArrayLike,
+        n_particles: int,
+        rng: np.random.Generator,
+        temper: float,
+        threshold: float,
+    ) -> None:
+        self.motion, pose = as_motion("motion", motion), as_array("pose", pose, (3,))
+        M = as_count("n_particles", n_particles, 1)
+        self._temper = as_scalar("temper", temper, 1e-9, 1e9)
+        self._cloud = ParticleFilter(np.tile(pose, (M, 1)), as_rng("rng", rng), None, threshold)
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Move every particle by its own draw from the motion model: control u (p,), dt (s)."""
+        self._cloud.predict(lambda poses, rng: self.motion.sample(poses, u, dt, control_cov, rng))
+
+    def _weighed_by(self, log_likelihood: Array) -> float:
+        """Weigh, and resample particles with their maps if the weights say so."""
+        evidence = self._cloud.update(self._temper * log_likelihood)
+        if self.resampled:
+            self._maps.resample(self._cloud.ancestors)
+        return evidence
+
+    @property
+    def map_bytes(self) -> int:
+        """Memory of all maps together."""
+        return self._maps.nbytes
+
+    def _row(self, particle: int | None) -> int:
+        """Row of `poses`: the heaviest particle's if none is named."""
+        if particle is None:
+            return int(self._cloud.log_weights.argmax())
+        return as_count("particle", particle, 0, self.n_particles - 1)
+
+    def _contents(self) -> str:
+        return f"{self.map_bytes / 1e6:.1f} MB of maps, "
 
 
 @dataclass

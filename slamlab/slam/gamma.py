@@ -10,28 +10,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import (
-    Array,
-    as_array,
-    as_choice,
-    as_count,
-    as_rng,
-    as_scalar,
-    as_shaped,
-)
-from slamlab.filters.particle import ParticleFilter, PoseParticles
+from slamlab._checks import Array, as_a, as_choice, as_scalar, as_shaped
 from slamlab.grids import Grid
 from slamlab.mapping import VarianceGrid
 from slamlab.mapping.variance import FEWEST, FLOOR, OF
-from slamlab.models import MotionModel, as_motion, as_scan_sensor
+from slamlab.models import HeightSensor, MotionModel, as_scan_sensor
 from slamlab.robots import RelativePose
-from slamlab.sensors import StereoRig
-from slamlab.slam._grid_maps import TileMaps
+from slamlab.slam._grid_maps import MapParticles, TileMaps
 
 __all__ = ["GammaSlam"]
 
 
-class GammaSlam(PoseParticles):
+class GammaSlam(MapParticles):
     """Rao-Blackwellized particle filter for SLAM on rough ground: each particle has its own map.
 
     Given the path of a particle, the precision of the heights in each cell is gamma distributed,
@@ -39,8 +29,8 @@ class GammaSlam(PoseParticles):
 
     Parameters
     ----------
-    rig : StereoRig
-        How the rays lie; anything else with `points` and `heights` of ranges will do.
+    rig : HeightSensor
+        How the rays lie, such as `sensors.StereoRig`.
     pose : array_like, shape (3,), default (0, 0, 0)
         Where the robot stands first (m, m, rad).
     n_particles : int, default 60
@@ -83,11 +73,9 @@ class GammaSlam(PoseParticles):
     True
     """
 
-    measures = "ranges"
-
     def __init__(
         self,
-        rig: StereoRig,
+        rig: HeightSensor,
         pose: ArrayLike = (0.0, 0.0, 0.0),
         n_particles: int = 60,
         *,
@@ -101,24 +89,12 @@ class GammaSlam(PoseParticles):
         threshold: float = 0.5,
     ) -> None:
         as_scan_sensor("rig", rig)
-        if not hasattr(rig, "heights"):
-            raise ValueError(
-                f"rig: expected a rig such as StereoRig(), got {type(rig).__name__}, which has no "
-                "heights"
-            )
-        self.rig, self.motion = rig, as_motion("motion", motion)
-        pose = as_array("pose", pose, (3,))
-        M = as_count("n_particles", n_particles, 1)
+        self.rig: HeightSensor = as_a("rig", rig, HeightSensor, "a rig such as StereoRig()")
+        super().__init__(motion, pose, n_particles, rng, temper, threshold)
         resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
         self._prior = as_scalar("alpha", alpha, 1e-9, 1e9), as_scalar("beta", beta, 1e-12, 1e9)
         self.density = as_choice("density", density, OF)
-        self._temper = as_scalar("temper", temper, 1e-9, 1e9)
-        self._cloud = ParticleFilter(np.tile(pose, (M, 1)), as_rng("rng", rng), None, threshold)
-        self._maps = TileMaps(M, resolution, pose[:2].copy(), channels=2)
-
-    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
-        """Move every particle by its own draw from the motion model: control u (p,), dt (s)."""
-        self._cloud.predict(lambda poses, rng: self.motion.sample(poses, u, dt, control_cov, rng))
+        self._maps = TileMaps(self.n_particles, resolution, self.poses[0, :2], channels=2)
 
     def update(self, ranges: ArrayLike, ids: None = None) -> float:
         """Sort, weigh, add, resample.
@@ -161,10 +137,7 @@ class GammaSlam(PoseParticles):
         mark(maps.columns, corners, cells, tiles)
         add(*maps.write(tiles), maps.columns, corners, cells)
         # 4. Resample particles with their maps if the weights say so.
-        evidence = self._cloud.update(self._temper * log_likelihood)
-        if self.resampled:
-            maps.resample(self._cloud.ancestors)
-        return evidence
+        return self._weighed_by(log_likelihood)
 
     def _window(self, points: Array, poses: Array) -> tuple[Array, Array]:
         """First cells (M, 2) and room (M, side, side, 2) for points around each pose."""
@@ -174,11 +147,6 @@ class GammaSlam(PoseParticles):
         corners = np.floor((poses[:, :2] - reach - corner) / resolution).astype(np.int64)
         side = int(2 * reach / resolution) + 3
         return corners, np.empty((len(poses), side, side, 2), np.float32)
-
-    @property
-    def map_bytes(self) -> int:
-        """Memory of all maps together."""
-        return self._maps.nbytes
 
     def map(self, particle: int | None = None) -> VarianceGrid:
         """Map of a particle, the heaviest by default; a copy.
@@ -193,17 +161,12 @@ class GammaSlam(PoseParticles):
         ValueError
             If there is no such particle, or nothing was seen yet.
         """
-        i = int(self._cloud.log_weights.argmax()) if particle is None else particle
-        if as_count("particle", i) >= self.n_particles:
-            raise ValueError(f"particle: expected one below {self.n_particles}, got {i}")
+        row = self._row(particle)
         if not self._maps.size.any():
             raise ValueError("particle: expected a map, nothing was seen yet")
-        cells, frame = self._maps.dense(i).astype(float), self._maps.frame
+        cells, frame = self._maps.dense(row).astype(float), self._maps.frame
         rows, columns = cells.shape[:2]
         grid = VarianceGrid(Grid((rows, columns), frame[0], frame[1:]), *self._prior)
         grid.alpha += 0.5 * cells[..., 0]
         grid.beta += 0.5 * cells[..., 1]
         return grid
-
-    def _contents(self) -> str:
-        return f"{self.map_bytes / 1e6:.1f} MB of maps, "

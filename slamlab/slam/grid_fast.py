@@ -10,20 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import (
-    Array,
-    as_array,
-    as_choice,
-    as_count,
-    as_rng,
-    as_scalar,
-    as_shaped,
-)
-from slamlab.filters.particle import ParticleFilter, PoseParticles
+from slamlab._checks import Array, as_choice, as_count, as_scalar, as_shaped
 from slamlab.geometry import transform, wrap_angle
-from slamlab.models import MotionModel, ScanSensor, as_motion, as_scan_sensor
+from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
 from slamlab.robots import RelativePose
-from slamlab.slam._grid_maps import AncestryTree, TileMaps
+from slamlab.slam._grid_maps import AncestryTree, MapParticles, TileMaps
 
 __all__ = ["GridFastSlam"]
 
@@ -34,7 +25,7 @@ _RATE, _HIT = 1.0, 0.9
 _FREE_WAY, _FLOOR = 8.0, 1e-3
 
 
-class GridFastSlam(PoseParticles):
+class GridFastSlam(MapParticles):
     """Rao-Blackwellized particle filter for SLAM with a lidar: each particle draws its own map.
 
     Nothing closes loops: where the robot comes back, the particle whose map fits best survives,
@@ -93,8 +84,6 @@ class GridFastSlam(PoseParticles):
     True
     """
 
-    measures = "ranges"
-
     def __init__(
         self,
         lidar: ScanSensor,
@@ -111,26 +100,19 @@ class GridFastSlam(PoseParticles):
         threshold: float = 0.5,
         storage: str = "tiles",
     ) -> None:
-        self.lidar, self.motion = as_scan_sensor("lidar", lidar), as_motion("motion", motion)
-        pose = as_array("pose", pose, (3,))
-        M = as_count("n_particles", n_particles, 1)
+        super().__init__(motion, pose, n_particles, rng, temper, threshold)
+        self.lidar = as_scan_sensor("lidar", lidar)
         resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
         self.model = as_choice("model", model, ("matching", "penetration"))
         self._n_points = as_count("n_points", n_points, _LEAST_POINTS)
         self._sigma = as_scalar("sigma", sigma, 1e-6, 1e6)
-        self._temper = as_scalar("temper", temper, 1e-9, 1e9)
-        self._cloud = ParticleFilter(np.tile(pose, (M, 1)), as_rng("rng", rng), None, threshold)
         storage = as_choice("storage", storage, ("tiles", "tree", "copies"))
-        self._maps = (
-            AncestryTree(M, resolution, pose[:2].copy())
-            if storage == "tree"
-            else TileMaps(M, resolution, pose[:2].copy(), share=storage == "tiles")
-        )
+        floor = self.n_particles, resolution, self.poses[0, :2]
+        if storage == "tree":
+            self._maps = AncestryTree(*floor)
+        else:
+            self._maps = TileMaps(*floor, share=storage == "tiles")
         self._empty = True
-
-    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
-        """Move every particle by its own draw from the motion model: control u (p,), dt (s)."""
-        self._cloud.predict(lambda poses, rng: self.motion.sample(poses, u, dt, control_cov, rng))
 
     def update(self, ranges: ArrayLike, ids: None = None) -> float:
         """Match, weigh, draw, resample.
@@ -167,10 +149,7 @@ class GridFastSlam(PoseParticles):
         self._draw(points, poses)
         self._cloud.particles, self._empty = poses, False
         # 4. Resample particles with their maps if the weights say so.
-        evidence = self._cloud.update(self._temper * log_likelihood)
-        if self.resampled:
-            self._maps.resample(self._cloud.ancestors)
-        return evidence
+        return self._weighed_by(log_likelihood)
 
     def _beams(self, points: Array, poses: Array) -> tuple[Array, Array]:
         """Where beams start (M, 2) and end (M, k, 2), in the world."""
@@ -201,11 +180,6 @@ class GridFastSlam(PoseParticles):
         draw(*maps.write(tiles), maps.columns, maps.frame, tiles, starts, ends)
         maps.written()
 
-    @property
-    def map_bytes(self) -> int:
-        """Memory of all maps together."""
-        return self._maps.nbytes
-
     def map(self, particle: int | None = None) -> tuple[NDArray[np.float32], Array]:
         """Map of a particle, the heaviest by default.
 
@@ -227,10 +201,4 @@ class GridFastSlam(PoseParticles):
         ValueError
             If there is no such particle.
         """
-        i = int(self._cloud.log_weights.argmax()) if particle is None else particle
-        if as_count("particle", i) >= self.n_particles:
-            raise ValueError(f"particle: expected one below {self.n_particles}, got {i}")
-        return self._maps.dense(i), self._maps.frame[1:]
-
-    def _contents(self) -> str:
-        return f"{self.map_bytes / 1e6:.1f} MB of maps, "
+        return self._maps.dense(self._row(particle)), self._maps.frame[1:]

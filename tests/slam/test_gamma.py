@@ -133,7 +133,7 @@ def test_the_same_seed_is_the_same_run_in_one_line():
         ("ranges: expected shape", lambda: slam([0, 0, 0]).update(np.ones(5))),
         ("ranges", lambda: slam([0, 0, 0]).update(-np.ones(RIG.n_beams))),
         ("particle: expected a map", lambda: slam([0, 0, 0]).map()),
-        ("particle: expected one below", lambda: slam([0, 0, 0]).map(20)),
+        ("particle: expected at most", lambda: slam([0, 0, 0]).map(20)),
     ],
 )
 def test_bad_input_is_named(message, call):
