@@ -181,10 +181,14 @@ def monotone_cuts(c, cuts):  # type: ignore[no-untyped-def]
         q = -0.5 * (B + (np.sqrt(disc) if B >= 0.0 else -np.sqrt(disc)))
         for upper, lower in ((q, A), (C, q)):
             if lower != 0.0 and abs(upper) < abs(lower) and upper * lower > 0.0:
-                cuts[count] = upper / lower
+                # Sorted in as it comes: to compile a call of `sort` takes two seconds.
+                root, place = upper / lower, count
+                while cuts[place - 1] > root:
+                    cuts[place] = cuts[place - 1]
+                    place -= 1
+                cuts[place] = root
                 count += 1
     cuts[count] = 1.0
-    cuts[: count + 1].sort()
     return count + 1
 
 

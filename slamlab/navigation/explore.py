@@ -109,10 +109,7 @@ class Explorer:
         resolution: float = 0.05,
         bounds: tuple[float, float, float, float] | None = None,
     ) -> None:
-        if not callable(getattr(strategy, "choose", None)):
-            raise ValueError(
-                f"strategy: expected an object with choose(situation, rng), got {strategy!r}"
-            )
+        as_a("strategy", strategy, Strategy, "one with choose(situation, rng)")
         self._robot, self._lidar, self._strategy = robot, lidar, strategy
         self._rng = as_rng("rng", rng)
         self._guard = guard if callable(guard) else as_choice("guard", guard, GUARDS)

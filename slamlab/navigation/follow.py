@@ -29,9 +29,12 @@ _PATIENCE = 40  # commands without progress after which a robot is stuck
 class Law(Protocol):
     """What a `Homer` needs: a control for where the robot thinks it is."""
 
+    @property
+    def max_turn_rate(self) -> float:
+        """How fast it may turn (rad/s)."""
+
     def command(self, path: PathMemory, pose: ArrayLike, s: ArrayLike) -> tuple[Array, Array]:
         """Return controls (..., 2) or (..., 3) and how far it is still along the path (...)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -221,7 +224,7 @@ class Homer:
     path : PathMemory
         In the frame in which the robot believes to be.
     law : ReturnLaw or RegulatedPurePursuit
-        Or anything with their `command`.
+        Or another one with their `command` and `max_turn_rate`.
     turn_first : bool, default False
         Turn on the spot until the front looks along the path before driving.
     stop : float, default 0.02
@@ -266,7 +269,7 @@ class Homer:
     ) -> None:
         self._path, self._law = path, law
         self._turn_first, self._stop = bool(turn_first), as_scalar("stop", stop, 1e-6, 1e6)
-        rate = getattr(law, "max_turn_rate", 1.0) if turn_rate is None else turn_rate
+        rate = law.max_turn_rate if turn_rate is None else turn_rate
         self._turn_rate = as_scalar("turn_rate", rate, 1e-6, 1e6)
         self._turning: np.ndarray | None = None
 

@@ -7,16 +7,28 @@ This law is ours, and chapter 16 tests it.
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_scalar
-from slamlab.models import as_estimator
+from slamlab._checks import Array, as_a, as_array, as_positive, as_scalar
+from slamlab.models import LandmarkSensor, as_estimator
 from slamlab.slam.ekf import as_names
 
 __all__ = ["LocalRange"]
+
+
+class _Looking(Protocol):
+    """A system that knows its sensor of landmarks."""
+
+    sensor: LandmarkSensor
+
+
+class _Regional(Protocol):
+    """A system that works in a region."""
+
+    radius: float
 
 
 class LocalRange:
@@ -77,13 +89,11 @@ class LocalRange:
         region: float | None = None,
     ) -> None:
         self.system: Any = as_estimator("system", system)
-        tiny = float(np.finfo(float).tiny)
-        if system.measures != "looks" or not hasattr(system, "sensor"):
-            raise ValueError(f"system: expected one with a sensor of landmarks, got {system!r}")
-        if region is not None and not hasattr(system, "radius"):
-            raise ValueError(f"region: expected a system with a radius, got {system!r}")
-        self.wanted = as_scalar("wanted", wanted, tiny, 1e9)
-        self.nearest = as_scalar("nearest", nearest, tiny, 1e9)
+        as_a("system", system, _Looking, "one with a sensor of landmarks")
+        if region is not None:
+            as_a("region", system, _Regional, "a system with a radius")
+        self.wanted = as_positive("wanted", wanted, 1e9)
+        self.nearest = as_positive("nearest", nearest, 1e9)
         self.furthest = as_scalar("furthest", furthest, self.nearest, 1e9)
         self.region = None if region is None else as_scalar("region", region, 1.0, 1e9)
         self.n_seen = 0

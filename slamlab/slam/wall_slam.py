@@ -9,16 +9,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_count, as_scalar
+from slamlab._checks import Array, as_a, as_count, as_positive, as_scalar
 from slamlab.gaussian import chi2_quantile
 from slamlab.geometry import transform, wrap_angle
 from slamlab.mapping.walls import Walls, extract_walls
-from slamlab.models import MotionModel, as_scan_sensor
-from slamlab.sensors import Lidar, Wall
+from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
+from slamlab.sensors import Wall
 from slamlab.slam.ekf import EKFSlam
 
 __all__ = ["Sighting", "WallSlam"]
@@ -29,6 +30,14 @@ _PIECE = 0.05
 _JOIN = 0.3
 # Cutting a scan at its corners leaves errors beside the noise of the beams: 2 mm, 0.08 degrees.
 _EXTRACTION_COV = np.diag([0.002, np.deg2rad(0.08)]) ** 2
+
+
+class NoisyLidar(ScanSensor, Protocol):
+    """A lidar whose noise is known; a bare layout of beams has none."""
+
+    @property
+    def sigma_range(self) -> float:
+        """Standard deviation of the ranges (m)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +66,7 @@ class WallSlam:
     ----------
     motion : motion model
         As `EKFSlam`.
-    lidar : Lidar
+    lidar : NoisyLidar
         Layout of the beams and `sigma_range`, which must be positive: it decides how well a wall
         is known.
     pose : array_like, shape (3,)
@@ -107,7 +116,7 @@ class WallSlam:
     def __init__(
         self,
         motion: MotionModel,
-        lidar: Lidar,
+        lidar: NoisyLidar,
         pose: ArrayLike,
         cov: ArrayLike | None = None,
         *,
@@ -116,11 +125,10 @@ class WallSlam:
         confirm: int = 5,
         patience: int = 60,
     ) -> None:
-        tiny = float(np.finfo(float).tiny)
         as_scan_sensor("lidar", lidar)
-        noise = getattr(lidar, "sigma_range", 0.0)  # a bare layout of beams has none
-        self._sigma = as_scalar("lidar.sigma_range", noise, tiny, 1e300)
-        gate = as_scalar("probability", probability, tiny, 1 - 1e-12)
+        as_a("lidar", lidar, NoisyLidar, "a lidar that tells its noise, such as Lidar(...)")
+        self._sigma = as_positive("lidar.sigma_range", lidar.sigma_range, 1e300)
+        gate = as_positive("probability", probability, 1 - 1e-12)
         self._gate = float(chi2_quantile(gate, 2))
         self._min_length = as_scalar("min_length", min_length, 0, 1e300)
         self._confirm = as_count("confirm", confirm, 1)
