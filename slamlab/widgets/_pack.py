@@ -10,7 +10,9 @@ import base64
 from importlib import resources
 from typing import Any
 
+import anywidget
 import numpy as np
+import traitlets
 
 from slamlab._checks import Array, as_array, as_covariance, as_scalar, as_shaped
 from slamlab.gaussian import chi2_quantile
@@ -25,6 +27,17 @@ def script(*names: str) -> str:
     """Return files of this folder joined to one text (an ECMAScript module or a style sheet)."""
     folder = resources.files("slamlab.widgets")
     return "\n".join((folder / name).read_text(encoding="utf-8") for name in names)
+
+
+class Figure(anywidget.AnyWidget):
+    """An interactive figure: what the browser draws is all in `payload`."""
+
+    _css = script("widgets.css")
+    payload = traitlets.Dict().tag(sync=True)
+
+    def __init__(self, title: str, question: str, payload: dict[str, Any], **state: Any) -> None:
+        words = {"title": text("title", title), "question": text("question", question)}
+        super().__init__(payload=payload | words, **state)
 
 
 def pack_numbers(values: Array) -> Packed:

@@ -8,15 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import anywidget
 import numpy as np
-import traitlets
 from numpy.typing import ArrayLike
 
 from slamlab._checks import as_array, as_count, as_scalar
 from slamlab.matching import Outline
 from slamlab.widgets import _pack
-from slamlab.widgets._pack import script
+from slamlab.widgets._pack import Figure, script
 
 __all__ = ["ScanDrag", "Sighting"]
 
@@ -27,7 +25,7 @@ GATES = (0.1, 0.2, 0.3, 0.5, 0.8, 1.2)
 """Gates (m) that the slider of `ScanDrag` offers."""
 
 
-class Sighting(anywidget.AnyWidget):
+class Sighting(Figure):
     """A robot drives straight and blindly, then sees one landmark; drag both and watch the EKF.
 
     Beside the extended filter's ellipses stand sampled robots, weighed by the same sighting: the
@@ -69,8 +67,6 @@ class Sighting(anywidget.AnyWidget):
     """
 
     _esm = script("shared.js", "drag.js", "sighting.js")
-    _css = script("widgets.css")
-    payload = traitlets.Dict().tag(sync=True)
 
     def __init__(
         self,
@@ -106,10 +102,8 @@ class Sighting(anywidget.AnyWidget):
             "landmark": [float(v) for v in as_array("landmark", landmark, (2,))],
             "normals": _pack.pack_numbers(normals),
             "bounds": [-0.05 * way, 1.75 * way, -half, half],
-            "title": _pack.text("title", title),
-            "question": _pack.text("question", question),
         }
-        super().__init__(payload=payload)
+        super().__init__(title, question, payload)
 
     def __repr__(self) -> str:
         """Name the drive: the same text on every machine."""
@@ -117,7 +111,7 @@ class Sighting(anywidget.AnyWidget):
         return f"Sighting({self.payload['way']:g} m blind, heading to {heading:.0f} degrees)"
 
 
-class ScanDrag(anywidget.AnyWidget):
+class ScanDrag(Figure):
     """A scan that lies on another one: drag it, turn it, and let ICP bring it back.
 
     Parameters
@@ -158,8 +152,6 @@ class ScanDrag(anywidget.AnyWidget):
     """
 
     _esm = script("shared.js", "drag.js", "scan_drag.js")
-    _css = script("widgets.css")
-    payload = traitlets.Dict().tag(sync=True)
 
     def __init__(
         self,
@@ -196,10 +188,8 @@ class ScanDrag(anywidget.AnyWidget):
             "gate": GATES.index(gate),
             "width": as_scalar("width", width, 1e-6, 1e6),
             "bounds": _pack.box("bounds", bounds),
-            "title": _pack.text("title", title),
-            "question": _pack.text("question", question),
         }
-        super().__init__(payload=payload)
+        super().__init__(title, question, payload)
 
     def __repr__(self) -> str:
         """Name the sizes: the same text on every machine."""

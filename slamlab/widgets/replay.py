@@ -9,22 +9,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import anywidget
 import numpy as np
 import traitlets
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_count, as_index, as_scalar, as_shaped
 from slamlab.evaluation.run import Run
 from slamlab.widgets import _pack
-from slamlab.widgets._pack import Packed, script
+from slamlab.widgets._pack import Figure, Packed, script
 
 __all__ = ["Replay"]
 
 _PATHS = ("truth", "estimate", "dead_reckoning", "wrong")
 
 
-class Replay(anywidget.AnyWidget):
+class Replay(Figure):
     """An interactive replay of a run: world, paths, estimates with ellipses, particles, lidar.
 
     All positions are metres in the world frame, angles radians. Every argument may be left out;
@@ -97,8 +96,6 @@ class Replay(anywidget.AnyWidget):
     """
 
     _esm = script("shared.js", "replay.js")
-    _css = script("widgets.css")
-    payload = traitlets.Dict().tag(sync=True)
     step = traitlets.Int(0).tag(sync=True)
 
     def __init__(
@@ -137,40 +134,43 @@ class Replay(anywidget.AnyWidget):
         _check_needs(covs, estimate, "covs", "estimate")
         _check_needs(landmark_covs, landmark_estimates, "landmark_covs", "landmark_estimates")
 
+        shapes: dict[str, tuple[Any, ...]] = {
+            **{name: (path, (steps,)) for name, path in paths.items()},
+            "landmarks": (landmarks, ("n",)),
+            "landmark_estimates": (landmark_estimates, (steps, "m"), True),
+            "particles": (particles, (steps, "M")),
+            "scans": (scans, (steps, "k"), True),
+        }
         world = {
-            **{name: _poses(name, value, steps) for name, value in paths.items()},
-            "landmarks": _given("landmarks", landmarks, ("n",)),
-            "landmark_estimates": _given(
-                "landmark_estimates", landmark_estimates, (steps, "m"), missing=True
-            ),
-            "particles": _given("particles", particles, (steps, "M")),
-            "scans": _given("scans", scans, (steps, "k"), missing=True),
-            "walls": None if walls is None else as_array("walls", walls, ("k", 2, 2)),
+            name: _pack.points(name, value, *shape)
+            for name, (value, *shape) in shapes.items()
+            if value is not None
         }
-        maps = _maps(occupancy, occupancy_extent, occupancy_steps, steps)
-        arrays: dict[str, Array | None] = {
-            name: value for name, value in world.items() if value is not None
-        }
-        arrays["ellipses"] = _ellipses("covs", covs, (steps,))
-        arrays["landmark_ellipses"] = _landmark_ellipses(landmark_covs, world, steps)
+        if walls is not None:
+            world["walls"] = as_array("walls", walls, ("k", 2, 2))
+        arrays = world.copy()
+        if covs is not None:
+            arrays["ellipses"] = _pack.ellipses("covs", covs, (steps,))
+        if landmark_covs is not None:
+            shape = world["landmark_estimates"].shape[:2]
+            arrays["landmark_ellipses"] = _pack.ellipses("landmark_covs", landmark_covs, shape)
+        said = None if captions is None else [_pack.text("captions", c) for c in captions]
         payload: dict[str, Any] = {
             "steps": steps,
-            "arrays": {n: _pack.pack_numbers(a) for n, a in arrays.items() if a is not None},
+            "arrays": {name: _pack.pack_numbers(array) for name, array in arrays.items()},
             "times": None if times is None else _times(times, steps),
-            "maps": maps,
-            "captions": None
-            if captions is None
-            else [_pack.text("captions", c) for c in captions],
+            "maps": _maps(occupancy, occupancy_extent, occupancy_steps, steps),
+            "captions": said,
             "bounds": _bounds(bounds, list(world.values()), occupancy_extent),
             "accumulate": bool(accumulate_scans),
             "beams": bool(beams),
-            "title": _pack.text("title", title),
-            "question": _pack.text("question", question),
             "height": as_count("height", height, 120),
             "robot_radius": as_scalar("robot_radius", robot_radius, 0.0, 1e6),
             "fps": as_scalar("fps", fps, 0.1, 240.0),
         }
-        super().__init__(payload=payload, step=_start(start, steps))
+        super().__init__(
+            title, question, payload, step=as_index("start", start, steps, "steps") % steps
+        )
 
     @classmethod
     def of(cls, run: Run, **options: Any) -> Replay:
@@ -254,26 +254,6 @@ def _check_needs(value: Any, other: Any, name: str, needed: str) -> None:
         raise ValueError(f"{needed}: expected an array because {name} is given, got None")
 
 
-def _poses(name: str, value: ArrayLike | None, steps: int) -> Array | None:
-    return None if value is None else _pack.points(name, value, (steps,))
-
-
-def _given(
-    name: str, value: ArrayLike | None, shape: tuple[int | str, ...], missing: bool = False
-) -> Array | None:
-    return None if value is None else _pack.points(name, value, shape, missing)
-
-
-def _ellipses(name: str, covs: ArrayLike | None, shape: tuple[int | str, ...]) -> Array | None:
-    return None if covs is None else _pack.ellipses(name, covs, shape)
-
-
-def _landmark_ellipses(covs: ArrayLike | None, arrays: dict[str, Any], steps: int) -> Array | None:
-    if covs is None:
-        return None
-    return _pack.ellipses("landmark_covs", covs, (steps, arrays["landmark_estimates"].shape[1]))
-
-
 def _times(times: ArrayLike, steps: int) -> Packed:
     seconds = as_array("times", times, (steps,))
     if (np.diff(seconds) < 0).any():
@@ -314,12 +294,12 @@ def _maps(
 
 
 def _bounds(
-    bounds: Sequence[float] | None, world: list[Array | None], extent: Sequence[float] | None
+    bounds: Sequence[float] | None, world: list[Array], extent: Sequence[float] | None
 ) -> list[float]:
     """Return the first view: given, or all that is drawn with a margin of 5 %."""
     if bounds is not None:
         return _pack.box("bounds", bounds)
-    clouds = [w[..., :2].reshape(-1, 2) for w in world if w is not None and w.size]
+    clouds = [w[..., :2].reshape(-1, 2) for w in world if w.size]
     if extent is not None:
         clouds.append(np.reshape(_pack.box("occupancy_extent", extent), (2, 2)).T)
     cloud = np.concatenate(clouds) if clouds else np.zeros((1, 2))
@@ -329,11 +309,3 @@ def _bounds(
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     margin = max(0.05 * float((high - low).max()), 0.5)
     return [float(f"{v:.6g}") for v in np.stack([low - margin, high + margin], axis=1).ravel()]
-
-
-def _start(start: int, steps: int) -> int:
-    if isinstance(start, bool) or not isinstance(start, int | np.integer):
-        raise ValueError(f"start: expected a whole number, got {start!r}")
-    if not -steps <= start < steps:
-        raise ValueError(f"start: expected {-steps} to {steps - 1}, got {start}")
-    return int(start) % steps

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import anywidget
 import numpy as np
 import traitlets
 from numpy.typing import ArrayLike
@@ -19,13 +18,13 @@ from slamlab.localization.signature import SignatureMap
 from slamlab.robots import SquareRobot
 from slamlab.sensors import Lidar
 from slamlab.widgets import _pack
-from slamlab.widgets._pack import script
+from slamlab.widgets._pack import Figure, script
 from slamlab.worlds import BitmapWorld
 
 __all__ = ["Simulator"]
 
 
-class Simulator(anywidget.AnyWidget):
+class Simulator(Figure):
     """Drive a square robot with a lidar through rooms of pixels, and see where it seems to be.
 
     The reader may load a BMP or PNG picture as a room or draw one, place the robot, choose beams,
@@ -72,7 +71,6 @@ class Simulator(anywidget.AnyWidget):
 
     _esm = script("shared.js", "simulator_world.js", "simulator.js")
     _css = script("widgets.css", "simulator.css")
-    payload = traitlets.Dict().tag(sync=True)
     ask = traitlets.Dict().tag(sync=True)
     answer = traitlets.Dict().tag(sync=True)
 
@@ -102,10 +100,8 @@ class Simulator(anywidget.AnyWidget):
             ],
             "n_beams": lidar.n_beams,
             "side": robot.side,
-            "title": _pack.text("title", title),
-            "question": _pack.text("question", question),
         }
-        super().__init__(payload=payload)
+        super().__init__(title, question, payload)
 
     def __repr__(self) -> str:
         """Name the rooms: the same text on every machine."""

@@ -10,14 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import anywidget
 import numpy as np
 import traitlets
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_scalar, as_shaped
 from slamlab.widgets import _pack
-from slamlab.widgets._pack import script
+from slamlab.widgets._pack import Figure, script
 
 __all__ = ["Bars", "Curves", "Image", "Scatter", "Sweep"]
 
@@ -230,7 +229,7 @@ class Image:
 Panel = Curves | Bars | Scatter | Image
 
 
-class Sweep(anywidget.AnyWidget):
+class Sweep(Figure):
     """Sliders over precomputed results: nothing is recomputed, so no kernel is needed.
 
     Parameters
@@ -270,8 +269,6 @@ class Sweep(anywidget.AnyWidget):
     """
 
     _esm = script("shared.js", "sweep.js")
-    _css = script("widgets.css")
-    payload = traitlets.Dict().tag(sync=True)
     indices = traitlets.List(traitlets.Int()).tag(sync=True)
 
     def __init__(
@@ -294,10 +291,8 @@ class Sweep(anywidget.AnyWidget):
             "sliders": [{"name": k, "values": _exact(v)} for k, v in values.items()],
             "panels": [p._pack(grid) for p in panels],
             "numbers": [_number(k, v, grid) for k, v in (numbers or {}).items()],
-            "title": _pack.text("title", title),
-            "question": _pack.text("question", question),
         }
-        super().__init__(payload=payload, indices=_first(start, grid))
+        super().__init__(title, question, payload, indices=_first(start, grid))
 
     def __repr__(self) -> str:
         """Name the sliders and panels: the same text on every machine."""
