@@ -6,22 +6,12 @@ Chapter 12; after Montemerlo et al. (2002, 2003), maps shared between particles 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Hashable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import (
-    Array,
-    all_finite,
-    as_array,
-    as_count,
-    as_covariance,
-    as_rng,
-    as_scalar,
-    as_tuple,
-)
+from slamlab._checks import Array, all_finite, as_array, as_count, as_covariance, as_rng, as_scalar
 from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
 from slamlab.gaussian import chi2_quantile, root
 from slamlab.geometry import wrap_angle
@@ -222,7 +212,8 @@ class FastSlam(PoseParticles):
             if names is None:
                 columns = self._associated(z, R, covs is not None)
             else:
-                columns = self._rows(book, names)
+                same = np.array([book[name] for name in names], dtype=np.intp)
+                columns = np.tile(same, (self.n_particles, 1))
             seen, old = columns >= 0, self._landmarks(columns)
             # What is new to a particle, or left out, has nothing to compare with.
             met = seen & old.present
@@ -238,18 +229,15 @@ class FastSlam(PoseParticles):
             if not np.isfinite((self._cloud.log_weights + log_likelihood).max()):
                 raise ValueError("z: no particle explains the measurements, all weights are zero")
             # 4. Correct the landmarks that were met, start those that were not.
-            new = np.zeros((FIELDS, *columns.shape))
-            new[:, :, some] = corrected.fields
-            _start(new, seen & ~met, self.sensor, poses, z, R)
-            new[5] += self._hit
-            kept = new[:, seen].T
-            if not all_finite(kept):
+            fresh = seen & ~met
+            maps = self._corrected(corrected, some, fresh, poses, z, R)[:, seen].T
+            if not all_finite(maps):
                 raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         # Nothing can fail any more: change the filter.
         self._columns, self._unknown = book, self._unknown or (names is None and len(z) > 0)
-        self.columns, self.started = columns, seen & ~met
+        self.columns, self.started = columns, fresh
         self._cloud.particles = poses
-        self._maps.write(np.nonzero(seen)[0], columns[seen], kept)
+        self._maps.write(np.nonzero(seen)[0], columns[seen], maps)
         if names is None and self._miss < 0:
             self._doubt_the_unseen(columns)
         # 3. Resample particles with their maps if the weights say so.
@@ -281,6 +269,25 @@ class FastSlam(PoseParticles):
         log_likelihood = np.where(met, comparison.log_density, 0.0).sum(1)
         return log_likelihood, correct(prediction, comparison, old)
 
+    def _corrected(
+        self,
+        corrected: Landmarks,
+        some: NDArray[np.bool_],
+        fresh: NDArray[np.bool_],
+        poses: Array,
+        z: Array,
+        R: Array,
+    ) -> Array:
+        """Fields (FIELDS, M, k) of what was measured: `corrected`, or started where `fresh`."""
+        new = np.zeros((FIELDS, *fresh.shape))
+        new[:, :, some] = corrected.fields
+        first = fresh.any(0)
+        if first.any():
+            there = started(self.sensor, poses, z[first], R[first])
+            new[:, :, first] = np.where(fresh[:, first], there.fields, new[:, :, first])
+        new[5] += self._hit
+        return new
+
     # Which column of the maps does a measurement belong to?
 
     def _landmarks(self, columns: Indices) -> Landmarks:
@@ -289,35 +296,24 @@ class FastSlam(PoseParticles):
         found[5, columns < 0] = ABSENT
         return Landmarks.read(found, self._cloud.particles)
 
-    def _checked_ids(self, ids: Sequence[Hashable] | None, k: int) -> list[Hashable] | None:
-        """Names as a list without repetition, or None if association is unknown."""
+    def _checked_ids(self, ids: Sequence[Hashable] | None, k: int) -> tuple[Hashable, ...] | None:
+        """Names without repetition, or None if association is unknown."""
         if ids is None:
             if self._columns and k:
                 raise ValueError("ids: expected names as in earlier updates, got None")
-            return [] if self._columns else None
+            return () if self._columns else None
         if self._unknown and k:
             raise ValueError("ids: expected None as in earlier updates, got names")
-        names = list(as_tuple("ids", ids))
-        if len(names) != k:
-            raise ValueError(f"ids: expected {k} names, one a measurement, got {len(names)}")
-        try:
-            repeated = [name for name, count in Counter(names).items() if count > 1]
-        except TypeError as error:
-            raise ValueError(f"ids: expected names that can be keys, got {names!r}") from error
-        if repeated:
-            raise ValueError(f"ids: expected each name once, got {repeated[0]!r} twice or more")
+        names = as_names("ids", ids, k)
+        if None in names:
+            raise ValueError("ids: expected a name for every measurement, got None")
         return names
 
-    def _columns_with(self, names: list[Hashable] | None) -> dict[Hashable, int]:
+    def _columns_with(self, names: Sequence[Hashable] | None) -> dict[Hashable, int]:
         """Column of each name; new names get the next ones."""
         if all(name in self._columns for name in names or ()):
             return self._columns
         return {name: i for i, name in enumerate(dict.fromkeys([*self._columns, *(names or ())]))}
-
-    def _rows(self, book: dict[Hashable, int], names: list[Hashable]) -> Indices:
-        """Columns (M, k) of names: the same for every particle."""
-        columns = np.array([book[name] for name in names], dtype=np.intp)
-        return np.tile(columns, (self.n_particles, 1))
 
     def _associated(self, z: Array, R: Array, told: bool) -> Indices:
         """Column (M, k) of every measurement in every particle's own map; -2: left out."""
@@ -462,16 +458,6 @@ class FastSlam(PoseParticles):
 
     def _contents(self) -> str:
         return f"version {self.version}.0, {self.n_landmarks} landmarks, "
-
-
-def _start(
-    new: Array, fresh: NDArray[np.bool_], sensor: LandmarkSensor, poses: Array, z: Array, R: Array
-) -> None:
-    """Write what is `fresh` (M, k) to a particle into the fields `new` (., M, k) of its map."""
-    some = fresh.any(0)
-    if some.any():
-        there = started(sensor, poses, z[some], R[some])
-        new[:, :, some] = np.where(fresh[:, some], there.fields, new[:, :, some])
 
 
 def _log_odds(detection: tuple[float, float] | None) -> tuple[float, float]:

@@ -626,10 +626,10 @@ def test_the_mean_heading_is_a_direction():
 
 GOOD = np.array([[2.0, 0.5], [3.0, -0.5]])
 BAD_UPDATES = [
-    ("ids: expected each name once", GOOD, dict(ids=[1, 1])),
-    ("ids: expected 2 names", GOOD, dict(ids=[1])),
+    ("ids: expected every landmark once", GOOD, dict(ids=[1, 1])),
+    ("ids: expected one for each of 2", GOOD, dict(ids=[1])),
     ("ids: expected names as in earlier", GOOD, dict()),
-    ("ids: expected names that can be", GOOD, dict(ids=[[1], [2]])),
+    ("ids: expected a sequence of names", GOOD, dict(ids=[[1], [2]])),
     ("z: expected ranges that are not negative", [[-0.5, 0.0]], dict(ids=["new"])),
     ("z: expected shape", [1.0, 2.0], dict(ids=[1])),
     ("z: expected finite", [[np.nan, 0.0]], dict(ids=[1])),
