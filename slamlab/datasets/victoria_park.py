@@ -88,46 +88,38 @@ def read_landmark_log(path: str | Path) -> Log:
 def _parse(file: TextIO, name: str) -> Log:
     rows: dict[int, int] = {}  # step in which a pose was reached
     landmarks: dict[int, int] = {}
-    u: list[list[float]] = [[0.0] * 3]
-    covs: list[list[float]] = [[0.0] * 6]
-    looks: list[list[list[float]]] = [[]]
-    ids: list[list[int]] = [[]]
-    look_covs: list[list[list[float]]] = [[]]
+    motions = [[0.0] * 9]  # u and the upper triangle of its covariance
+    sightings: list[list[list[float]]] = [[]]  # landmark, z and the upper triangle of R
     for number, line in enumerate(file, start=1):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
-        i, j, values = _numbers(words, f"{name}: line {number}")
+        where = f"{name}: line {number}"
+        i, j, values = _numbers(words, where)
+        if not rows:
+            rows[i] = 0
         if words[0] == "ODOMETRY":
-            rows.setdefault(i, 0) if not rows else None
-            if rows.get(i) != len(u) - 1 or j in rows:
-                raise ValueError(
-                    f"{name}: line {number}: expected odometry from the newest pose to a new one"
-                )
-            rows[j] = len(u)
-            u.append(values[:3])
-            covs.append(values[3:])
-            looks.append([])
-            ids.append([])
-            look_covs.append([])
+            if rows.get(i) != len(motions) - 1 or j in rows:
+                raise ValueError(f"{where}: expected odometry from the newest pose to a new one")
+            rows[j] = len(motions)
+            motions.append(values)
+            sightings.append([])
+        elif i in rows:
+            sightings[rows[i]].append([landmarks.setdefault(j, len(landmarks)), *values])
         else:
-            rows.setdefault(i, 0) if not rows else None
-            if i not in rows:
-                raise ValueError(f"{name}: line {number}: pose {i} was not reached before")
-            looks[rows[i]].append(values[:2])
-            ids[rows[i]].append(landmarks.setdefault(j, len(landmarks)))
-            look_covs[rows[i]].append(values[2:])
-    if len(u) == 1:
+            raise ValueError(f"{where}: pose {i} was not reached before")
+    if len(motions) == 1:
         raise ValueError(f"{name}: the file ends without odometry")
-    steps: Array = np.arange(len(u), dtype=np.float64)
+    moved, seen = np.array(motions), [np.reshape(some, (-1, 6)) for some in sightings]
+    steps: Array = np.arange(len(moved), dtype=np.float64)
     return Log(
         steps,
-        np.array(u),
+        moved[:, :3],
         np.minimum(steps, 1.0),
-        np.array(covs)[:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
-        looks=tuple(np.reshape(z, (-1, 2)) for z in looks),
-        ids=tuple(np.array(names, dtype=int) for names in ids),
-        covs=tuple(np.reshape(c, (-1, 3))[:, [[0, 1], [1, 2]]] for c in look_covs),
+        moved[:, 3:][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
+        looks=tuple(some[:, 1:3] for some in seen),
+        ids=tuple(some[:, 0].astype(int) for some in seen),
+        covs=tuple(some[:, 3:][:, [[0, 1], [1, 2]]] for some in seen),
     )
 
 

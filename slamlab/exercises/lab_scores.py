@@ -17,11 +17,10 @@ from scipy.spatial import cKDTree
 from slamlab._checks import Array, as_array
 from slamlab.evaluation import Run, ate, nees, run
 from slamlab.exercises import lab_systems
-from slamlab.exercises.labs import Task, as_system_sees_it, practice
+from slamlab.exercises.labs import Task, as_system_sees_it, practice, recorded
 from slamlab.grids import Grid
 from slamlab.models import Estimator, View
 from slamlab.navigation.seen_floor import FREE, SeenFloor
-from slamlab.simulation import record
 
 __all__ = ["Row", "library_rows", "practise", "row", "sheet"]
 
@@ -202,19 +201,8 @@ class _Motors:
 def _drive_figures(task: Task, system: Any) -> Figures:
     """Share of the floor that was seen, where the drive ended, and what it cost."""
     setting, world = task.setting, task.world
-    log: Any = record(
-        world,
-        setting.motion,
-        setting.lidar,
-        _Motors(system, setting.limits),
-        system,
-        np.random.default_rng(22),
-        start=setting.start,
-        dt=setting.dt,
-        control_cov=setting.control_cov,
-        footprint=setting.body.footprint,
-        max_time=setting.max_time,
-    )
+    motors, rng = _Motors(system, setting.limits), np.random.default_rng(22)
+    log: Any = recorded(setting, world, setting.lidar, motors, system, rng, setting.start)
     floor = SeenFloor(world.bounds, 0.1)
     for pose, ranges in zip(log.truth, log.ranges, strict=True):
         floor.insert(pose, ranges, setting.lidar)

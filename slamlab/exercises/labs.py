@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_choice, as_count
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
-from slamlab.models import MotionModel, View
+from slamlab.models import Estimator, MotionModel, Pilot, View
 from slamlab.navigation import YOUBOT_BODY, RoomDriver
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import Lidar, RangeBearing
@@ -122,6 +122,26 @@ def tasks(lab: str, rng: np.random.Generator) -> list[Task]:
     return _MAKERS[as_choice("lab", lab, LABS)](rng)
 
 
+def recorded(
+    setting: Setting,
+    world: Any,
+    sensor: Any,
+    pilot: Pilot,
+    belief: Estimator,
+    rng: np.random.Generator,
+    start: ArrayLike,
+) -> Log:
+    """Let a pilot drive in a world: `simulation.record` with the robot of a setting."""
+    return record(
+        *(world, setting.motion, sensor, pilot, belief, rng),
+        start=start,
+        dt=setting.dt,
+        control_cov=setting.control_cov,
+        footprint=None if setting.body is None else setting.body.footprint,
+        max_time=setting.max_time,
+    )
+
+
 def as_system_sees_it(log: Log) -> Log:
     """Return a log without truth, landmarks and notes."""
     return replace(log, truth=None, landmarks=None, notes={})
@@ -160,18 +180,7 @@ def _driven(
     start = rng.multivariate_normal(setting.start, setting.start_cov)
     pilot = _Rounds(points, 0.6, laps)
     sensor = setting.sensor if isinstance(world, LandmarkWorld) else setting.lidar
-    return record(
-        world,
-        setting.motion,
-        sensor,
-        pilot,
-        Truth(),
-        rng,
-        start=start,
-        dt=setting.dt,
-        control_cov=setting.control_cov,
-        max_time=setting.max_time,
-    )
+    return recorded(setting, world, sensor, pilot, Truth(), rng, start)
 
 
 # Lab I: a robot among beacons that stand where the list says.
@@ -220,19 +229,8 @@ def _map(rng: np.random.Generator) -> list[Task]:
     for name in ("one room", "another room"):
         world = rooms.random_box_room(rng)
         setting = _youbot(name, world, rng, np.diag([0.02, 0.02, 0.01]) ** 2, 400.0)
-        log = record(
-            world,
-            YOUBOT,
-            setting.lidar,
-            RoomDriver(setting.body, setting.lidar, home=False),
-            Truth(),
-            rng,
-            start=setting.start,
-            dt=setting.dt,
-            control_cov=setting.control_cov,
-            footprint=setting.body.footprint,
-            max_time=setting.max_time,
-        )
+        pilot = RoomDriver(setting.body, setting.lidar, home=False)
+        log = recorded(setting, world, setting.lidar, pilot, Truth(), rng, setting.start)
         found.append(Task(setting, log, world))
     return found
 
