@@ -267,7 +267,7 @@ class Homer:
         stop: float = 0.02,
         turn_rate: float | None = None,
     ) -> None:
-        self._path, self._law = path, law
+        self._path, self._law = path, as_a("law", law, Law, "a law such as ReturnLaw()")
         self._turn_first, self._stop = bool(turn_first), as_scalar("stop", stop, 1e-6, 1e6)
         rate = law.max_turn_rate if turn_rate is None else turn_rate
         self._turn_rate = as_scalar("turn_rate", rate, 1e-6, 1e6)
