@@ -23,6 +23,7 @@ BASE = 6.0  # the old place is drawn from the nodes within this travel (m)
 AROUND = 3  # scans before and after that are laid on it together with the node's own
 TURN, TURN_STEP = np.deg2rad(20), np.deg2rad(1.5)
 FIT = 0.6  # 1 - mean (1 - M)^2 of the merged scans must reach this
+SURE = 0.8  # and with this much one witness is enough
 ELSEWHERE, RIVAL = 0.8, 0.8  # best score more than so far away (m), as a part of the best
 SLIDE = 0.3  # point to line must not move the result farther than this (m)
 SPAN = 15.0  # witnesses lie within this travel of both ends (m)
@@ -58,15 +59,23 @@ class Closure:
     state: str = field(default="waiting")
 
 
-def candidate(k: int, poses: Array, travel: Array, since: float) -> tuple[int, float] | None:
-    """Nearest old node to node k, and how far to search (m); None if none is near."""
+def candidates(k: int, poses: Array, travel: Array, since: float) -> tuple[list[int], float]:
+    """Old nodes to try with node k, one of each of two passes at most, and how far to search (m).
+
+    The nearest node of all, and the nearest of the oldest pass (of the newest, if these are the
+    same): whoever is tied only to the pass before is tied to nothing older.
+    """
     radius = min(NEAR + DRIFT * since, FARTHEST)
     old = np.searchsorted(travel, travel[k] - LOOP)
-    if old == 0:
-        return None
     distance = np.hypot(*(poses[:old, :2] - poses[k, :2]).T)
-    j = int(np.argmin(distance))
-    return (j, radius) if distance[j] < radius else None
+    near = np.flatnonzero(distance < radius)
+    if len(near) == 0:
+        return [], radius
+    passes = np.split(near, np.flatnonzero(np.diff(travel[near]) > LOOP) + 1)
+    nearest = [int(one[np.argmin(distance[one])]) for one in passes]
+    best = min(nearest, key=lambda j: distance[j])
+    others = [j for j in (nearest[0], nearest[-1]) if j != best]
+    return [best, *others[:1]], radius
 
 
 def verify(
@@ -116,7 +125,10 @@ def _along(cov: Array, radius: float) -> Array:
 
 
 def witnessed(one: Closure, others: list[Closure], poses: Array, travel: Array) -> bool:
-    """Whether at least two others near both ends, and half of all there, tell the same story."""
+    """Whether two others near both ends, and half of all there, tell the same story.
+
+    One is enough for a closure that fits well; and who fits worse does not speak against it.
+    """
     agree = near = 0
     for other in others:
         if other is one or other.state == "rejected":
@@ -124,13 +136,12 @@ def witnessed(one: Closure, others: list[Closure], poses: Array, travel: Array) 
         there, here = (abs(travel[a] - travel[b]) for a, b in ((other.j, one.j), (other.k, one.k)))
         if there > SPAN or here > SPAN:
             continue
-        near += 1
         # z_a (+) x_ka,kb = x_ja,jb (+) z_b
         by_one = compose(one.z, between(poses[one.k], poses[other.k]))
         by_other = compose(between(poses[one.j], poses[other.j]), other.z)
         dx, dy, turn = between(by_one, by_other)
         path = there + here
-        agree += bool(
-            np.hypot(dx, dy) < 0.25 + 0.02 * path and abs(turn) < np.deg2rad(2 + 0.15 * path)
-        )
-    return agree >= 2 and 2 * agree >= near
+        same = np.hypot(dx, dy) < 0.25 + 0.02 * path and abs(turn) < np.deg2rad(2 + 0.15 * path)
+        agree += bool(same)
+        near += bool(same or other.fit >= one.fit)
+    return agree >= (1 if one.fit >= SURE else 2) and 2 * agree >= near

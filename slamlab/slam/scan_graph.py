@@ -16,7 +16,7 @@ from slamlab.geometry import between, compose, rotation
 from slamlab.matching import Match
 from slamlab.models import MotionModel, ScanSensor, as_motion, as_scan_sensor
 from slamlab.robots import RelativePose, moved
-from slamlab.slam._closures import AROUND, STRIDE, Closure, candidate, verify, witnessed
+from slamlab.slam._closures import AROUND, STRIDE, Closure, candidates, verify, witnessed
 from slamlab.slam._tracking import (
     FLOOR,
     LEAST_POINTS,
@@ -221,20 +221,17 @@ class ScanGraphSlam:
     # Closures.
 
     def _try_closures(self, k: int) -> None:
-        """Look for an old place at node k; solve when what was found is witnessed."""
+        """Look for old places at node k; solve when what was found is witnessed."""
         if k < 0 or self._travel[k] - self._tried < STRIDE:
             return
         self._tried = self._travel[k]
-        found = candidate(k, self._poses, self._travel, self._travel[k] - self._tied)
-        if found is None:
-            return
-        closure = verify(
-            found[0], k, found[1], self.nodes, self._poses, self._travel, self._stretch
-        )
-        if closure is None:
-            return
-        self.closures.append(closure)
-        if self._confirm():
+        old, radius = candidates(k, self._poses, self._travel, self._travel[k] - self._tied)
+        tried = [
+            verify(j, k, radius, self.nodes, self._poses, self._travel, self._stretch) for j in old
+        ]
+        found = [closure for closure in tried if closure is not None]
+        self.closures += found
+        if found and self._confirm():
             self._tied = self._travel[k]
             self._solve()
 

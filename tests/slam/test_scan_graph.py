@@ -15,7 +15,7 @@ from slamlab.logs import Log
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
 from slamlab.slam import ScanGraphSlam
-from slamlab.slam._closures import Closure, candidate, witnessed
+from slamlab.slam._closures import Closure, candidates, witnessed
 from slamlab.worlds import WallWorld, rooms
 
 DATA = os.environ.get("SLAMLAB_DATA")
@@ -162,29 +162,56 @@ def straight(n=60):
 
 def test_candidates_are_near_in_space_and_far_along_the_path():
     poses, travel = straight()
-    assert candidate(59, poses, travel, 0.0) is None
+    assert candidates(59, poses, travel, 0.0) == ([], 2.5)
     poses[30:, 0] = 59 - np.arange(30, 60)
     poses[30:, 1] = 1.0
-    j, radius = candidate(59, poses, travel, 0.0)
-    assert j == 0
-    assert radius == 2.5
-    assert candidate(35, poses, travel, 0.0) is None  # it was there 11 metres ago only
-    assert candidate(59, poses, travel, 1000.0)[1] == 12.0
+    assert candidates(59, poses, travel, 0.0) == ([0], 2.5)
+    assert candidates(35, poses, travel, 0.0)[0] == []  # it was there 11 metres ago only
+    assert candidates(59, poses, travel, 1000.0)[1] == 12.0
 
 
-def closure(j, k, z, state="waiting"):
-    return Closure(j, k, np.asarray(z, float), np.eye(3) * 1e-3, 0.0, 1.0, state)
+def test_a_node_is_tried_with_the_nearest_pass_and_with_the_oldest():
+    poses, travel = straight(200)
+    poses[:, 0] = np.abs((np.arange(200) + 40) % 80 - 40)  # five times up or down a corridor
+    poses[:, 1] = np.array([0.6, 1.8, 0.9, 0.1, 0.0]).repeat(40)
+    for k, due in ((50, [29]), (100, [60, 20]), (140, [100, 20]), (180, [140, 20])):
+        assert sorted(candidates(k, poses, travel, 0.0)[0]) == sorted(due), k
+    poses[:40, 1] = 0.0  # the oldest is the nearest: then the newest too
+    assert candidates(190, poses, travel, 0.0)[0] == [30, 130]
+
+
+def closure(j, k, z, fit=0.7, state="waiting"):
+    return Closure(j, k, np.asarray(z, float), np.eye(3) * 1e-3, 0.0, fit, state)
+
+
+def drifted_again():
+    """Poses and travel of a path driven twice: the same places, believed 2 m apart."""
+    poses, travel = straight()
+    poses[30:] = poses[:30] + [0.0, 2.0, 0.0]
+    return poses, travel
 
 
 def test_a_closure_counts_when_two_others_tell_the_same_story():
-    poses, travel = straight()
-    poses[30:] = poses[:30] + [0.0, 2.0, 0.0]  # drifted: in truth the same places again
+    poses, travel = drifted_again()
     same = [closure(j, j + 30, [0, 0, 0]) for j in (3, 6, 9)]
     liar = closure(7, 37, [4.0, 0, 0])
     everyone = [*same, liar]
     assert all(witnessed(one, everyone, poses, travel) for one in same)
     assert not witnessed(liar, everyone, poses, travel)
     assert not witnessed(same[0], same[:2], poses, travel)
+
+
+def test_a_good_fit_needs_one_witness_and_two_worse_ones_do_not_outvote_it():
+    poses, travel = drifted_again()
+    good = [closure(j, j + 30, [0, 0, 0], fit=0.9) for j in (3, 6)]
+    liars = [closure(j, j + 30, [4.0, 0, 0], fit=0.65) for j in (4, 5)]
+    everyone = [*good, *liars]
+    assert all(witnessed(one, everyone, poses, travel) for one in good)
+    assert not any(witnessed(one, everyone, poses, travel) for one in liars)
+    assert not witnessed(good[0], [good[0], *liars], poses, travel)
+    for one in liars:
+        one.fit = 0.95
+    assert not any(witnessed(one, everyone, poses, travel) for one in good)
 
 
 # The front end alone slips once on Freiburg (seed 2, 0.34 m; else 0.05): closing mends it.
