@@ -121,15 +121,9 @@ class Edges:
     edges : ndarray of int, shape (m, 2)
     measurements : ndarray, shape (m, 3)
     information : ndarray, shape (m, 3, 3)
-    chordal : bool, default False
-        Pull headings with sin e instead of e: the force of the cost 4 sin^2(e / 2), the squared
-        chord between two directions.
     """
 
-    def __init__(
-        self, edges: np.ndarray, measurements: Array, information: Array, chordal: bool = False
-    ) -> None:
-        self.chordal = chordal
+    def __init__(self, edges: np.ndarray, measurements: Array, information: Array) -> None:
         self.i, self.j = np.ascontiguousarray(edges.T)
         self.z_angle = measurements[:, 2].copy()
         # R_z^T t_z never changes.
@@ -149,8 +143,6 @@ class Edges:
         ex = c * dx + s * dy - self.z[0]
         ey = c * dy - s * dx - self.z[1]
         et = wrap_angle(theta[self.j] - phi)
-        if self.chordal:
-            et = np.sin(et)
         xx, xy, xt, yy, yt, tt = self.information
         # Omega e
         self.force = fx, fy, ft = (

@@ -17,6 +17,7 @@ from scipy.sparse import coo_matrix, csc_matrix, diags
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from slamlab._checks import Array
+from slamlab.geometry import rotation
 from slamlab.slam._sparse import splu_in_order
 
 
@@ -137,27 +138,62 @@ def as_complex(v: Array) -> np.ndarray:
     return v[..., 0] + 1j * v[..., 1]
 
 
-def isotropic(information: Array, below: bool) -> tuple[Array, Array]:
-    """Weights tau, kappa (m,) in place of full information matrices (m, 3, 3).
+def isotropic(information: Array) -> tuple[Array, Array]:
+    """Weights tau, kappa (m,) in place of information (m, 3, 3): the means of the diagonal.
 
-    The means of the diagonal; with `below` made so small that diag(tau, tau, kappa) is nowhere
-    larger than the information itself. Of a landmark (no information on the heading) kappa is 0.
+    Of a landmark (no information on the heading) kappa is 0.
     """
-    tau = 0.5 * (information[:, 0, 0] + information[:, 1, 1])
-    kappa = information[:, 2, 2]
-    if not below:
-        return tau, kappa
-    root = np.sqrt(np.stack([tau, tau, np.where(kappa > 0, kappa, np.inf)], 1))
+    return 0.5 * (information[:, 0, 0] + information[:, 1, 1]), information[:, 2, 2]
+
+
+def isotropic_below(information: Array) -> tuple[Array, Array]:
+    """Weights tau, kappa (m,) such that diag(tau, tau, kappa) is nowhere above information."""
+    tau, kappa = np.linalg.eigvalsh(information[:, :2, :2])[:, 0], information[:, 2, 2]
+    root = np.sqrt(np.stack([tau, tau, kappa], 1).clip(0.0))
     root[root == 0] = np.inf
     scaled = information / root[:, :, None] / root[:, None, :]
-    scaled[kappa <= 0, 2, 2] = 1.0
-    # Least eigenvalue: how far the matrix of means must shrink to lie below the information.
-    shrunk = np.clip(np.linalg.eigvalsh(scaled)[:, 0], 0.0, 1.0)
-    return shrunk * tau, shrunk * kappa
+    scaled[np.isinf(root)[:, :, None] & np.eye(3, dtype=bool)] = 1.0
+    # Least eigenvalue: how far both must shrink where position and heading are correlated.
+    shrunk = np.linalg.eigvalsh(scaled)[:, 0].clip(0.0, 1.0)
+    return shrunk * tau.clip(0.0), shrunk * kappa
 
 
-def certify(relaxation: Relaxation, poses: Array, chi2: float, tolerance: float) -> Certificate:
-    """Bound the cost of all poses from below; at `poses` (n or more, 3) the form is stationary.
+def touching(e: Array, z: Array, information: Array) -> tuple[Array, Array, Array, float]:
+    """Edges of the form of `Relaxation` that cost no more, and at errors e (m, 3) as much.
+
+    For any c, g(e) = tau ``|e_p - c_p|^2`` + 2 kappa (1 - cos(e_a - c_a)) bends less than
+    f(e) = e^T Omega e if diag(tau, tau, kappa) lies below Omega. So if c makes g as steep as f at
+    one e, f - g is least there, and g, raised to touch f, is nowhere above it.
+
+    Returns
+    -------
+    z : ndarray, shape (m, 3)
+        Measurements, moved by c.
+    tau, kappa : ndarray, shape (m,)
+    raised : float
+        To be added to the form.
+    """
+    tau, kappa = isotropic_below(information)
+    force = np.einsum("nij,nj->ni", information, e)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # tau (e_p - c_p) = force_p and kappa sin(e_a - c_a) = force_a
+        off = force[:, :2] / tau[:, None]
+        sine = np.where(kappa > 0, force[:, 2] / kappa, 0.0)
+    steep = ~((np.abs(sine) < 1) & np.isfinite(off).all(1))  # no such c: g(e) of c = 0 instead
+    turn = np.arcsin(np.where(steep, 0.0, sine))
+    raised = np.einsum("ni,ni->n", e, force) - tau * (off**2).sum(1)
+    raised -= 2 * kappa * (1 - np.cos(turn))
+    c = np.column_stack([e[:, :2] - off, np.where(kappa > 0, e[:, 2] - turn, 0.0)])
+    c[steep] = raised[steep] = 0.0
+    # e_p stands in the frame of the measurement, t_z in that of the first pose
+    t = z[:, :2] + np.einsum("nij,nj->ni", rotation(z[:, 2]), c[:, :2])
+    return np.column_stack([t, z[:, 2] + c[:, 2]]), tau, kappa, float(raised.sum())
+
+
+def certify(
+    relaxation: Relaxation, poses: Array, chi2: float, tolerance: float, raised: float = 0.0
+) -> Certificate:
+    """Bound form + raised from below for all poses; at `poses` (n or more, 3) it is stationary.
 
     For any real L_i: x^H M x = x^H (M - diag(0, L)) x + sum L_i |u_i|^2, so where all |u_i| = 1
     the cost is at least sum L_i + n min(0, least eigenvalue of S), S the first matrix with the
@@ -179,7 +215,8 @@ def certify(relaxation: Relaxation, poses: Array, chi2: float, tolerance: float)
         shift *= 8.0
         factor = hermitian_factor((C + shift * diags(on_u)).tocsc())
     eigenvalue = least_eigenvalue(factor, N - 1, n, shift)
-    bound = float(L.sum()) + n * min(0.0, eigenvalue)
+    bound = raised + float(L.sum()) + n * min(0.0, eigenvalue)
+    bound = max(bound, 0.0)  # no sum of squares is less
     rounding = 1e-9 * float(np.abs(L).sum()) + 1e-9
     return Certificate(
         bool(chi2 - bound <= tolerance * chi2 + rounding), chi2, bound, eigenvalue, tolerance

@@ -40,7 +40,7 @@ from slamlab.slam._optimize import (
     NormalEquations,
     Optimization,
 )
-from slamlab.slam._relaxation import Certificate, Relaxation, certify, isotropic
+from slamlab.slam._relaxation import Certificate, Relaxation, certify, isotropic, touching
 from slamlab.slam._sparse import BlockSystem
 
 __all__ = ["Certificate", "PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
@@ -367,7 +367,7 @@ class PoseGraph:
         """
         self._check_connected()
         edges, measurements, information = self._all_edges()
-        tau, kappa = isotropic(information, below=False)
+        tau, kappa = isotropic(information)
         first, n, guesses = self.fixed[0], len(self.poses), []
         for weight in (1.0, 1e-9):
             relaxation = Relaxation(
@@ -512,10 +512,10 @@ class PoseGraph:
     ) -> Certificate:
         """Bound the chi2 of any poses from below, and compare these poses with it.
 
-        The bound is that of SE-Sync's dual problem (Rosen et al. 2019) for a stand-in that costs
-        no more than the graph: its information isotropic, its headings measured by the chord.
-        Where information is isotropic and headings fit to a few degrees the stand-in is all but
-        the graph itself. Elsewhere the bound still holds, but may lie far below every chi2.
+        The bound is that of SE-Sync's dual problem (Rosen et al. 2019) for a stand-in with
+        isotropic information and headings measured by the chord. Edge by edge it costs no more
+        than the graph, and at these poses (where they settle) exactly as much. The bound always
+        holds; at a local minimum, and with errors of many degrees, it may lie far below.
 
         Parameters
         ----------
@@ -651,27 +651,26 @@ class PoseGraph:
         )
 
     def _certificate(self, x: Array, weights: Array, tolerance: float = 0.01) -> Certificate:
-        """Certificate for the edges as weighted, at the stationary point of the stand-in."""
+        """Certificate for the edges as weighted; the bound is taken where x settles."""
         self._check_connected()
         n, k = len(self.poses), len(self.landmarks)
         edges, measurements, information = self._all_edges()
         information = weights[:, None, None] * information
-        chi2 = float(Edges(edges, measurements, information).linearise(x).sum())
-        tau, kappa = isotropic(information, below=True)
-        stand_in = np.zeros_like(information)
-        stand_in[:, 0, 0] = stand_in[:, 1, 1] = tau
-        stand_in[:, 2, 2] = kappa
+        weighted = Edges(edges, measurements, information)
+        chi2 = float(weighted.linearise(x).sum())
         free = np.setdiff1d(np.arange(n + k), self.fixed[0])
         if len(free):
             system = BlockSystem(n + k, edges, free, np.arange(n, n + k))
-            chords = Edges(edges, measurements, stand_in, chordal=True)
             run = Optimization(
-                x, NormalEquations(chords, system, self._names), None, 1.0, [], 10, 0.0
+                x, NormalEquations(weighted, system, self._names), None, 1.0, [], 10, 0.0
             )
             run.minimise("gauss-newton")
             x = run.poses
+        i, j = edges.T
+        e = edge_error(x[i], x[j], measurements)
+        measurements, tau, kappa, raised = touching(e, measurements, information)
         relaxation = Relaxation(edges, measurements, tau, kappa, n, k)
-        return certify(relaxation, x, chi2, tolerance)
+        return certify(relaxation, x, chi2, tolerance, raised)
 
     def _marginals(self, rows: np.ndarray, x: Array) -> Array:
         equations = self._equations()
