@@ -1,6 +1,6 @@
-"""Checks of chapter 07: total least squares, the corner of split-and-merge, covariance of a wall.
+"""Checks of chapter 07: a line, a corner, a covariance; walls from a scan and in the world.
 
-P1 names "least squares" and "distances" and prints no formula; the chapter derives these three.
+P1 names "least squares" and "distances" and prints no formula; the chapter derives them.
 """
 
 from __future__ import annotations
@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from slamlab.exercises._draw import a_covariance, a_pose
 from slamlab.exercises._report import Array, Check
+from slamlab.geometry import wrap_angle
 
-__all__ = ["check_corner", "check_line", "check_wall_cov"]
+__all__ = ["check_corner", "check_line", "check_to_world", "check_wall_cov", "check_walls"]
 
 
 # Exercise 1: a line by total least squares.
@@ -255,4 +257,232 @@ check_wall_cov = Check(
         ),
         "S is a sum of squares, not their mean": ("np.sum((t - middle) ** 2)", "t.var()"),
     },
+)
+
+
+# Exercise 4: the wall in the world, with bugs.
+
+
+def _to_world(pose: Array, P: Array, wall: Array, C: Array) -> tuple[Array, Array]:
+    """Wall (r, alpha) in the world and its covariance (2, 2), seen from a pose with covariance P.
+
+    The wall as seen has the covariance C; pose and wall err independently.
+    """
+    r, alpha = wall[0], wall[1] + pose[2]
+    c, s = np.cos(alpha), np.sin(alpha)
+    r, lever = r + pose[0] * c + pose[1] * s, pose[1] * c - pose[0] * s
+    J_pose = np.array([[c, s, lever], [0.0, 0.0, 1.0]])
+    J_wall = np.array([[1.0, lever], [0.0, 1.0]])
+    cov = J_pose @ P @ J_pose.T + J_wall @ C @ J_wall.T
+    if r < 0:
+        r, alpha = -r, alpha + np.pi
+        cov = cov * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return np.array([r, wrap_angle(alpha)]), cov
+
+
+def _sighting(doubt: float = 1.0, haze: float = 1.0, home: bool = False) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        pose = a_pose(rng, 0.0 if home else 4.0)
+        wall = [float(np.round(rng.uniform(0.5, 5), 2)), float(np.round(rng.uniform(-3, 3), 2))]
+        return pose, doubt * a_covariance(rng, 3, 0.05), wall, haze * a_covariance(rng, 2, 0.02)
+
+    return draw
+
+
+def _beyond(rng: np.random.Generator) -> Any:
+    """Draw a wall that stands between the robot and the origin, which gives it its other name."""
+    pose = np.append(np.round(rng.uniform(3, 5, 2), 2), 0.3)
+    wall = [float(np.round(rng.uniform(0.5, 2), 2)), float(np.round(rng.uniform(-2.6, -2.2), 2))]
+    return pose, a_covariance(rng, 3, 0.05), wall, a_covariance(rng, 2, 0.02)
+
+
+check_to_world = Check(
+    _to_world,
+    "wall, cov",
+    {
+        "a robot at the origin": _sighting(home=True),
+        "a robot that knows where it is": _sighting(doubt=0.0),
+        "a wall seen without error": _sighting(haze=0.0),
+        "a wall between the robot and the origin": _beyond,
+        "any pose, any wall": _sighting(),
+    },
+    {
+        "C needs its lever: who errs about alpha from far away errs about r": (
+            "J_wall @ C @ J_wall.T",
+            "C",
+        ),
+        "the wall has its other name, its covariance has not: r turned its sign, alpha did not": (
+            "        cov = cov * np.array([[1.0, -1.0], [-1.0, 1.0]])\n",
+            "",
+        ),
+        "r is negative: the same wall is (-r, alpha + pi)": (
+            "if r < 0:",
+            "if False:",
+        ),
+        "r was made positive, alpha was not turned by half a turn": (
+            "-r, alpha + np.pi",
+            "-r, alpha",
+        ),
+        "alpha is not wrapped to (-pi, pi]": ("wrap_angle(alpha)", "alpha"),
+        "the heading is missing: alpha was seen from the robot": ("wall[1] + pose[2]", "wall[1]"),
+        "the heading was taken off: alpha in the world is larger by it": (
+            "wall[1] + pose[2]",
+            "wall[1] - pose[2]",
+        ),
+        "the place of the robot was taken off: it is added along the normal": (
+            "r + pose[0] * c + pose[1] * s",
+            "r - pose[0] * c - pose[1] * s",
+        ),
+        "r did not change: from the origin the wall is nearer or farther": (
+            "r + pose[0] * c + pose[1] * s",
+            "r",
+        ),
+        "the doubt about the pose is missing": ("J_pose @ P @ J_pose.T + ", ""),
+        "the wall's own doubt is missing": (" + J_wall @ C @ J_wall.T", ""),
+        "the lever is missing in the pose's part: a turn of the robot swings the wall": (
+            "[c, s, lever]",
+            "[c, s, 0.0]",
+        ),
+        "the lever has the wrong sign: it is the derivative of r by alpha": (
+            "pose[1] * c - pose[0] * s",
+            "pose[0] * s - pose[1] * c",
+        ),
+        "the doubt about the heading does not reach alpha": ("[0.0, 0.0, 1.0]]", "[0.0] * 3]"),
+    },
+    tolerance=1e-6,
+)
+
+
+# Exercise 5: walls of a scan, assembled.
+
+
+def _walls(points: Array, variance: float, threshold: float, fewest: int) -> tuple[Array, Array]:
+    """Walls (n, 2) of a stretch of points and their covariances (n, 2, 2), by splitting."""
+    if len(points) < fewest:
+        return np.zeros((0, 2)), np.zeros((0, 2, 2))
+    r, alpha = _line(points)
+    normal, along = np.array([np.cos(alpha), np.sin(alpha)]), [-np.sin(alpha), np.cos(alpha)]
+    if np.abs(points @ normal - r).max() <= threshold:
+        places = points @ np.array(along)
+        return np.array([[r, alpha]]), _wall_cov(places, np.full(len(points), variance))[None]
+    cut = _corner(points)
+    first = _walls(points[:cut], variance, threshold, fewest)
+    second = _walls(points[cut:], variance, threshold, fewest)
+    return np.vstack([first[0], second[0]]), np.concatenate([first[1], second[1]])
+
+
+def _by_the_chord(points: Array, variance: float, threshold: float, fewest: int) -> Any:
+    """Ask the chord, not the fitted line, whether all points lie on one wall."""
+    if len(points) >= max(fewest, 3) and _off(points).max() > threshold:
+        cut = _corner(points)
+        parts = [_by_the_chord(p, variance, threshold, fewest) for p in np.split(points, [cut])]
+        return np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    return _walls(points, variance, np.inf, fewest)
+
+
+def _cut_once(points: Array, variance: float, threshold: float, fewest: int) -> Any:
+    if len(_walls(points, variance, threshold, fewest)[0]) < 2:
+        return _walls(points, variance, threshold, fewest)
+    parts = [_walls(p, variance, np.inf, fewest) for p in np.split(points, [_corner(points)])]
+    return np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+
+
+def _outline(*sizes: int) -> Any:
+    """Draw a scan along walls with so many points each, and how to cut it."""
+
+    def draw(rng: np.random.Generator) -> Any:
+        heading, corner, stretches = rng.uniform(-3, 3), rng.uniform(-3, 3, 2), []
+        for size in sizes:
+            d = np.array([np.cos(heading), np.sin(heading)])
+            stretches.append(corner + 0.2 * np.arange(size)[:, None] * d)
+            corner = stretches[-1][-1] + 0.2 * d
+            heading += rng.choice([-1, 1]) * rng.uniform(1.0, 1.6)
+        points = np.vstack(stretches) + rng.normal(0, 0.01, (sum(sizes), 2))
+        variance = float(np.round(rng.uniform(1e-4, 1e-2), 5))
+        return np.round(points, 4), variance, float(np.round(rng.uniform(0.04, 0.06), 3)), 4
+
+    return draw
+
+
+_ANGLE = np.array([[0, 1], [1, 1], [2, 1], [3, 1], [4, 1.0], [4, 2], [4, 3], [4, 4], [4, 5]])
+
+check_walls = Check(
+    _walls,
+    "walls, covs",
+    {
+        "one wall": _outline(9),
+        "two walls": _outline(9, 11),
+        "four walls": _outline(8, 12, 7, 9),
+        "a wall that bulges, farther from its chord than from its line": (
+            np.column_stack([np.linspace(-1, 1, 9), 2.06 - 0.06 * np.linspace(-1, 1, 9) ** 2]),
+            0.01,
+            0.05,
+            4,
+        ),
+        "one point of a wall bulges towards the robot": (
+            [[x, 2.0 - 0.15 * (x == 0)] for x in np.arange(-2, 2.1, 0.5)],
+            0.01,
+            0.1,
+            4,
+        ),
+        "a short piece between two walls is none": _outline(9, 2, 10),
+        "a wall of exactly as many points as it needs": (_ANGLE, 0.01, 0.1, 4),
+        "too few points for any wall": ([[0.0, 1.0], [1.0, 1.0], [2.0, 1.0]], 0.01, 0.1, 4),
+    },
+    {
+        "nothing was cut: one line goes through all points": (
+            ".max() <= threshold",
+            ".max() >= 0",
+        ),
+        "cut once only: ask the same of both pieces": _cut_once,
+        "the chord decided: the distance from the fitted line is due": _by_the_chord,
+        "the mean distance decided: no point may lie farther off than the threshold": (
+            ".max() <= threshold",
+            ".mean() <= threshold",
+        ),
+        "the distance has a sign: points on the other side were overlooked": (
+            "np.abs(points @ normal - r)",
+            "(points @ normal - r)",
+        ),
+        "a piece with fewer than `fewest` points is no wall": (
+            "len(points) < fewest",
+            "len(points) < 2",
+        ),
+        "a piece with exactly `fewest` points is a wall": (
+            "len(points) < fewest",
+            "len(points) <= fewest",
+        ),
+        "the corner was given to both pieces: it begins the second": (
+            "points[:cut]",
+            "points[: cut + 1]",
+        ),
+        "the corner was given to the first piece: it begins the second": (
+            "points[:cut]",
+            "points[: cut + 1]",
+            "points[cut:]",
+            "points[cut + 1 :]",
+        ),
+        "only the first pieces came: the second ones hold walls too": (
+            "np.vstack([first[0], second[0]]), np.concatenate([first[1], second[1]])",
+            "first",
+        ),
+        "the walls came in the order of the last: the first points make the first wall": (
+            "[first[0], second[0]]), np.concatenate([first[1], second[1]])",
+            "[second[0], first[0]]), np.concatenate([second[1], first[1]])",
+        ),
+        "places along the wall grow along (-sin, cos): the corner elements have the wrong sign": (
+            "[-np.sin(alpha), np.cos(alpha)]",
+            "[np.sin(alpha), -np.cos(alpha)]",
+        ),
+        "places along the wall were counted from the middle: count from the foot": (
+            "_wall_cov(places,",
+            "_wall_cov(places - places.mean(),",
+        ),
+        "places along the wall were counted from its first point: count from the foot": (
+            "_wall_cov(places,",
+            "_wall_cov(places - places[0],",
+        ),
+    },
+    tolerance=1e-7,
+    draws=8,
 )
