@@ -540,6 +540,8 @@ def as_names(argument: str, ids: Any, length: int | None = None) -> tuple[Hashab
         raise ValueError(
             f"{argument}: expected one for each of {length} rows of z, got {len(names)}"
         )
+    if any(isinstance(one, float) and one != one for one in names):
+        raise ValueError(f"{argument}: expected names, got NaN, which is never the same twice")
     if different < len(names):
         twice = [one for k, one in enumerate(names) if one is not None and one in names[:k]]
         if twice:

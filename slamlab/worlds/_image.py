@@ -25,11 +25,19 @@ class MapImage(NamedTuple):
     origin: tuple[float, float]
 
 
-def read_map(path: Path) -> MapImage:
+def read_map(path: Path, threshold: float = 0.5) -> MapImage:
     """Read an image or a map of ROS; `BitmapWorld.from_file` says what it means."""
+    threshold = as_scalar("threshold", threshold, 0.0, 1.0)
     if path.suffix.lower() in (".yaml", ".yml"):
         return _read_ros(path)
-    return MapImage(read_grey(path) < 128, None, (0.0, 0.0))
+    grey = read_grey(path)
+    occupied = grey < 255 * threshold
+    if not occupied.any():
+        raise ValueError(
+            f"{path}: expected pixels darker than {threshold:g} of white, for walls, found none; "
+            f"the darkest is {grey.min() / 255:.2f}, so give a threshold above that"
+        )
+    return MapImage(occupied, None, (0.0, 0.0))
 
 
 def read_grey(path: Path) -> NDArray[np.uint8]:

@@ -73,13 +73,19 @@ class BitmapWorld(Grid, Solid):
 
     @classmethod
     def from_file(
-        cls, path: str | Path, resolution: float | None = None, origin: ArrayLike | None = None
+        cls,
+        path: str | Path,
+        resolution: float | None = None,
+        origin: ArrayLike | None = None,
+        *,
+        threshold: float = 0.5,
     ) -> BitmapWorld:
         """Read an image (BMP, PNG, PGM and whatever Pillow knows) or a map of ROS (YAML).
 
-        In an image a pixel darker than half is occupied. A YAML file is what ROS' `map_server`
-        writes: `image`, `resolution`, `origin`, `negate`, `occupied_thresh`, `free_thresh`; cells
-        between the thresholds are unknown and count as occupied, for a robot must not go there.
+        In an image a pixel darker than `threshold` is occupied. A YAML file is what ROS'
+        `map_server` writes: `image`, `resolution`, `origin`, `negate`, `occupied_thresh`,
+        `free_thresh`; cells between the thresholds are unknown and count as occupied, for a robot
+        must not go there.
 
         Parameters
         ----------
@@ -88,16 +94,18 @@ class BitmapWorld(Grid, Solid):
             Side of a pixel (m). Needed for an image; a YAML file brings its own.
         origin : array_like, shape (2,), optional
             Lower left corner in the world (m), by default (0, 0) or the one in the YAML file.
+        threshold : float, default 0.5
+            Of an image: part of white. A room drawn in light colours needs a higher one.
 
         Raises
         ------
         ValueError
-            If the file is no readable image or map, is larger than 64 million pixels, or
-            misses an entry; the message names the file.
+            If the file is no readable image or map, is an image without a dark pixel, is larger
+            than 64 million pixels, or misses an entry; the message names the file.
         FileNotFoundError
             If there is no such file.
         """
-        image = read_map(Path(path))
+        image = read_map(Path(path), threshold)
         resolution = image.resolution if resolution is None else resolution
         if resolution is None:
             raise ValueError(f"resolution: expected the side of a pixel of {path}, got None")

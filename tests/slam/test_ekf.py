@@ -394,3 +394,32 @@ def test_ten_thousand_steps_with_200_landmarks_stay_symmetric_and_psd():
             assert values[0] >= -1e-9 * values[-1]
     assert slam.n_landmarks > 170
     assert np.linalg.norm(slam.pose[:2] - pose[:2]) < 1.0
+
+
+@pytest.mark.parametrize("linearisation", ["latest", "first-estimates", "invariant"])
+def test_the_heading_stays_wrapped_at_the_start_and_through_a_correction(linearisation):
+    # Just short of half a turn; the landmark says that the robot has turned further, beyond it.
+    start = [0.0, 0.0, np.pi - 0.01 + 2 * np.pi]
+    slam = EKFSlam(
+        Unicycle(), RangeBearing(0.1, 0.01), start, 0.1 * np.eye(3), linearisation=linearisation
+    )
+    assert slam.pose[2] == pytest.approx(np.pi - 0.01)
+    slam.update([[2.0, 0.0]], ids=[0])
+    sighted = EKFSlam(
+        Unicycle(),
+        RangeBearing(0.1, 0.01),
+        [*slam.mean[:3], *slam.landmarks[0]],
+        np.diag([1e-6, 1e-6, 0.1, 1e-6, 1e-6]),
+        [0],
+        linearisation=linearisation,
+    )
+    sighted.update([[2.0, -0.2]], ids=[0])
+    assert sighted.pose[2] == pytest.approx(-np.pi + 0.19, abs=0.01)
+
+
+def test_nan_is_no_name():
+    slam = EKFSlam(Unicycle(), RangeBearing(0.1, 0.01), [0, 0, 0])
+    for ids in ([np.nan], np.array([np.nan]), [float("nan")]):
+        with pytest.raises(ValueError, match="ids: expected names, got NaN"):
+            slam.update([[2.0, 0.0]], ids=ids)
+    assert slam.n_landmarks == 0

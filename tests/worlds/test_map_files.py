@@ -38,6 +38,17 @@ def test_transparent_pixels_are_free_as_in_p5(tmp_path):
     assert (BitmapWorld.from_file(tmp_path / "room.png", 0.01).occupied == CELLS).all()
 
 
+def test_a_room_drawn_in_light_colours_is_said_and_read_with_a_threshold(tmp_path):
+    grey = np.where(CELLS[::-1], 230, 255).astype(np.uint8)
+    Image.fromarray(grey).save(tmp_path / "light.png")
+    with pytest.raises(ValueError, match=r"light.png: .*the darkest is 0.90, so give a threshold"):
+        BitmapWorld.from_file(tmp_path / "light.png", 0.01)
+    world = BitmapWorld.from_file(tmp_path / "light.png", 0.01, threshold=0.95)
+    assert (world.occupied == CELLS).all()
+    with pytest.raises(ValueError, match="threshold: expected a number in"):
+        BitmapWorld.from_file(tmp_path / "light.png", 0.01, threshold=95)
+
+
 @pytest.mark.parametrize("negate", [0, 1])
 def test_ros_maps_bring_resolution_and_origin(tmp_path, negate):
     write(tmp_path / "room.png", ~CELLS if negate else CELLS)
