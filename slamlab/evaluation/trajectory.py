@@ -38,6 +38,13 @@ class TrajectoryError:
     translation: Array
     rotation: Array
 
+    def __repr__(self) -> str:
+        """Return the summary in a line, however long the path is."""
+        if len(self.translation) == 0:
+            return "TrajectoryError(no poses)"
+        numbers = f"rmse {self.rmse:.3g} m, largest {self.max:.3g} m"
+        return f"TrajectoryError({len(self.translation)} poses: {numbers})"
+
     @property
     def rmse(self) -> float:
         """Root of the mean squared translation error (m)."""

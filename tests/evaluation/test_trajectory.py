@@ -5,7 +5,7 @@ import pytest
 from evo.core import metrics, units
 from evo.core.trajectory import PosePath3D
 
-from slamlab.evaluation import align, ate, rpe
+from slamlab.evaluation import TrajectoryError, align, ate, rpe
 from slamlab.geometry import compose
 
 
@@ -97,3 +97,11 @@ def test_rpe_over_metres_counts_driven_metres():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_the_error_of_a_long_path_is_shown_in_one_line():
+    path = np.zeros((126, 3))
+    assert repr(ate(path, path + [3, 4, 0], aligned=False)) == (
+        "TrajectoryError(126 poses: rmse 5 m, largest 5 m)"
+    )
+    assert repr(TrajectoryError(np.empty(0), np.empty(0))) == "TrajectoryError(no poses)"
