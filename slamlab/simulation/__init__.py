@@ -11,7 +11,7 @@ from slamlab.simulation.landmarks import (
     room_drives,
 )
 from slamlab.simulation.record import Script, Truth, record
-from slamlab.simulation.rings import ring_corridor, ring_laps
+from slamlab.simulation.rings import ring_laps
 
 __all__ = [
     "FIELD_SENSOR",
@@ -25,7 +25,6 @@ __all__ = [
     "landmark_drives",
     "orchard_loop",
     "record",
-    "ring_corridor",
     "ring_laps",
     "room_drives",
 ]

@@ -24,11 +24,13 @@ __all__ = [
     "random_box_room",
     "random_room",
     "ring",
+    "ring_corridor",
     "symmetric_room",
     "thesis_room",
     "thesis_room_two",
 ]
 
+RING_WIDTH = 2.4  # of the corridor of `ring_corridor` (m)
 _WALL = 5  # thickness (px) of the outer walls
 
 
@@ -210,6 +212,44 @@ def random_box_room(rng: np.random.Generator) -> WallWorld:
         if gap >= 1.0 and len(outlines) <= 5:
             outlines.append(box)
     return WallWorld.from_polygons(*outlines) if len(outlines) > 1 else random_box_room(rng)
+
+
+def ring_corridor(size: tuple[float, float], rng: np.random.Generator) -> WallWorld:
+    """Draw a corridor of 2.4 m round a closed block, with pillars along its outer walls.
+
+    Parameters
+    ----------
+    size : (float, float)
+        Outer sides along x and y (m), at least 7.
+    rng : numpy.random.Generator
+
+    Raises
+    ------
+    ValueError
+        If a side is too short or `rng` no generator.
+
+    Examples
+    --------
+    >>> ring_corridor((12.0, 8.0), np.random.default_rng(5)).bounds
+    (0.0, 0.0, 12.0, 8.0)
+    """
+    width, depth = sides = as_array("size", size, (2,))
+    if sides.min() < 7.0:
+        raise ValueError(f"size: expected sides of at least 7 m, got {size!r:.80}")
+    rng, wide = as_rng("rng", rng), RING_WIDTH
+    outlines = [_box(0, 0, width, depth), _box(wide, wide, width - wide, depth - wide)]
+    for length, horizontal, far in (
+        (width, True, False),
+        (width, True, True),
+        (depth, False, False),
+        (depth, False, True),
+    ):
+        along = np.cumsum(rng.uniform(1.5, 4.0, int(length)))
+        for at in along[(along > 1.0) & (along < length - 1.5)]:
+            across = (depth if horizontal else width) - 0.3 if far else 1e-3
+            x, y = (at, across) if horizontal else (across, at)
+            outlines.append(_box(x, y, x + 0.299, y + 0.299))
+    return WallWorld.from_polygons(*outlines)
 
 
 def _distance(outline: Array, points: Array) -> float:

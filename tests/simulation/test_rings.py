@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from slamlab.geometry import between
-from slamlab.simulation import ring_corridor, ring_laps
+from slamlab.simulation import ring_laps
+from slamlab.worlds import rooms
 
 
 def rng(seed=1):
@@ -13,7 +14,7 @@ def rng(seed=1):
 
 def test_the_robot_keeps_to_the_middle_of_the_corridor_and_comes_round():
     log = ring_laps((12.0, 8.0), rng(), laps=1.0, step=0.1)
-    world = ring_corridor((12.0, 8.0), rng(5))
+    world = rooms.ring_corridor((12.0, 8.0), rng(5))
     assert world.clearance(log.truth[:, :2]).min() > 0.5
     steps = between(log.truth[:-1], log.truth[1:])
     np.testing.assert_allclose(np.hypot(*steps[:, :2].T), 0.1, atol=1e-3)
@@ -25,7 +26,7 @@ def test_the_robot_keeps_to_the_middle_of_the_corridor_and_comes_round():
 
 def test_the_scans_are_of_that_corridor_and_the_wheels_drift():
     log = ring_laps((16.0, 11.0), rng())
-    world = ring_corridor((16.0, 11.0), rng(5))
+    world = rooms.ring_corridor((16.0, 11.0), rng(5))
     due = log.scan.scan(world, log.truth, rng(9))
     met = np.isfinite(due) & np.isfinite(log.ranges)
     assert met.mean() > 0.8
@@ -39,7 +40,7 @@ def test_the_scans_are_of_that_corridor_and_the_wheels_drift():
 @pytest.mark.parametrize(
     ("message", "call"),
     [
-        ("size: expected sides", lambda: ring_corridor((5.0, 9.0), rng())),
+        ("size: expected sides", lambda: rooms.ring_corridor((5.0, 9.0), rng())),
         ("size: expected shape", lambda: ring_laps((5.0,), rng())),
         ("laps", lambda: ring_laps((12.0, 8.0), rng(), laps=0.0)),
         ("step", lambda: ring_laps((12.0, 8.0), rng(), step=-1.0)),
