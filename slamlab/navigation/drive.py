@@ -96,7 +96,9 @@ class Guard:
     ----------
     body : Body
     margin : float, default 0.06
-        It refuses what would bring the body nearer than this to a point of the scan (m).
+        It refuses what would bring the body nearer than this to a point of the scan (m). If the
+        body is nearer than half of it, for no wheel obeys exactly, it goes away from that point,
+        whatever the wish.
 
     Raises
     ------
@@ -125,6 +127,9 @@ class Guard:
     def limited(self, wish: Array, points: Array, dt: float) -> Array:
         """Return the part of the body velocity `wish` (3,) that is safe among points (k, 2)."""
         here = float(self._body.clearance(points).min(initial=np.inf))
+        # Noise would bring who drives along a wall nearer to it, step by step, until they touch.
+        if here < 0.5 * self._margin:
+            wish = self.away(points)
         # Already nearer than the margin: it may leave, and must not come nearer.
         least = min(self._margin, here - 1e-9)
         for part in ([1, 1, 1], [1, 1, 0], [0, 0, 1]):
@@ -133,10 +138,6 @@ class Guard:
                 if self._closest(u, points, dt) >= least:
                     return u
         return np.zeros(3)
-
-    def too_near(self, points: Array) -> bool:
-        """Whether a point of (k, 2) is nearer than half the margin."""
-        return bool(self._body.clearance(points).min(initial=np.inf) < 0.5 * self._margin)
 
     def away(self, points: Array) -> Array:
         """Return a slow body velocity (3,) away from the nearest of points (k, 2), k > 0."""

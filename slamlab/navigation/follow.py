@@ -391,8 +391,6 @@ class Retracer:
             return None
         points = self._lidar.points(view.measurement)
         points = points[np.isfinite(points).all(-1)]
-        if self._guard.too_near(points):
-            return self._guard.limited(self._guard.away(points), points, view.dt)
         for side in _SIDES:
             c, s = np.cos(side), np.sin(side)
             x, y, turn = wish

@@ -77,6 +77,29 @@ def test_who_retraces_comes_home_tail_first_and_touches_nothing():
     assert np.abs(log.truth[:, 2]).max() < 0.8
 
 
+class Pusher:
+    """Wants along a wall, back and forth, and knows nothing but its scan."""
+
+    def __init__(self, lidar):
+        self.guard, self.lidar = Guard(YOUBOT_BODY, 0.12), lidar
+
+    def command(self, view):
+        points = self.lidar.points(view.measurement)
+        points = points[np.isfinite(points).all(-1)]
+        along = 0.6 if int(view.time) % 40 < 20 else -0.6
+        return self.guard.limited(np.array([along, 0.0, 0.0]), points, view.dt)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_drives_along_a_wall_for_minutes_is_not_brought_to_it_by_noise(seed):
+    lidar = Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01)
+    log = record(HALL, YOUBOT, lidar, Pusher(lidar), Truth(), np.random.default_rng(seed),
+                 start=[2.0, 0.42, 0.0], dt=0.2, footprint=YOUBOT_BODY.footprint,
+                 control_cov=YOUBOT.control_cov(0.3), max_time=120.0)  # fmt: skip
+    assert not log.notes["hit"].any()
+    assert HALL.clearance(log.truth[-50:, :2]).min() > 0.24  # 5 cm from its side
+
+
 def test_a_wall_across_the_path_makes_it_give_up():
     way = np.stack([np.linspace(-3, 12, 80), np.full(80, 3.0)], -1)
     pilot = Retracer(way, Guard(YOUBOT_BODY), LIDAR)
