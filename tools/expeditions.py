@@ -1,27 +1,19 @@
 """Send robots out and home again: the stored table of chapter 20, run by run.
 
-python tools/expeditions.py [MINUTES]     (5 s of computing a run; what is stored is not run again)
+python tools/expeditions.py [--building NAME ...] [--belief NAME ...] [--seeds 30] [--minutes N]
 
-Results go to slamlab/datasets/data/expeditions.json, which `simulation.expedition.results` reads.
+A run takes 10 to 60 s of computing; what is stored is not run again. Several of these may run
+side by side. Results go to slamlab/datasets/data/expeditions.json, which
+`simulation.expedition.results` reads.
 """
 
+import argparse
+import fcntl
 import json
-import sys
 import time
+from itertools import product
 
 from slamlab.simulation.expedition import BELIEFS, BUILDINGS, STORED, WAYS, come_home, explore
-
-# In this order: buildings with the beliefs that are tried in each, up to so many seeds.
-MATCHERS = ["scan graph", "dead reckoning", "scan matching"]
-OTHERS = ["EKF-SLAM, walls", "grid FastSLAM"]
-PLAN = [
-    *((building, MATCHERS, 2) for building in ("corridor", "office")),
-    *((building, MATCHERS, 5) for building in ("ring", "corridor", "office")),
-    *((building, OTHERS, 3) for building in BUILDINGS),
-    *((building, MATCHERS, 10) for building in BUILDINGS),
-    *((building, MATCHERS, 30) for building in BUILDINGS),
-    *((building, OTHERS, 30) for building in BUILDINGS),
-]
 
 
 def row(building, belief, seed):
@@ -39,21 +31,39 @@ def row(building, belief, seed):
     }
 
 
+def read():
+    """Read what is stored: rows in the order of their seeds, by building and belief."""
+    return json.loads(STORED.read_text()) if STORED.exists() else {}
+
+
+def write(building, belief, seed, new):
+    """Add a row, unless another process was faster; nobody else writes meanwhile."""
+    with open(STORED.with_suffix(".lock"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        stored = read()
+        rows = stored.setdefault(building, {}).setdefault(belief, [])
+        if len(rows) == seed:
+            rows.append(new)
+            text = json.dumps(stored, separators=(",", ":")).replace("},{", "},\n{")
+            STORED.write_text(text + "\n")
+
+
 def main():
-    deadline = time.time() + 60 * float(sys.argv[1] if len(sys.argv) > 1 else 1e9)
-    stored = json.loads(STORED.read_text()) if STORED.exists() else {}
-    for building, beliefs, seeds in PLAN:
-        for seed in range(seeds):
-            for belief in beliefs:
-                rows = stored.setdefault(building, {}).setdefault(belief, [])
-                if len(rows) > seed:
-                    continue
-                if time.time() > deadline:
-                    return
-                rows.append(row(building, belief, seed))
-                print(building, belief, seed, rows[-1], flush=True)
-                text = json.dumps(stored, separators=(",", ":")).replace("},{", "},\n{")
-                STORED.write_text(text + "\n")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--building", nargs="+", choices=list(BUILDINGS), default=list(BUILDINGS))
+    parser.add_argument("--belief", nargs="+", choices=list(BELIEFS), default=list(BELIEFS))
+    parser.add_argument("--seeds", type=int, default=30)
+    parser.add_argument("--minutes", type=float, default=1e9)
+    asked = parser.parse_args()
+    deadline = time.time() + 60 * asked.minutes
+    for seed, building, belief in product(range(asked.seeds), asked.building, asked.belief):
+        if len(read().get(building, {}).get(belief, [])) > seed:
+            continue
+        if time.time() > deadline:
+            return
+        new = row(building, belief, seed)
+        print(building, belief, seed, new, flush=True)
+        write(building, belief, seed, new)
 
 
 if __name__ == "__main__":
