@@ -212,8 +212,7 @@ def test_the_guard_slows_down_turns_less_and_stands_still():
     assert pilot._guarded(forward, ahead - [0.15, 0.0], 0.2).tolist() == [0, 0, 0]
     # Too near already: it may back out and not come nearer; very near it goes back by itself.
     assert pilot._guarded(-forward, ahead - [0.17, 0.0], 0.2).tolist() == [-0.5, 0, 0]
-    back = pilot._guarded(forward, ahead - [0.19, 0.0], 0.2)
-    np.testing.assert_allclose(back, [-0.1, 0, 0], atol=0.01)
+    assert pilot._guarded(forward, ahead - [0.19, 0.0], 0.2)[0] < -0.05
     # Between two walls it may drive and not turn.
     sides = np.concatenate([[[x, y]] for x in np.linspace(-2, 2, 81) for y in (-0.255, 0.255)])
     assert pilot._guarded(np.array([0.3, 0.0, 0.8]), sides, 0.2).tolist() == [0.3, 0, 0]
