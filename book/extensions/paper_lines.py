@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 KINDS = ("text", "claim", "formula", "algorithm", "program", "figure", "table", "experiment")
 READ = ("clear", "doubtful", "restored")
 VERDICTS = ("right", "confirmed", "incomplete", "typo", "wrong", "wrong as read", "refuted",
-            "unsupported", "not judged")  # fmt: skip
+            "unsupported", "on record", "no claim", "not judged")  # fmt: skip
 
 Row = tuple[str | None, list[str], dict[str, str]]  # file, cells, tests by letter
 
@@ -60,6 +60,25 @@ def word(line: dict[str, Any], verdict: str) -> str:
 
 
 @functools.cache
+def cite(key: str) -> str:
+    """Link to an entry of the bibliography by its first author and year; "" if there is none."""
+    text = (ROOT / "book" / "references.bib").read_text(encoding="utf-8")
+    entry = re.search(rf"@\w+\{{{key},(.*?)\n\}}", text, re.DOTALL)
+    fields = (
+        dict(re.findall(r"(author|year)\s*=\s*\{(.*?)\}(?:,|$)", entry[1], re.MULTILINE))
+        if entry
+        else {}
+    )
+    if len(fields) < 2:
+        return ""
+    authors = [name.partition(",")[0] for name in fields["author"].split(" and ")]
+    said = authors[0] + (
+        f" and {authors[1]}" if len(authors) == 2 else " et al." * (len(authors) > 2)
+    )
+    return f"[{said} ({fields['year']})](bibliography.md#{key})"
+
+
+@functools.cache
 def paper(name: str) -> dict[str, Any]:
     """Read a paper and its lines, with what the errata know of them."""
     file = ROOT / "book" / "papers" / f"{name.lower()}.yaml"
@@ -71,7 +90,7 @@ def paper(name: str) -> dict[str, Any]:
             line["verdict"] = word(line, cells[3])
             notes.append(cells[4])
             tests += [f"{where}::{named.get(letter)}" for letter in cells[5].split(", ")]
-        notes.append(line.get("note", ""))
+        notes += [line.get("note", ""), ", ".join(map(cite, line.get("sources", [])))]
         line["notes"] = [note for note in dict.fromkeys(notes) if note]
         line["tests"] = list(dict.fromkeys(tests))
     return data

@@ -14,6 +14,7 @@ from paper_lines import (  # noqa: E402
     KINDS,
     READ,
     VERDICTS,
+    cite,
     errata,
     errata_of,
     find,
@@ -21,6 +22,8 @@ from paper_lines import (  # noqa: E402
     papers,
 )
 
+# Verdicts that stand on a word of ours, not on a run.
+WORDS = ("not judged", "typo", "unsupported", "on record", "no claim")
 LINES = [(name, line) for name in papers() for line in paper(name)["lines"]]
 # What the papers number themselves; P3 and P4 name their formulas by step or variant.
 DUE = {
@@ -65,10 +68,15 @@ def faults(name, line):
     verdict = line.get("verdict")
     known = (line["kind"] in KINDS, line["read"] in READ, verdict in VERDICTS, line["says"])
     found += [] if all(known) else ["a word that the page does not explain"]
-    if verdict in ("not judged", "typo") and not line["notes"]:
-        found.append("no verdict, and no word why")
-    if verdict not in ("not judged", "typo") and not line["tests"] + line.get("cells", []):
+    found += [f"no such source: {key}" for key in line.get("sources", []) if not cite(key)]
+    if verdict in WORDS and not line["notes"]:
+        found.append("no proof, and no word why")
+    if verdict not in WORDS and not line["tests"] + line.get("cells", []):
         found.append("a verdict that nothing proves")
+    if (verdict == "on record") != ("sources" in line):
+        found.append("on record is what a source says")
+    if verdict == "no claim" and line["kind"] in ("claim", "formula", "algorithm", "program"):
+        found.append("it claims something")
     if verdict in ("wrong", "refuted") and line["read"] != "clear":
         found.append("wrong is said of what was read clearly")
     if verdict == "wrong as read" and line["read"] == "clear":
@@ -80,6 +88,10 @@ def faults(name, line):
 def test_every_line_has_a_verdict_a_place_that_exists_and_a_test_that_exists(name):
     wrong = {line["name"]: faults(name, line) for paper, line in LINES if paper == name}
     assert {line: why for line, why in wrong.items() if why} == {}
+
+
+def test_no_line_is_left_without_a_verdict():
+    assert [line["says"] for _, line in LINES if line["verdict"] == "not judged"] == []
 
 
 @pytest.mark.parametrize("name", papers())
@@ -122,7 +134,10 @@ BAD = [
     {"at": ["01: words that no chapter has, surely"]}, {"cells": ["01: One number by hand"]},
     {"verdict": "fine"}, {"verdict": "wrong", "read": "doubtful"},
     {"verdict": "not judged", "tests": []}, {"verdict": "wrong as read"},
-    {"errata": ["(99)"]}, {"kind": "poem"},
+    {"errata": ["(99)"]}, {"kind": "poem"}, {"verdict": "unsupported", "tests": []},
+    {"verdict": "on record", "notes": ["a book"]}, {"sources": ["thrun2005probabilistic"]},
+    {"verdict": "on record", "notes": ["a book"], "sources": ["nobody1900"]},
+    {"verdict": "no claim", "notes": ["a drawing"]},
 ]  # fmt: skip
 
 

@@ -299,3 +299,18 @@ def test_p5_the_longest_beam_leads_back_along_the_diagonal():
         ahead = np.abs(wrap_angle(next_one)) < np.deg2rad(20)
         assert back.mean() > 0.65
         assert ahead.mean() < 0.02
+
+
+def test_p5_1_2_without_a_sensor_the_doubt_only_grows_and_no_map_is_made():
+    sensor = RangeBearing(0.05, np.radians(1))
+    blind, seeing = (EKFSlam(YOUBOT, sensor, np.zeros(3)) for _ in range(2))
+    u, doubts = np.array([0.3, 0.0, 0.1]), {"blind": [], "seeing": []}
+    for _ in range(100):
+        for name, slam in (("blind", blind), ("seeing", seeing)):
+            slam.predict(u, 0.1, YOUBOT.control_cov(0.4))
+            if name == "seeing":
+                slam.update(sensor.observe(slam.pose, [[2.0, 1.0], [-1.0, 2.0]]), [1, 2])
+            doubts[name].append(np.trace(slam.pose_cov[:2, :2]))
+    assert (np.diff(doubts["blind"]) > 0).all()
+    assert doubts["seeing"][-1] < 0.5 * doubts["blind"][-1]
+    assert (blind.n_landmarks, seeing.n_landmarks) == (0, 2)
