@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_count, as_positive, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_scalar
 from slamlab.gaussian import chi2_quantile
 from slamlab.geometry import transform, wrap_angle
 from slamlab.mapping.walls import Walls, extract_walls
@@ -28,8 +28,8 @@ __all__ = ["Sighting", "WallSlam"]
 _PIECE = 0.05
 # Stretches of a wall with a gap smaller than this (m) are one.
 _JOIN = 0.3
-# Cutting a scan at its corners leaves errors beside the noise of the beams: 2 mm, 0.08 degrees.
-_EXTRACTION_COV = np.diag([0.002, np.deg2rad(0.08)]) ** 2
+# Cutting a scan at its corners leaves errors beside the noise of the beams.
+_EXTRACTION = (0.002, float(np.deg2rad(0.08)))
 
 
 class NoisyLidar(ScanSensor, Protocol):
@@ -66,9 +66,8 @@ class WallSlam:
     ----------
     motion : motion model
         As `EKFSlam`.
-    lidar : NoisyLidar
-        Layout of the beams and `sigma_range`, which must be positive: it decides how well a wall
-        is known.
+    lidar : scan sensor
+        Layout of the beams.
     pose : array_like, shape (3,)
         Where the map begins (m, m, rad).
     cov : array_like, shape (3, 3), optional
@@ -81,6 +80,16 @@ class WallSlam:
         A wall seen less often is no part of `segments`, and is removed if it was not seen for
         `patience` predictions.
     patience : int, default 60
+    sigma_range : float, optional
+        Standard deviation of a range (m), positive: it decides how well a wall is known. That of
+        the lidar if left out; a bare `ScanGeometry` has none.
+    sigma_wall : array_like, shape (2,), default (0.002, 0.0014)
+        Standard deviation of (r, alpha) of a wall (m, rad) beside the noise of its beams. The
+        default, 2 mm and 0.08 degrees, is what cutting straight walls at their corners leaves; a
+        building with doors and notice boards has several times as much (chapter 09).
+    reach : float, default inf
+        A wall is taken for one of the map only where it was seen, up to so many metres along
+        its line. With inf a wall is a line without end, as in P1.
 
     Attributes
     ----------
@@ -116,7 +125,7 @@ class WallSlam:
     def __init__(
         self,
         motion: MotionModel,
-        lidar: NoisyLidar,
+        lidar: ScanSensor,
         pose: ArrayLike,
         cov: ArrayLike | None = None,
         *,
@@ -124,10 +133,22 @@ class WallSlam:
         min_length: float = 0.6,
         confirm: int = 5,
         patience: int = 60,
+        sigma_range: float | None = None,
+        sigma_wall: ArrayLike = _EXTRACTION,
+        reach: float = np.inf,
     ) -> None:
         as_scan_sensor("lidar", lidar)
-        as_a("lidar", lidar, NoisyLidar, "a lidar that tells its noise, such as Lidar(...)")
-        self._sigma = as_positive("lidar.sigma_range", lidar.sigma_range, 1e300)
+        if sigma_range is None:
+            told = "a lidar that tells its noise, such as Lidar(...)"
+            noisy: NoisyLidar = as_a("lidar", lidar, NoisyLidar, told)
+            self._sigma = as_positive("lidar.sigma_range", noisy.sigma_range, 1e300)
+        else:
+            self._sigma = as_positive("sigma_range", sigma_range, 1e300)
+        own = as_array("sigma_wall", sigma_wall, (2,))
+        if (own < 0).any():
+            raise ValueError(f"sigma_wall: expected no negative number, got {own.tolist()}")
+        self._wall_cov = np.diag(own**2)
+        self._reach = as_scalar("reach", reach, 0)
         gate = as_positive("probability", probability, 1 - 1e-12)
         self._gate = float(chi2_quantile(gate, 2))
         self._min_length = as_scalar("min_length", min_length, 0, 1e300)
@@ -137,6 +158,7 @@ class WallSlam:
         # The covariance of each sighting comes from its points; the sensor's own is not used.
         self.filter = EKFSlam(motion, Wall(1.0, 1.0, offset=lidar.offset), pose, cov)
         self._counts: dict[Hashable, Counter[int]] = {}
+        self._spans: dict[Hashable, Array] = {}  # first and last place along a wall (m)
 
     def __repr__(self) -> str:
         """Say where it is and how much it knows."""
@@ -193,7 +215,7 @@ class WallSlam:
             raise ValueError(f"ids: expected None, walls have no names in a scan, got {ids!r}")
         points = self._lidar.points(measurement) - [self._lidar.offset, 0.0]
         walls = extract_walls(points, self._sigma)
-        covs = walls.covs + _EXTRACTION_COV
+        covs = walls.covs + self._wall_cov
         ekf = self.filter
         predicted = ekf.sensor.observe(ekf.pose, ekf.landmarks)
         names = self._associate(walls, covs, predicted)
@@ -203,7 +225,7 @@ class WallSlam:
                 self._extend(id, ends)
         gone = ekf.remove_unseen(self._patience, max(self._confirm - 1, 1))
         for id in gone:
-            del self._counts[id]
+            del self._counts[id], self._spans[id]
         return Sighting(walls, names, float(innovation.nis))
 
     def _associate(
@@ -235,7 +257,18 @@ class WallSlam:
         v = ekf.sensor.residual(walls.lines[:, None], predicted[None])
         own = ekf.innovation_covs(np.arange(ekf.n_landmarks)) - ekf.sensor.cov
         S = own[None] + _in_name_of(walls.lines[:, None, 1], predicted[None, :, 1], covs[:, None])
-        return (v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1)
+        distances = (v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1)
+        return (
+            distances if np.isinf(self._reach) else np.where(self._near(walls), distances, np.inf)
+        )
+
+    def _near(self, walls: Walls) -> NDArray[np.bool_]:
+        """Whether each wall seen lies within reach of where each of the map was seen, (k, n)."""
+        ends = transform(self.filter.pose, walls.ends + [self._lidar.offset, 0.0])
+        alpha = self.filter.landmarks[:, 1]
+        along = np.sort(ends @ np.stack([-np.sin(alpha), np.cos(alpha)]), axis=1)  # (k, 2, n)
+        low, high = np.array([self._spans[id] for id in self.filter.ids]).T
+        return (along[:, 0] - self._reach <= high) & (low <= along[:, 1] + self._reach)
 
     def _named(
         self, walls: Walls, covs: Array, names: tuple[Hashable | None, ...], predicted: Array
@@ -251,8 +284,11 @@ class WallSlam:
         ekf = self.filter
         _, alpha = ekf.landmarks[ekf.rows_of([id])[0]]
         world = transform(ekf.pose, ends + [self._lidar.offset, 0.0])
-        low, high = np.sort(world @ [-np.sin(alpha), np.cos(alpha)]) / _PIECE
-        self._counts.setdefault(id, Counter()).update(range(round(low), round(high)))
+        span = np.sort(world @ [-np.sin(alpha), np.cos(alpha)])
+        low, high = (round(end) for end in span / _PIECE)
+        self._counts.setdefault(id, Counter()).update(range(low, high))
+        before = self._spans.get(id, span)
+        self._spans[id] = np.array([min(before[0], span[0]), max(before[1], span[1])])
 
     def _stretches(self, id: Hashable) -> Array:
         """Where the wall was seen often enough, (k, 2) along it: a grazing scan errs at its ends.

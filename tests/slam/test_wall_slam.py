@@ -5,6 +5,7 @@ import pytest
 
 from slamlab.evaluation import nees
 from slamlab.geometry import wrap_angle
+from slamlab.logs import ScanGeometry
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar, Wall
 from slamlab.slam import wall_slam
@@ -148,6 +149,46 @@ def test_a_wall_seen_once_is_forgotten():
     assert slam.filter.n_landmarks == 0
 
 
+def beside(gap, reach):
+    """See a wall, then another one: its line is 4 cm off, and a gap along it lies between."""
+    slam = WallSlam(YOUBOT, NOISY, [0, 0, np.pi / 2], reach=reach, sigma_wall=(0.02, 0.01))
+    for x, y in ((0.0, 2.0), (2.0 + gap, 2.04)):
+        slam.predict([0.0, -x, 0.0], 1.0, 1e-6 * np.eye(3))
+        scan = CLEAN.scan(WallWorld([[[x - 1, y], [x + 1, y]]]), [x, 0.0, np.pi / 2])
+        for _ in range(5):
+            slam.update(scan)
+    return slam.filter.landmarks
+
+
+def test_a_wall_is_taken_for_one_of_the_map_only_within_reach():
+    assert len(beside(2.0, np.inf)) == 1  # as in P1: one line without end
+    apart = beside(2.0, 0.5)
+    np.testing.assert_allclose(np.sort(apart[:, 0]), [2.0, 2.04], atol=0.005)
+    assert len(beside(0.3, 0.5)) == 1
+
+
+def test_a_bare_layout_of_beams_needs_the_noise_and_is_then_the_lidar():
+    bare = ScanGeometry(NOISY.beam_angles, NOISY.max_range, NOISY.offset)
+    scan = CLEAN.scan(rooms.box_room(), POSES[0])
+    walls = []
+    for slam in (WallSlam(YOUBOT, NOISY, POSES[0]),
+                 WallSlam(YOUBOT, bare, POSES[0], sigma_range=SIGMA_RANGE)):  # fmt: skip
+        slam.update(scan)
+        walls.append(slam.filter.landmarks)
+    np.testing.assert_array_equal(*walls)
+
+
+def test_the_noise_of_a_wall_adds_to_that_of_its_beams():
+    scan, covs = CLEAN.scan(rooms.box_room(), POSES[0]), []
+    for own in ((0.0, 0.0), (0.05, 0.02)):
+        slam = WallSlam(YOUBOT, NOISY, POSES[0], sigma_wall=own)
+        slam.update(scan)
+        covs.append(slam.filter.landmark_cov(slam.filter.ids[0]))
+    more = covs[1] - covs[0]
+    assert more[1, 1] == pytest.approx(0.02**2)
+    assert np.linalg.eigvalsh(more)[0] > 0
+
+
 def test_a_short_piece_starts_no_wall():
     slam = WallSlam(YOUBOT, NOISY, [0, 0, 0])
     sighting = slam.update(CLEAN.scan(WallWorld([[[1.0, -0.29], [1.0, 0.29]]]), [0, 0, 0]))
@@ -163,6 +204,9 @@ def test_a_short_piece_starts_no_wall():
         ({"confirm": 0}, "confirm"),
         ({"patience": 0}, "patience"),
         ({"min_length": -1.0}, "min_length"),
+        ({"sigma_range": 0.0}, "sigma_range"),
+        ({"sigma_wall": [0.0, -0.1]}, "sigma_wall"),
+        ({"reach": -1.0}, "reach"),
         ({"pose": [0, 0]}, "mean"),
     ],
 )
