@@ -1,7 +1,7 @@
-"""Checks of chapter 10: a difference, the whole of P2 (9), the accounts of a region.
+"""Checks of chapter 10: a difference, P2 (9), the accounts of a region, a filter made consistent.
 
-P2's springs between landmarks, its time update (9) with the cross block, and the recursions of
-the compressed EKF.
+P2's springs between landmarks, its time update (9) with the cross block, the recursions of the
+compressed EKF, and first-estimates Jacobians (Huang, Mourikis and Roumeliotis, 2008).
 """
 
 from __future__ import annotations
@@ -10,10 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance
-from slamlab.exercises._report import Array, Check
+from slamlab.exercises._draw import a_covariance, a_pose
+from slamlab.exercises._report import Array, Check, Ints
+from slamlab.geometry import wrap_angle
 
-__all__ = ["check_accounts", "check_difference_cov", "check_predict_cov"]
+__all__ = [
+    "check_accounts",
+    "check_difference_cov",
+    "check_predict_cov",
+    "check_slam",
+    "check_update",
+]
 
 
 # Exercise 1: the spring between two landmarks.
@@ -226,4 +233,251 @@ check_accounts = Check(
         ),
     },
     tolerance=1e-8,
+)
+
+
+# Exercise 4: an update at first estimates, with bugs.
+
+
+def _update(
+    mean: Array, P: Array, first: Array, z: Array, i: int, R: Array
+) -> tuple[Array, Array]:
+    """State (n,) and covariance (n, n) after range and bearing z of landmark i.
+
+    Jacobians are taken at `first` (n,), the pose as predicted and the landmarks as first placed;
+    the innovation at `mean`.
+    """
+    k = 3 + 2 * i
+    dx, dy = first[k : k + 2] - first[:2]
+    squared = dx**2 + dy**2
+    rho = np.sqrt(squared)
+    H = np.zeros((2, len(mean)))
+    H[:, :3] = [[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]]
+    H[:, k : k + 2] = [[dx / rho, dy / rho], [-dy / squared, dx / squared]]
+    east, north = mean[k : k + 2] - mean[:2]
+    v = z - np.array([np.hypot(east, north), np.arctan2(north, east) - mean[2]])
+    v[1] = wrap_angle(v[1])
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    new = mean + K @ v
+    new[2] = wrap_angle(new[2])
+    return new, (np.eye(len(mean)) - K @ H) @ P
+
+
+def _in_a_map(landmarks: int, i: int, moved: float = 0.3, behind: bool = False) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        mean = np.append(a_pose(rng), np.round(rng.uniform(5, 9, 2 * landmarks), 2))
+        if behind:
+            mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
+        d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
+        z = np.array([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])])
+        z += rng.normal(0, 0.1, 2)
+        if behind:
+            z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
+        first = mean + np.round(moved * rng.uniform(-1, 1, len(mean)), 2)
+        return mean, a_covariance(rng, len(mean), 0.05), first, z, i, a_covariance(rng, 2, 0.02)
+
+    return draw
+
+
+check_update = Check(
+    _update,
+    "mean, P",
+    {
+        "estimates that have not moved since the first": _in_a_map(2, 1, 0.0),
+        "one landmark that has moved": _in_a_map(1, 0),
+        "the second of three landmarks": _in_a_map(3, 1),
+        "the last of four": _in_a_map(4, 3),
+        "a bearing across the back": _in_a_map(2, 1, behind=True),
+        "a heading that is corrected past half a turn": (
+            [0.0, 0.0, 3.1, -4.0, 0.3],
+            np.diag([0.01, 0.01, 0.3, 0.01, 0.01]),
+            [0.1, 0.0, 3.0, -4.2, 0.4],
+            [4.0, -0.4],
+            0,
+            0.01 * np.eye(2),
+        ),
+    },
+    {
+        "H takes the landmark at its latest estimate: its first one is due, for ever": (
+            "first[k : k + 2] - first[:2]",
+            "mean[k : k + 2] - first[:2]",
+        ),
+        "H takes the pose at its latest estimate: the predicted one in `first` is due": (
+            "first[k : k + 2] - first[:2]",
+            "first[k : k + 2] - mean[:2]",
+        ),
+        "H is taken at the latest estimates: this is the usual EKF, which learns where north is": (
+            "first[k : k + 2] - first[:2]",
+            "mean[k : k + 2] - mean[:2]",
+        ),
+        "the innovation was taken at the first estimates: what is expected now is due": (
+            "mean[k : k + 2] - mean[:2]",
+            "first[k : k + 2] - first[:2]",
+            "np.arctan2(north, east) - mean[2]",
+            "np.arctan2(north, east) - first[2]",
+        ),
+        "the innovation takes the pose from `first`: what is expected now is due": (
+            "mean[k : k + 2] - mean[:2]",
+            "mean[k : k + 2] - first[:2]",
+            "np.arctan2(north, east) - mean[2]",
+            "np.arctan2(north, east) - first[2]",
+        ),
+        "the innovation takes the landmark from `first`: what is expected now is due": (
+            "mean[k : k + 2] - mean[:2]",
+            "first[k : k + 2] - mean[:2]",
+        ),
+        "the innovation takes the heading from `first`: what is expected now is due": (
+            "np.arctan2(north, east) - mean[2]",
+            "np.arctan2(north, east) - first[2]",
+        ),
+        "the correction was added to the first estimates: they stay, the mean moves": (
+            "mean + K @ v",
+            "first + K @ v",
+        ),
+        "landmark i begins at 3 + 2 i: each takes two rows": ("3 + 2 * i", "3 + i"),
+        "the innovation is not wrapped": ("    v[1] = wrap_angle(v[1])\n", ""),
+        "the heading is not wrapped after the correction": (
+            "    new[2] = wrap_angle(new[2])\n",
+            "",
+        ),
+        "R is missing in S": ("H @ P @ H.T + R", "H @ P @ H.T"),
+        "the covariance did not shrink: (I - K H) P is due": (
+            "(np.eye(len(mean)) - K @ H) @ P",
+            "P.copy()",
+        ),
+        "the innovation has the wrong sign: measured minus predicted": (
+            "mean + K @ v",
+            "mean - K @ v",
+        ),
+    },
+    tolerance=1e-6,
+)
+
+
+# Exercise 5: a filter that does not learn where north is.
+
+
+def _slam(
+    P0: Array, u: Array, dt: float, V: Array, z: Array, ids: Ints, R: Array
+) -> tuple[Array, Array]:
+    """State and covariance after a drive from a doubted start, by first-estimates Jacobians."""
+    known: list[int] = []
+    mean, P, first = np.zeros(3), P0.copy(), np.zeros(3)
+    for (v, omega), seen, name in zip(u, z, ids, strict=True):
+        c, s = np.cos(mean[2]), np.sin(mean[2])
+        G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
+        mean[:2] += v * dt * np.array([c, s])
+        mean[2] = wrap_angle(mean[2] + omega * dt)
+        F = np.eye(3)
+        F[:2, 2] = first[1] - mean[1], mean[0] - first[0]
+        P = _predict_cov(P, F, G @ V @ G.T)
+        first[:3] = mean[:3]
+        if name in known:
+            mean, P = _update(mean, P, first, seen, known.index(name), R)
+        elif name >= 0:
+            c, s = np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])
+            G_pose = np.array([[1.0, 0.0, -seen[0] * s], [0.0, 1.0, seen[0] * c]])
+            G_z = np.array([[c, -seen[0] * s], [s, seen[0] * c]])
+            point = mean[:2] + seen[0] * np.array([c, s])
+            mean, first = np.append(mean, point), np.append(first, point)
+            cross = G_pose @ P[:3]
+            P = np.block([[P, cross.T], [cross, cross[:, :3] @ G_pose.T + G_z @ R @ G_z.T]])
+            known.append(name)
+    return mean, P
+
+
+def _in_the_room(n: int, names: int, unseen: float = 0.0, still: bool = False) -> Any:
+    def draw(rng: np.random.Generator) -> Any:
+        room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)
+        u = np.round(rng.uniform([0.2, -0.5], [0.8, 1.0], (n, 2)), 2)
+        u[1:] *= not still
+        V, R = a_covariance(rng, 2, 0.01) * (not still), a_covariance(rng, 2, 0.005)
+        P0 = a_covariance(rng, 3, 0.02)
+        pose, z, ids = rng.multivariate_normal(np.zeros(3), P0), [], []
+        for v, omega in u:
+            pose = pose + 0.4 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+            name = int(rng.integers(names)) if rng.random() >= unseen else -1
+            d = room[name] - pose[:2]
+            reading = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])]
+            z.append(np.round(reading + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
+            ids.append(10 * name if name >= 0 else -1)
+        return P0, u, 0.4, V, z, ids, R
+
+    return draw
+
+
+check_slam = Check(
+    _slam,
+    "mean, P",
+    {
+        "a drive on which nothing is seen": _in_the_room(4, 1, 1.0),
+        "one landmark, first seen after a step": _in_the_room(1, 1),
+        "a robot that stands still after its first step": _in_the_room(12, 3, still=True),
+        "one landmark, seen again and again": _in_the_room(8, 1),
+        "five landmarks": _in_the_room(20, 5),
+        "a drive with steps that see nothing": _in_the_room(20, 4, 0.4),
+        "a heading past half a turn": (
+            0.01 * np.eye(3),
+            [[0.5, 2.5]] * 3,
+            0.5,
+            0.01 * np.eye(2),
+            [[np.nan, np.nan]] * 3,
+            [-1, -1, -1],
+            0.01 * np.eye(2),
+        ),
+    },
+    {
+        "this is the usual EKF: F and H are taken at the latest estimates": (
+            "first[1] - mean[1], mean[0] - first[0]",
+            "-v * dt * s, v * dt * c",
+            "_update(mean, P, first, ",
+            "_update(mean, P, mean, ",
+        ),
+        "H is taken at the latest estimates: landmarks in `first` stay where they were placed": (
+            "_update(mean, P, first, ",
+            "_update(mean, P, mean, ",
+        ),
+        "F runs from the corrected pose: it runs from the pose as predicted a step ago": (
+            "first[1] - mean[1], mean[0] - first[0]",
+            "-v * dt * s, v * dt * c",
+        ),
+        "the pose in `first` stayed at the start: it is the predicted one, step by step": (
+            "first[:3] = mean[:3]",
+            "pass",
+        ),
+        "the start is in doubt: P begins as P0": ("P0.copy()", "np.zeros((3, 3))"),
+        "the noise of the motion is missing: add G V G^T to the block of the pose": (
+            "G @ V @ G.T)",
+            "np.zeros((3, 3)))",
+        ),
+        "nothing was predicted: the robot moves before it looks": (
+            "mean[:2] += v * dt * np.array([c, s])",
+            "mean[:2] += 0.0",
+        ),
+        "F is the identity here: a doubt of the heading becomes one of the place": (
+            "F[:2, 2] = first[1] - mean[1], mean[0] - first[0]",
+            "pass",
+        ),
+        "the turn in F goes the wrong way: (-y, x) of the way is due": (
+            "first[1] - mean[1], mean[0] - first[0]",
+            "mean[1] - first[1], first[0] - mean[0]",
+        ),
+        "a new landmark has no cross-covariances: it was placed from the pose": (
+            "[[P, cross.T], [cross, ",
+            "[[P, 0 * cross.T], [0 * cross, ",
+        ),
+        "landmarks known already are not used: update with them": (
+            "mean, P = _update(mean, P, first, seen, known.index(name), R)",
+            "pass",
+        ),
+        "the heading is not wrapped after the motion": (
+            "wrap_angle(mean[2] + omega * dt)",
+            "mean[2] + omega * dt",
+        ),
+        "only the pose came: state and covariance of all landmarks are due": (
+            "return mean, P",
+            "return mean[:3], P[:3, :3]",
+        ),
+    },
+    tolerance=1e-6,
 )
