@@ -1,5 +1,7 @@
 """The frame of the checks: right answers pass in any shape, wrong ones are told what is wrong."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -164,3 +166,15 @@ def test_the_table_says_what_the_text_says():
     table = check(lambda a, b: a - b)._repr_html_()
     assert table.count("<tr>") == 4
     assert "this is the difference" in table
+
+
+def _reach(a: float) -> float:
+    return np.inf if a < 0 else a
+
+
+def test_an_infinite_answer_brings_no_warning():
+    reach = Check(_reach, "range", {"nothing there": (-1,), "something": (2,)})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not reach(lambda a: 3.0 * a).passed
+        assert not reach(lambda a: -np.inf).passed
