@@ -390,6 +390,17 @@ def too_much_code(notebook):
     return found
 
 
+def printed_too_wide(notebook):
+    """Cells that print more than a column holds: (cell, longest line)."""
+    widths = [
+        (number, max(map(len, output.text.split("\n"))))
+        for number, cell in enumerate(notebook.cells)
+        for output in (cell.outputs if cell.cell_type == "code" else ())
+        if output.output_type == "stream"
+    ]
+    return [(number, width) for number, width in widths if width > 88]
+
+
 def typed_verdicts(notebook):
     """Tables with a verdict and no criterion: a cell typed it instead of computing it."""
     return [
@@ -408,6 +419,11 @@ def test_a_visible_cell_is_an_idea(path):
 
 
 @pytest.mark.parametrize("path", CHAPTERS, ids=name)
+def test_what_is_printed_fits_the_column(path):
+    assert printed_too_wide(nbformat.read(path, as_version=4)) == []
+
+
+@pytest.mark.parametrize("path", CHAPTERS, ids=name)
 def test_verdicts_are_computed(path):
     assert typed_verdicts(nbformat.read(path, as_version=4)) == []
 
@@ -419,6 +435,9 @@ def test_the_guards_of_the_page_see_what_they_are_for():
         assert too_much_code(nbformat.v4.new_notebook(cells=[cell]))
         cell.metadata["tags"] = ["hide-input"]
         assert not too_much_code(nbformat.v4.new_notebook(cells=[cell]))
+    line = nbformat.v4.new_output("stream", text="short\n" + wide)
+    cell = nbformat.v4.new_code_cell("", outputs=[line])
+    assert printed_too_wide(nbformat.v4.new_notebook(cells=[cell])) == [(0, 89)]
     old = nbformat.v4.new_output("display_data", {"text/plain": "claim  ours  verdict\n-----"})
     assert typed_verdicts(
         nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("", outputs=[old])])
