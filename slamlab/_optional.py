@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, TypeVar
 
-__all__ = ["needed"]
+__all__ = ["needed", "with_bar"]
+
+Thing = TypeVar("Thing")
+
+
+def with_bar(things: Iterable[Thing], wanted: bool, total: int, unit: str) -> Iterable[Thing]:
+    """Go over things, with a progress bar if one is wanted (ImportError without tqdm)."""
+    if not wanted:
+        return things
+    bar: Iterable[Thing] = needed("tqdm", "a progress bar").tqdm(things, total=total, unit=unit)
+    return bar
 
 
 def needed(name: str, purpose: str, extra: str = "course", package: str = "") -> Any:

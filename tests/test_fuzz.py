@@ -509,6 +509,7 @@ RECORDS = {
     "View",
     "VisualOdometer",
     "WallScores",
+    "WallSighting",
     "Walls",
     "Ways",
     "Relations",

@@ -8,6 +8,11 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable
 from html import escape
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem;
@@ -50,6 +55,13 @@ def table(rows: Iterable[Iterable[object]]) -> str:
         cells = "".join(f"<td>{escape(str(cell))}</td>" for cell in others)
         lines.append(f'<tr><th scope="row">{escape(str(first))}</th>{cells}</tr>')
     return "<table>\n" + "\n".join(lines) + "\n</table>"
+
+
+def png_of(figure: Figure) -> bytes:
+    """Return a figure of matplotlib as a PNG image."""
+    data = BytesIO()
+    figure.savefig(data, format="png", dpi=150)
+    return data.getvalue()
 
 
 def picture(png: bytes, alt: str) -> str:

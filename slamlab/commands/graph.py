@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +125,4 @@ def drawing(graph: PoseGraph, result: Result) -> bytes:
         plots.landmarks(ax, result.landmarks, estimated=True, label="landmarks")
     plots.floor(ax)
     ax.legend()
-    data = BytesIO()
-    figure.savefig(data, format="png", dpi=150)
-    return data.getvalue()
+    return _page.png_of(figure)

@@ -10,7 +10,6 @@ import argparse
 import json
 import sys
 import time
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -177,9 +176,7 @@ def drawing(result: Run, grid: OccupancyGrid) -> bytes:
     ax.set_aspect("equal")
     ax.set_xlabel("x (m)")
     ax.set_ylabel("y (m)")
-    data = BytesIO()
-    figure.savefig(data, format="png", dpi=150)
-    return data.getvalue()
+    return _page.png_of(figure)
 
 
 def _closure_table(system: ScanGraphSlam) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_scalar, as_tuple
-from slamlab._optional import needed
+from slamlab._optional import needed, with_bar
 from slamlab.evaluation.run import Run
 from slamlab.gaussian import chi2_quantile, mahalanobis_squared
 from slamlab.geometry import rotation, wrap_angle
@@ -287,9 +287,7 @@ def monte_carlo(
         joblib = needed("joblib", "runs in parallel (n_jobs other than 1)")
         tasks = (joblib.delayed(_one_run)(run, stream) for stream in streams)
         results = joblib.Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
-    if progress:
-        results = needed("tqdm", "a progress bar").tqdm(results, total=n_runs, unit="run")
-    return list(results)
+    return list(with_bar(results, progress, n_runs, "run"))
 
 
 def _one_run(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamlab._checks import Array, as_a, as_choice, as_count, as_tuple
-from slamlab._optional import needed
+from slamlab._optional import with_bar
 from slamlab.logs import Log, Step
 from slamlab.models import Estimator, Smoother, as_estimator
 
@@ -137,7 +137,7 @@ def run(
         len(log) * known_ids if isinstance(known_ids, bool) else as_count("known_ids", known_ids)
     )
     rows, records, reports, seconds = [], [], [], np.zeros(len(log))
-    for k, step in enumerate(_shown(log, progress)):
+    for k, step in enumerate(with_bar(log, progress, len(log), "step")):
         start = perf_counter()
         try:
             reports.append(_advance(system, step, what, k < told))
@@ -176,10 +176,3 @@ def _copy(system: Estimator, name: str) -> Any:
 
 def _update(system: Any, z: Array, ids: Any, covs: Array | None) -> Any:
     return system.update(z, ids) if covs is None else system.update(z, ids, covs=covs)
-
-
-def _shown(log: Log, progress: bool) -> Iterable[Step]:
-    if not progress:
-        return log
-    tqdm: Iterable[Step] = needed("tqdm", "a progress bar").tqdm(log, total=len(log), unit="step")
-    return tqdm

@@ -5,17 +5,31 @@ P2 (13)-(15) on poses; random injection after Gutmann and Fox (2002). Chapter 04
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar, as_shaped
+from slamlab._checks import Array, as_a, as_array, as_count, as_rng, as_scalar, as_shaped
 from slamlab.filters.particle import KLD, ParticleFilter, PoseParticles
 from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.models import MotionModel, as_motion, as_scan_sensor, as_sensor
 
 __all__ = ["MonteCarloLocalization"]
+
+
+class Scoring(Protocol):
+    """A sensor of landmarks that weighs many poses (M, 3) at once; `RangeBearing` is one."""
+
+    def log_likelihood(
+        self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike, covs: ArrayLike | None = None
+    ) -> Array:
+        """Log densities (M,) of measurements z (k, 2) of these landmarks (k, 2)."""
+
+    def best_log_likelihood(
+        self, poses: ArrayLike, z: ArrayLike, landmarks: ArrayLike, covs: ArrayLike | None = None
+    ) -> Array:
+        """Log densities (M,), each measurement of whichever landmark (n, 2) explains it best."""
 
 
 class MonteCarloLocalization(PoseParticles):
@@ -104,7 +118,7 @@ class MonteCarloLocalization(PoseParticles):
             self._landmarks = as_array("world", world, ("n", 2)).copy()
             if len(self._landmarks) == 0:
                 raise ValueError("world: expected at least one landmark, got none")
-            self.sensor = as_sensor("sensor", sensor)
+            self.sensor = as_a("sensor", as_sensor("sensor", sensor), Scoring, "a sensor")
         self._bounds = as_array("bounds", bounds, (2, 2)).copy()
         if not (self._bounds[:, 0] < self._bounds[:, 1]).all():
             raise ValueError(

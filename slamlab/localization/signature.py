@@ -7,7 +7,7 @@ signature as printed and repaired, and a map of signatures. Chapter 19 tells the
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_scalar, as_shaped
 from slamlab._files import read_npz
-from slamlab._optional import needed
+from slamlab._optional import with_bar
 from slamlab.geometry import wrap_angle
 from slamlab.localization._align import capped_misfits, least_shifts
 from slamlab.models import as_scan_sensor
@@ -335,9 +335,8 @@ class SignatureMap:
         reach = min(float(lidar.max_range), float(np.hypot(right - left, top - bottom)))
         free = np.asarray(world.is_free(grid))
         scans = np.empty((int(free.sum()), len(angles)), np.float32)
-        for part in _with_bar(
-            np.array_split(np.arange(len(angles)), len(angles) // 8 + 1), progress
-        ):
+        parts = np.array_split(np.arange(len(angles)), len(angles) // 8 + 1)
+        for part in with_bar(parts, progress, len(parts), "part"):
             scans[:, part] = _ranges(world, grid, free, stride, angles[part])
         return cls(grid[free], scans, pitch, reach, lidar.offset, signature)
 
@@ -598,15 +597,6 @@ def _ranges(world: World, grid: Array, free: Bools, stride: int, angles: Array) 
         # All cells share their directions: one sweep over the bitmap for each.
         return world.cast_everywhere(angles, stride=stride)[:, free].T
     return world.cast(grid[free][:, None], angles)
-
-
-def _with_bar(parts: list[NDArray[np.intp]], progress: bool) -> Iterable[NDArray[np.intp]]:
-    if not progress:
-        return parts
-    bar: Iterable[NDArray[np.intp]] = needed("tqdm", "a progress bar").tqdm(
-        parts, desc="scanning", unit="directions"
-    )
-    return bar
 
 
 def _read_parts(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:

@@ -18,13 +18,13 @@ from slamlab.slam._landmark_filters import Landmarks, compare, predict
 from slamlab.slam._landmark_maps import LandmarkMaps
 from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
 
-__all__ = ["Associate", "Sighting", "ask", "log_density_at", "most_likely"]
+__all__ = ["Associate", "Seen", "ask", "log_density_at", "most_likely"]
 
 Indices = NDArray[np.intp]
 Associate = Callable[..., ArrayLike]
 
 
-class Sighting(NamedTuple):
+class Seen(NamedTuple):
     """Measurements z (k, 2) of covariances R (k, 2, 2), from poses (M, 3), before these maps.
 
     With `root` A (M, 3, q) the poses have the covariance A A^T. `told`: R is not the sensor's.
@@ -39,12 +39,12 @@ class Sighting(NamedTuple):
     told: bool = False
 
 
-def most_likely(seen: Sighting, gate: float) -> Indices:
+def most_likely(seen: Seen, gate: float) -> Indices:
     """Give each measurement its most likely landmark within the gate, the best pair first.
 
     Parameters
     ----------
-    seen : Sighting
+    seen : Seen
     gate : float
         Largest squared Mahalanobis distance of a pair.
 
@@ -70,7 +70,7 @@ def most_likely(seen: Sighting, gate: float) -> Indices:
     return np.where((chosen == NEW) & near, IGNORED, chosen)
 
 
-def ask(seen: Sighting, associate: Associate) -> Indices:
+def ask(seen: Seen, associate: Associate) -> Indices:
     """Ask `associate` for every particle; the result is that of `most_likely`."""
     columns = np.empty((len(seen.poses), len(seen.z)), np.intp)
     more = {"covs": seen.R} if seen.told else {}
@@ -99,7 +99,7 @@ def _check_rows(rows: Array, k: int, n: int) -> None:
         raise ValueError(f"associate: expected each landmark once, got {rows.tolist()}")
 
 
-def _scores(seen: Sighting, landmarks: Landmarks, gate: float) -> tuple[Array, NDArray[np.bool_]]:
+def _scores(seen: Seen, landmarks: Landmarks, gate: float) -> tuple[Array, NDArray[np.bool_]]:
     """Log densities (M, k, n), -inf outside the gate; and who is within twice the gate (M, k)."""
     prediction = predict(seen.sensor, seen.poses, landmarks, seen.root)
     M, n = landmarks.x.shape
@@ -130,7 +130,7 @@ def _best_first(score: Array, columns: Indices) -> Indices:
     return chosen
 
 
-def _in_reach(seen: Sighting, landmarks: Landmarks, gate: float) -> NDArray[np.bool_]:
+def _in_reach(seen: Seen, landmarks: Landmarks, gate: float) -> NDArray[np.bool_]:
     """Tell which columns (n,) hold a landmark that could pass the gate for some particle.
 
     The squared distance of a pair is at least that of the distance alone, whose variance is at

@@ -15,7 +15,7 @@ import numpy as np
 from slamlab._checks import Array
 from slamlab.models import MotionModel
 
-__all__ = ["Odometry", "Step", "draw"]
+__all__ = ["Drawn", "Odometry", "draw"]
 
 # Predictions that are drawn anew at an update; older ones keep the noise they were drawn with.
 LOOK_BACK = 8
@@ -26,7 +26,7 @@ ABSURD = 1e6
 Inform = Callable[[Array], tuple[Array, Array]]
 
 
-class Step(NamedTuple):
+class Drawn(NamedTuple):
     """One prediction, and the white noise (M, p) that each particle drew for it."""
 
     u: Array
@@ -45,9 +45,9 @@ class Odometry:
 
     motion: MotionModel
     start: Array
-    steps: tuple[Step, ...] = ()
+    steps: tuple[Drawn, ...] = ()
 
-    def followed_by(self, step: Step) -> Odometry:
+    def followed_by(self, step: Drawn) -> Odometry:
         """Return it with one step more; what lies too far back is settled."""
         steps = (*self.steps, step)
         if len(steps) <= LOOK_BACK:

@@ -28,13 +28,13 @@ from slamlab.slam._landmark_filters import (
 from slamlab.slam._landmark_maps import ABSENT, FIELDS, PAGE, LandmarkMaps
 from slamlab.slam._particle_association import (
     Associate,
-    Sighting,
+    Seen,
     ask,
     log_density_at,
     most_likely,
 )
 from slamlab.slam._particle_view import NEW, ParticleView
-from slamlab.slam._proposal import Odometry, Step, draw
+from slamlab.slam._proposal import Drawn, Odometry, draw
 from slamlab.slam.ekf import as_names
 
 __all__ = ["FastSlam", "ParticleView"]
@@ -170,7 +170,7 @@ class FastSlam(PoseParticles):
         u = as_array("u", u, ("p",)).copy()
         mixing = root(as_covariance("control_cov", control_cov, len(u)))
         with restored_on_failure(self._rng):
-            step = Step(u, dt, mixing, self._rng.standard_normal((self.n_particles, len(u))))
+            step = Drawn(u, dt, mixing, self._rng.standard_normal((self.n_particles, len(u))))
             odometry = self._odometry.followed_by(step)
             controls = step.controls(step.noise)
             self._cloud.predict(lambda poses, _: self.motion.step(poses, controls, dt))
@@ -321,7 +321,7 @@ class FastSlam(PoseParticles):
         poses, spread = self._cloud.particles, None
         if self.version == 2 and self._odometry.steps:
             poses, spread = self._odometry.roll()
-        seen = Sighting(self._maps, self.sensor, poses, spread, z, R, told)
+        seen = Seen(self._maps, self.sensor, poses, spread, z, R, told)
         asked = self.associate
         columns = most_likely(seen, self._gate) if asked is None else ask(seen, asked)
         # New landmarks go to the first columns that are free, one after the other.

@@ -22,7 +22,7 @@ from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
 from slamlab.sensors import Wall
 from slamlab.slam.ekf import EKFSlam
 
-__all__ = ["Sighting", "WallSlam"]
+__all__ = ["WallSighting", "WallSlam"]
 
 # Along each wall the map counts how often every piece of so many metres was seen.
 _PIECE = 0.05
@@ -41,7 +41,7 @@ class NoisyLidar(ScanSensor, Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class WallSighting:
     """What one scan showed.
 
     Attributes
@@ -191,7 +191,7 @@ class WallSlam:
         """Stage 1 of P1: move the pose, as `EKFSlam.predict`."""
         self.filter.predict(u, dt, control_cov)
 
-    def update(self, measurement: ArrayLike, ids: None = None) -> Sighting:
+    def update(self, measurement: ArrayLike, ids: None = None) -> WallSighting:
         """Stages 2 and 3 of P1: correct by the walls known already, add the others.
 
         Parameters
@@ -203,7 +203,7 @@ class WallSlam:
 
         Returns
         -------
-        Sighting
+        WallSighting
 
         Raises
         ------
@@ -226,7 +226,7 @@ class WallSlam:
         gone = ekf.remove_unseen(self._patience, max(self._confirm - 1, 1))
         for id in gone:
             del self._counts[id], self._spans[id]
-        return Sighting(walls, names, float(innovation.nis))
+        return WallSighting(walls, names, float(innovation.nis))
 
     def _associate(
         self, walls: Walls, covs: Array, predicted: Array

@@ -97,13 +97,13 @@ def test_a_stride_that_is_no_count_is_refused(stride):
 def test_a_progress_bar_is_shown_or_its_package_named(monkeypatch, capsys):
     class Tqdm:
         @staticmethod
-        def tqdm(parts, desc, unit):
-            print(f"{desc} {sum(len(p) for p in parts)} {unit}")
+        def tqdm(parts, total, unit):
+            print(f"{total} {unit}s, {sum(len(p) for p in parts)} directions")
             return parts
 
     monkeypatch.setitem(sys.modules, "tqdm", Tqdm)
     SignatureMap.build(ROOM, LIDAR, 100, progress=True)
-    assert capsys.readouterr().out == "scanning 120 directions\n"
+    assert capsys.readouterr().out == "16 parts, 120 directions\n"
     monkeypatch.setitem(sys.modules, "tqdm", None)
     with pytest.raises(ImportError, match="tqdm is needed for a progress bar: pip install"):
         SignatureMap.build(ROOM, LIDAR, 100, progress=True)
