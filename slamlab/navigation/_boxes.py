@@ -74,7 +74,8 @@ def search(c, t_low, t_high, coefficients, boxes, n, last_tau, accuracy, small_b
         if i >= 0:
             _ends_box(coefficients[i], a0, a1, old)
         else:
-            old[:] = boxes[node]
+            for k in range(4):
+                old[k] = boxes[node, k]
         found[TESTS] += 1.0
         if not _overlap(old, new, margin):
             continue
@@ -142,7 +143,8 @@ def _halve(stack, top, new):  # type: ignore[no-untyped-def]
     """Replace the pair on top by two, the new piece or the old one halved, the later on top."""
     column = 0 if new else 4
     middle = 0.5 * (stack[top, column] + stack[top, column + 1])
-    stack[top + 1] = stack[top]
+    for k in range(6):  # number by number: a slice takes two seconds to compile
+        stack[top + 1, k] = stack[top, k]
     stack[top, column + 1], stack[top + 1, column] = middle, middle
     return top + 2
 
