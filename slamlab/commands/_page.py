@@ -9,10 +9,7 @@ import base64
 from collections.abc import Iterable
 from html import escape
 from io import BytesIO
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from typing import Any
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem;
@@ -57,7 +54,7 @@ def table(rows: Iterable[Iterable[object]]) -> str:
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
-def png_of(figure: Figure) -> bytes:
+def png_of(figure: Any) -> bytes:
     """Return a figure of matplotlib as a PNG image."""
     data = BytesIO()
     figure.savefig(data, format="png", dpi=150)
