@@ -95,11 +95,4 @@ def _room() -> BitmapWorld:
     return BitmapWorld(occupied, 0.1)
 
 
-WORK: tuple[Callable[[], None], ...] = (
-    _filter,
-    _scans,
-    _matching,
-    _grid_slam,
-    _signatures,
-    _path,
-)
+WORK: tuple[Callable[[], None], ...] = (_filter, _scans, _matching, _grid_slam, _signatures, _path)

@@ -18,17 +18,7 @@ from slamlab.logs import Log, ScanGeometry
 __all__ = ["read_carmen"]
 
 # Tags of CARMEN (and of GMapping, NEFF) without a front scan or odometry; they are passed over.
-_IGNORED = {
-    "SYNC",
-    "RLASER",
-    "SONAR",
-    "TRUEPOS",
-    "GPS",
-    "NMEAGGA",
-    "NMEARMC",
-    "IMU",
-    "NEFF",
-}
+_IGNORED = {"SYNC", "RLASER", "SONAR", "TRUEPOS", "GPS", "NMEAGGA", "NMEARMC", "IMU", "NEFF"}
 _NO_RETURN = 50.0
 
 

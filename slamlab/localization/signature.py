@@ -24,13 +24,7 @@ from slamlab.models import as_scan_sensor
 from slamlab.sensors.lidar import Lidar
 from slamlab.worlds import BitmapWorld, World
 
-__all__ = [
-    "Location",
-    "SignatureMap",
-    "autocorrelation",
-    "spectrum",
-    "three_numbers",
-]
+__all__ = ["Location", "SignatureMap", "autocorrelation", "spectrum", "three_numbers"]
 
 Bools = NDArray[np.bool_]
 

@@ -7,12 +7,7 @@ from slamlab.sensors.range_bearing import RangeBearing
 from slamlab.sensors.scan_motion import motion_between, turn_between
 from slamlab.sensors.sonar import Sonar
 from slamlab.sensors.stereo import StereoRig
-from slamlab.sensors.visual_odometer import (
-    StereoOdometer,
-    VisualOdometer,
-    fit_noise,
-    room_points,
-)
+from slamlab.sensors.visual_odometer import StereoOdometer, VisualOdometer, fit_noise, room_points
 from slamlab.sensors.wall import Wall
 
 __all__ = [

@@ -330,11 +330,7 @@ def _odometry(
 
 
 def _log(
-    first: dict[str, Any],
-    rows: list[dict[str, Any]],
-    dt: float,
-    world: Any,
-    sensor: Any,
+    first: dict[str, Any], rows: list[dict[str, Any]], dt: float, world: Any, sensor: Any
 ) -> Log:
     """Columns of rows; the first step moved nothing."""
     if rows:

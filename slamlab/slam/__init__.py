@@ -11,14 +11,7 @@ from slamlab.slam.compressed import CompressedEKFSlam
 from slamlab.slam.ekf import EKFSlam
 from slamlab.slam.fast import FastSlam
 from slamlab.slam.gamma import GammaSlam
-from slamlab.slam.graph import (
-    Certificate,
-    PoseGraph,
-    Result,
-    Scans,
-    edge_error,
-    edge_jacobians,
-)
+from slamlab.slam.graph import Certificate, PoseGraph, Result, Scans, edge_error, edge_jacobians
 from slamlab.slam.grid_fast import GridFastSlam
 from slamlab.slam.hector import HectorSlam
 from slamlab.slam.incremental import IncrementalGraph

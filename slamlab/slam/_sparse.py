@@ -43,11 +43,7 @@ class BlockSystem:
     """
 
     def __init__(
-        self,
-        n_poses: int,
-        edges: np.ndarray,
-        free: np.ndarray,
-        points: np.ndarray | None = None,
+        self, n_poses: int, edges: np.ndarray, free: np.ndarray, points: np.ndarray | None = None
     ) -> None:
         self.free = free
         points = np.zeros(0, dtype=int) if points is None else points

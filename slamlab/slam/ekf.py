@@ -18,14 +18,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 from slamlab._checks import Array, all_finite, as_array, as_count, as_covariance
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
-from slamlab.slam._covariance import (
-    POSE,
-    Covariance,
-    block_diagonal,
-    diagonal,
-    times,
-    transposed,
-)
+from slamlab.slam._covariance import POSE, Covariance, block_diagonal, diagonal, times, transposed
 from slamlab.slam._linearise import as_linearisation, carried, corrected
 from slamlab.slam.association import IGNORED, NEW, nearest_neighbour
 

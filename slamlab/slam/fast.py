@@ -26,13 +26,7 @@ from slamlab.slam._landmark_filters import (
     started,
 )
 from slamlab.slam._landmark_maps import ABSENT, FIELDS, PAGE, LandmarkMaps
-from slamlab.slam._particle_association import (
-    Associate,
-    Seen,
-    ask,
-    log_density_at,
-    most_likely,
-)
+from slamlab.slam._particle_association import Associate, Seen, ask, log_density_at, most_likely
 from slamlab.slam._particle_view import NEW, ParticleView
 from slamlab.slam._proposal import Drawn, Odometry, draw
 from slamlab.slam.ekf import as_names

@@ -34,12 +34,7 @@ from slamlab.slam import _g2o
 from slamlab.slam._edges import Edges, edge_error, edge_jacobians
 from slamlab.slam._g2o import Scans
 from slamlab.slam._graph_of import graph_of
-from slamlab.slam._optimize import (
-    KERNEL_WIDTH,
-    KERNELS,
-    NormalEquations,
-    Optimization,
-)
+from slamlab.slam._optimize import KERNEL_WIDTH, KERNELS, NormalEquations, Optimization
 from slamlab.slam._relaxation import Certificate, Relaxation, certify, isotropic, touching
 from slamlab.slam._sparse import BlockSystem
 
