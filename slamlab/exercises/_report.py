@@ -58,14 +58,6 @@ _TYPES: dict[Any, Callable[[Any], Any]] = {
     Ints: lambda value: np.array(value, dtype=int),
     Mask: lambda value: np.array(value, dtype=bool),
 }
-_NAMES: dict[Any, Any] = {
-    "float": float,
-    "int": int,
-    "bool": bool,
-    "Array": Array,
-    "Ints": Ints,
-    "Mask": Mask,
-}
 
 
 @dataclass(frozen=True)
@@ -197,7 +189,8 @@ class Check:
         self.returns = tuple(part.strip() for part in returns.split(","))
         self._use, self._properties, self._draws = use, properties, draws
         self._edges = frozenset(edges)
-        self._parameters = list(inspect.signature(reference).parameters.values())
+        signature = inspect.signature(reference, eval_str=True)
+        self._parameters = list(signature.parameters.values())
         names = ", ".join(p.name for p in self._parameters)
         self.__doc__ = f"Check ``{self.name}({names}) -> {returns}``; returns a `Report`."
 
@@ -267,11 +260,10 @@ class Check:
         return Report(self.name, tuple(rows), self._named(observations, held))
 
     def _typed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-        kinds = [_NAMES.get(p.annotation, p.annotation) for p in self._parameters]
-        if len(kinds) != len(arguments):
+        if len(self._parameters) != len(arguments):
             return tuple(arguments)
-        pairs = zip(kinds, arguments, strict=True)
-        return tuple(_TYPES.get(kind, lambda v: v)(value) for kind, value in pairs)
+        pairs = zip(self._parameters, arguments, strict=True)
+        return tuple(_TYPES.get(p.annotation, lambda v: v)(value) for p, value in pairs)
 
     def _names(self, arguments: tuple[Any, ...]) -> list[str]:
         if len(arguments) == len(self._parameters):
