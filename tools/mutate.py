@@ -164,7 +164,8 @@ def _careless(check: Check, function: Callable[..., Any]) -> Iterator[tuple[str,
 
         yield f"writes into {name}", writes
         for part in range(len(check.returns)):
-            dues = [due[part] if len(check.returns) > 1 else due for due in check.due]
+            whole = len(check.returns) == 1
+            dues = [due if whole or isinstance(due, str) else due[part] for due in check.due]
             if not any(
                 np.shape(a) == np.shape(b) != () for a, b in zip(arrays, dues, strict=True)
             ):

@@ -123,7 +123,8 @@ def _look_up(parents: Ints, entries: Array, node: int, cell: int) -> float:
     while node >= 0:
         if not np.isnan(entries[node, cell]):
             return float(entries[node, cell])
-        node = parents[node]
+        # A parent stands before its children; whatever else is tried, the walk comes to an end.
+        node = min(parents[node], node - 1)
     return float("nan")
 
 
@@ -150,6 +151,10 @@ check_look_up = Check(
         "the root is never asked: its parent is -1, but it may have an entry": (
             "while node >= 0",
             "while parents[node] >= 0",
+        ),
+        "the parent is parents[node], not the node before": (
+            "min(parents[node], node - 1)",
+            "node - 1",
         ),
         "ask the node itself first, then its parent": (
             "while node >= 0:",

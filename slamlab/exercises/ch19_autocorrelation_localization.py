@@ -1,24 +1,85 @@
-"""Checks of chapter 19: circular autocorrelation, turn between two scans, the second-best place.
+"""Checks of chapter 19: beams, autocorrelation, the turn between two scans, and the place.
 
 The autocorrelation is P5's second (14), the turn what its `Whatangle` should return.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from slamlab.exercises._report import Array, Check, Function
+from slamlab.sensors import Lidar
+from slamlab.worlds import free_poses, rooms
 
-__all__ = ["check_autocorrelation", "check_second_best", "check_turn"]
+__all__ = [
+    "check_autocorrelation",
+    "check_beams",
+    "check_locate",
+    "check_refined",
+    "check_second_best",
+    "check_turn",
+]
 
 
 def _ranges(n: int) -> Any:
     return lambda rng: np.round(rng.uniform(0.5, 9, n), 2)
 
 
-# Exercise 1: circular autocorrelation.
+# Exercise 1: how many beams, with a pencil.
+
+
+def _beams_for(sigma: float) -> int:
+    """Fewest beams of a full circle whose rounding errs by at most sigma (rad, rms)."""
+    return int(np.ceil(2 * np.pi / (np.sqrt(12) * sigma)))
+
+
+def _errors(rng: np.random.Generator) -> Any:
+    return (float(np.round(np.deg2rad(rng.uniform(0.1, 20)), 4)),)
+
+
+check_beams = Check(
+    _beams_for,
+    "beams",
+    {
+        "one degree": (float(np.deg2rad(1.0)),),
+        "P5's three degrees between beams": (float(np.deg2rad(0.9)),),
+        "a hundredth of a radian": (0.01,),
+        "any error": _errors,
+    },
+    {
+        "the turn may lie anywhere between -1/2 and 1/2 beam: this takes the worst of them": (
+            lambda sigma: int(np.ceil(np.pi / sigma))
+        ),
+        "this is the distance of two beams: rounding errs by less": (
+            lambda sigma: int(np.ceil(2 * np.pi / sigma))
+        ),
+        "a twelfth is the variance of a uniform number: its root is due": (
+            lambda sigma: int(np.ceil(2 * np.pi / (12 * sigma)))
+        ),
+        "rounded down: with so few beams the error is larger than allowed": (
+            "np.ceil",
+            "np.floor",
+        ),
+        "rounded to the nearest number: with fewer beams the error is larger than allowed": (
+            lambda sigma: int(np.rint(2 * np.pi / (np.sqrt(12) * sigma)))
+        ),
+        "the circle has 2 pi": ("2 * np.pi", "np.pi"),
+        "this takes the mean size of the error, a quarter of a beam: the rms is due": (
+            lambda sigma: int(np.ceil(2 * np.pi / (4 * sigma)))
+        ),
+        "the error runs over one beam, half to either side, not over two": (
+            lambda sigma: int(np.ceil(2 * np.pi / (np.sqrt(3) * sigma)))
+        ),
+        "the circle in degrees, the error in radians": ("2 * np.pi", "360"),
+    },
+    draws=20,
+)
+
+
+# Exercise 2: circular autocorrelation.
 
 
 def _autocorrelation(scan: Array) -> Array:
@@ -84,7 +145,7 @@ check_autocorrelation = Check(
 )
 
 
-# Exercise 2: the turn between two scans.
+# Exercise 3: the turn between two scans.
 
 
 def _turn(before: Array, after: Array) -> float:
@@ -167,7 +228,94 @@ check_turn = Check(
 )
 
 
-# Exercise 3: the second-best place.
+# Exercise 4: a bug to find.
+
+
+def _refined(R: Array) -> float:
+    """Turn (rad, in (-pi, pi]) at the top of the parabola through the largest value of a ring."""
+    n = len(R)
+    m = int(np.argmax(R))
+    before, top, after = R[m - 1], R[m], R[(m + 1) % n]
+    shift = 0.5 * (before - after) / (before - 2 * top + after)
+    return float(np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi))
+
+
+_NEXT = "R[m - 1], R[m], R[(m + 1) % n]"
+
+
+def _peak(at: int | None = None, n: int | None = None) -> Any:
+    """Draw a ring with its top near a beam, a parabola round it and less elsewhere."""
+
+    def draw(rng: np.random.Generator) -> Any:
+        count = n or int(rng.integers(5, 30))
+        m = int(rng.integers(count)) if at is None else at % count
+        away = (np.arange(count) - m - rng.uniform(-0.45, 0.45) + count / 2) % count - count / 2
+        R = rng.uniform(20, 90) - rng.uniform(0.5, 2) * np.minimum(away**2, 6)
+        return (np.round(R + rng.uniform(-0.05, 0.05, count), 3),)
+
+    return draw
+
+
+check_refined = Check(
+    _refined,
+    "turn",
+    {
+        "a top exactly on a beam": ([1.0, 2.0, 5.0, 2.0, 1.0, 0.5],),
+        "a top between two beams": ([1.0, 2.0, 5.0, 4.0, 1.0, 0.5],),
+        "three beams": ([2.0, 5.0, 1.0],),
+        "no turn, or almost none": _peak(0),
+        "a turn by almost one beam to the right": _peak(-1),
+        "half a turn, a little less or more": _peak(6, n=12),
+        "an odd number of beams": _peak(n=9),
+        "any ring": _peak(),
+    },
+    {
+        "the neighbour was cut off at the end of the list: after the last beam comes the first": (
+            _NEXT,
+            "R[max(m - 1, 0)], R[m], R[min(m + 1, n - 1)]",
+        ),
+        "the neighbour before the first beam was cut off: it is the last one": (
+            _NEXT,
+            "R[max(m - 1, 0)], R[m], R[(m + 1) % n]",
+        ),
+        "the neighbour after the last beam was cut off: it is the first one": (
+            _NEXT,
+            "R[m - 1], R[m], R[min(m + 1, n - 1)]",
+        ),
+        "at the ends of the list the top was not refined: the ring has no ends": (
+            "shift = 0.5 *",
+            "shift = (0 < m < n - 1) * 0.5 *",
+        ),
+        "the top was not refined: this is a whole number of beams": (
+            "0.5 * (before - after) / (before - 2 * top + after)",
+            "0.0",
+        ),
+        "the shift has the wrong sign: the top lies towards the larger neighbour": (
+            "(m + shift)",
+            "(m - shift)",
+        ),
+        "the half in front of the fraction is missing": ("0.5 * (before", "(before"),
+        "the curvature is before - 2 top + after": ("2 * top", "top"),
+        "this is a number of beams: multiply by 2 pi / N": (
+            lambda R: (
+                np.argmax(R)
+                + 0.5
+                * (R[np.argmax(R) - 1] - R[(np.argmax(R) + 1) % len(R)])
+                / (R[np.argmax(R) - 1] - 2 * R.max() + R[(np.argmax(R) + 1) % len(R)])
+            )
+        ),
+        "these are degrees: radians are due": lambda R: np.rad2deg(_refined(R)),
+        "not wrapped: a turn to the right is negative, in (-pi, pi]": (
+            "np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)",
+            "(m + shift) * 2 * np.pi / n",
+        ),
+        "this is the height of the top: its place is due": (lambda R: float(R.max())),
+    },
+    tolerance=1e-8,
+)
+
+
+# Exercise 5: the second-best place.
 
 
 def _second_best(places: Array, misfits: Array, separation: float) -> tuple[int, int, float]:
@@ -290,4 +438,182 @@ check_second_best = Check(
         ),
     },
     draws=12,
+)
+
+
+# Exercise 6: where am I? Assembled.
+
+
+def _locate(
+    places: Array, scans: Array, scan: Array, nearest: int, separation: float
+) -> tuple[Array, float]:
+    """Pose (3,) of a scan (N,) in a map of scans (P, N), and the margin to the second-best place.
+
+    The `nearest` places by the moduli of the harmonics 0 to 7 are candidates; each is turned to
+    fit the scan best, and the mean absolute difference of the beams is its misfit. The margin is
+    infinite if no candidate is farther than `separation` from the best.
+    """
+    amplitude = np.abs(np.fft.rfft(scans))[:, :8]
+    own = np.abs(np.fft.rfft(scan))[:8]
+    rows = np.argsort(np.linalg.norm(amplitude - own, axis=1))[:nearest]
+    turns = [_turn(scans[row], scan) for row in rows]
+    beams = [int(np.rint(turn * len(scan) / (2 * np.pi))) for turn in turns]
+    pairs = zip(rows, beams, strict=True)
+    misfits = np.array([np.mean(np.abs(np.roll(scans[r], -m) - scan)) for r, m in pairs])
+    best = int(np.argmin(misfits))
+    far = np.linalg.norm(places[rows] - places[rows[best]], axis=1) > separation
+    margin = misfits[far].min() - misfits[best] if far.any() else np.inf
+    return np.append(places[rows[best]], turns[best]), float(margin)
+
+
+def _map_of_scans(places: int, beams: int, turn: int | None = None, twin: bool = False) -> Any:
+    """Draw a map of scans, and a scan near one of its places, turned and with noise."""
+
+    def draw(rng: np.random.Generator) -> Any:
+        where = np.round(rng.uniform(0, 4, (places, 2)), 2)
+        # Smooth scans: a few harmonics each.
+        k, angle = np.arange(1, 6), 2 * np.pi * np.arange(beams) / beams
+        waves = rng.normal(0, 0.5, (places, 2, 5)) / k
+        scans = (
+            3 + waves[:, 0] @ np.cos(np.outer(k, angle)) + waves[:, 1] @ np.sin(np.outer(k, angle))
+        )
+        if twin:
+            scans[-1] = scans[0] + rng.normal(0, 0.03, beams)
+            where[-1] = where[0] + [2.0, 1.0]
+        row = 0 if twin else int(rng.integers(places))
+        m = int(rng.integers(beams)) if turn is None else turn
+        scan = np.roll(scans[row], -m) + rng.normal(0, 0.02, beams)
+        return where, np.round(scans, 4), np.round(scan, 4), max(places // 3, 1), 0.5
+
+    return draw
+
+
+def _mirror(rng: np.random.Generator) -> Any:
+    """Put the mirror image of the scan into the map: it has the same signature."""
+    where, scans, scan, _, separation = _map_of_scans(6, 24)(rng)
+    return np.vstack([where, [9.0, 9.0]]), np.vstack([scans, scan[::-1]]), scan, 4, separation
+
+
+def _larger(rng: np.random.Generator) -> Any:
+    """Put a scan of the same shape into the map, a metre farther all round."""
+    where, scans, scan, _, separation = _map_of_scans(6, 24)(rng)
+    return np.vstack([where, [9.0, 9.0]]), np.vstack([scans, scan + 1.0]), scan, 1, separation
+
+
+@lru_cache(maxsize=1)
+def _room() -> Any:
+    """Return a map of the thesis' room, a place every 20 cm, and twenty scans with their poses."""
+    world, lidar = rooms.thesis_room(), Lidar(40)
+    grid = np.stack(np.meshgrid(np.arange(0.1, 4, 0.2), np.arange(0.1, 4, 0.2)), -1)
+    places = grid.reshape(-1, 2)
+    places = places[world.clearance(places) > 0.05]
+    scans = lidar.scan(world, np.column_stack([places, np.zeros(len(places))]))
+    truth = free_poses(world, 20, np.random.default_rng(4), 0.15)
+    return places, np.round(scans, 4), np.round(lidar.scan(world, truth), 4), truth
+
+
+def _located(
+    locate: Function, places: Array, scans: Array, scan: Array, nearest: int, separation: float
+) -> Any:
+    """Locate one scan, or judge the twenty of the room."""
+    if scan.ndim == 1:
+        return locate(places, scans, scan, nearest, separation)
+    answers = [locate(places, scans, one, nearest, separation) for one in scan]
+    if any(one is None or one is Ellipsis for one in answers):
+        return None
+    poses, truth = np.array([one[0] for one in answers]), _room()[3]
+    off = np.hypot(*(poses[:, :2] - truth[:, :2]).T) > 0.2
+    turned = np.abs((poses[:, 2] - truth[:, 2] + np.pi) % (2 * np.pi) - np.pi) > np.deg2rad(9)
+    if off.mean() > 0.1:
+        return f"{off.sum()} of {len(off)} places are off by more than 20 cm, 2 are allowed"
+    if turned.mean() > 0.1:
+        return (
+            f"{turned.sum()} of {len(off)} headings are off by more than 9 degrees, 2 are allowed"
+        )
+    return ""
+
+
+check_locate = Check(
+    _locate,
+    "pose, margin",
+    {
+        "a single place, not turned": _map_of_scans(1, 24, turn=0),
+        "a few places, not turned": _map_of_scans(6, 24, turn=0),
+        "a turn to the left": _map_of_scans(9, 24, turn=5),
+        "a turn to the right": _map_of_scans(9, 24, turn=-4),
+        "two places that look alike": _map_of_scans(12, 36, twin=True),
+        "a mirror image is nearest by signature": _mirror,
+        "the same shape, a metre farther all round": _larger,
+        "exactly at the separation is not farther": (
+            [[0.0, 0.0], [3.0, 4.0]],
+            [[1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 2.0, 3.0, 4.0, 6.0]],
+            [1.0, 2.0, 3.0, 4.0, 5.0],
+            2,
+            5.0,
+        ),
+        "an odd number of beams": _map_of_scans(15, 25),
+        "many places": _map_of_scans(60, 40),
+        "twenty scans in the thesis' room": (*_room()[:3], 8, 0.3),
+    },
+    {
+        "the scans were compared as they are: turn each candidate to fit first": (
+            "turns = [_turn(scans[row], scan) for row in rows]",
+            "turns = [0.0 for row in rows]",
+        ),
+        "the place is that of the nearest signature: the signature proposes, the scan decides": (
+            "best = int(np.argmin(misfits))",
+            "best = 0",
+        ),
+        "all places were compared: only the nearest by signature are candidates": (
+            "[:nearest]",
+            "[:]",
+        ),
+        "the heading has the wrong sign: the map looks along 0, the robot has turned left": (
+            "turns[best])",
+            "-turns[best])",
+        ),
+        "the candidates were turned the wrong way": (
+            "np.roll(scans[r], -m)",
+            "np.roll(scans[r], m)",
+        ),
+        "the row among the candidates was taken for a row of the map": (
+            "np.append(places[rows[best]], turns[best])",
+            "np.append(places[best], turns[best])",
+        ),
+        "the margin was taken from the next candidate: it must be farther than the separation": (
+            "misfits[far].min() - misfits[best] if far.any()",
+            "np.sort(misfits)[1] - misfits[best] if len(misfits) > 1",
+        ),
+        "this is the misfit of the second place: the margin is a difference": (
+            "misfits[far].min() - misfits[best]",
+            "misfits[far].min()",
+        ),
+        "without a distinct candidate there is nothing to doubt: the margin is infinite": (
+            "else np.inf",
+            "else 0.0",
+        ),
+        "the signatures were compared with their phases: the modulus forgets the turn": (
+            "np.abs(np.fft.rfft(scans))[:, :8]",
+            "np.fft.rfft(scans)[:, :8]",
+            "np.abs(np.fft.rfft(scan))[:8]",
+            "np.fft.rfft(scan)[:8]",
+        ),
+        "the harmonic 0 was left out: it is the mean of the scan, and belongs to 0 to 7": (
+            "[:, :8]",
+            "[:, 1:8]",
+            "[:8]",
+            "[1:8]",
+        ),
+        "the squared difference was taken: the misfit is the mean absolute one": (
+            "np.mean(np.abs(np.roll(scans[r], -m) - scan))",
+            "np.mean((np.roll(scans[r], -m) - scan) ** 2)",
+        ),
+        "the sum of the differences was taken: the misfit is their mean": (
+            "np.mean(np.abs(np.roll(scans[r], -m) - scan))",
+            "np.sum(np.abs(np.roll(scans[r], -m) - scan))",
+        ),
+        "exactly at the separation is not farther": ("> separation", ">= separation"),
+    },
+    tolerance=1e-8,
+    use=_located,
 )

@@ -87,6 +87,8 @@ check_turn_back = Check(
         "without the reserve the first closed door is the end": ("reserve * home", "home"),
         "exactly enough is the last moment": (">=", ">"),
         "this says when it may drive on": (">=", "<"),
+        "it turns round whatever the numbers say": lambda driven, home, budget, reserve: True,
+        "it never turns round": lambda driven, home, budget, reserve: False,
         "what is driven already is gone from the budget too": (
             "driven + reserve * home",
             "reserve * home",
@@ -180,6 +182,10 @@ check_inside = Check(
         ),
         "each axis for itself: the correlation is missing": lambda e, P: float(
             np.mean((e**2 / np.diagonal(P, axis1=1, axis2=2)).sum(-1) < -2 * np.log(0.05))
+        ),
+        "95 % lie inside: 1 - exp(-c / 2) is 0.95, so exp(-c / 2) is 0.05": (
+            "np.log(0.05)",
+            "np.log(0.95)",
         ),
         "this is the share outside": lambda e, P: 1 - _inside(e, P),
     },
