@@ -7,7 +7,11 @@ from slamlab.datasets.rosbag import read_rosbag
 from slamlab.datasets.simulator_log import read_simulator
 from slamlab.datasets.synthetic import ManhattanGraph, manhattan_graph
 from slamlab.datasets.tum import read_tum, write_tum
-from slamlab.datasets.victoria_park import read_landmark_log, victoria_park
+from slamlab.datasets.victoria_park import (
+    read_landmark_log,
+    victoria_park,
+    victoria_park_runs,
+)
 
 __all__ = [
     "Killian",
@@ -22,5 +26,6 @@ __all__ = [
     "read_simulator",
     "read_tum",
     "victoria_park",
+    "victoria_park_runs",
     "write_tum",
 ]

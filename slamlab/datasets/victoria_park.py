@@ -8,6 +8,7 @@ Chapters 10 to 13.
 from __future__ import annotations
 
 import gzip
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
@@ -20,7 +21,7 @@ from slamlab.robots import RelativePose
 from slamlab.sensors import PointSensor
 from slamlab.slam import PoseGraph
 
-__all__ = ["read_landmark_log", "victoria_park"]
+__all__ = ["read_landmark_log", "victoria_park", "victoria_park_runs"]
 
 
 def victoria_park() -> Log:
@@ -45,6 +46,33 @@ def victoria_park() -> Log:
     graph = PoseGraph.from_log(log, RelativePose(), PointSensor(0.4 * np.eye(2)))
     best = graph.initial_guess().optimize()
     return replace(log, truth=best.poses, landmarks=best.landmarks)
+
+
+def victoria_park_runs() -> dict[str, dict[int, dict[str, Array]]]:
+    """Return the stored runs of `tools/victoria_park.py` over the whole drive.
+
+    Returns
+    -------
+    dict
+        ``victoria_park_runs()[system][scale]``, scale the factor on the odometry's variance of the
+        file, maps names to one number a seed: "error", "largest" and "end" of the place, "claimed"
+        in the end (m); "trees" in the map; if they are told by name their error "map", "map
+        aligned" (m) and how far the map is "turned" (degrees), else "precision" and "recall".
+
+    Examples
+    --------
+    >>> runs = victoria_park_runs()
+    >>> bool(runs["EKF-SLAM, invariant"][1]["error"] < runs["EKF-SLAM"][1]["error"])
+    True
+    """
+    stored = json.loads((Path(__file__).parent / "data" / "victoria_park.json").read_text())
+    return {
+        system: {
+            int(scale): {name: np.array([row[name] for row in rows], float) for name in rows[0]}
+            for scale, rows in scales.items()
+        }
+        for system, scales in stored.items()
+    }
 
 
 def read_landmark_log(path: str | Path) -> Log:

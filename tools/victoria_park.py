@@ -1,0 +1,116 @@
+"""Victoria Park, all 6969 steps: every landmark system of the course, and the associations.
+
+python tools/victoria_park.py [SYSTEM ...]      (half an hour; without names all of SYSTEMS)
+
+Writes slamlab/datasets/data/victoria_park.json, which chapters 11 and 12 read. What is stored
+already is kept: take a system out of the file to have it again.
+"""
+
+import json
+import sys
+import warnings
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from slamlab import datasets
+from slamlab.datasets import victoria_park
+from slamlab.evaluation import align, association_scores, nis, run
+from slamlab.localization import DeadReckoning
+from slamlab.robots import RelativePose
+from slamlab.sensors import PointSensor
+from slamlab.slam import CompressedEKFSlam, EKFSlam, FastSlam
+from slamlab.slam.association import (
+    SearchLimitWarning,
+    joint_compatibility,
+    maximum_likelihood,
+    nearest_euclidean,
+    nearest_neighbour,
+)
+
+STORED = Path(datasets.__file__).parent / "data" / "victoria_park.json"
+WORLD = RelativePose(), PointSensor(0.4 * np.eye(2)), np.zeros(3)
+SCALES = (25, 1)  # the odometry's variance of the file, and times 25
+
+
+def of_fast(version):
+    return lambda seed: FastSlam(*WORLD, 100, version, rng=np.random.default_rng(seed))
+
+
+def of_ekf(linearisation="latest", associate=None):
+    return lambda seed: EKFSlam(*WORLD, linearisation=linearisation, associate=associate)
+
+
+# Name: what makes it from a seed, how many seeds, whether the trees are told by name.
+SYSTEMS = {
+    "dead reckoning": (lambda seed: DeadReckoning(WORLD[0], WORLD[2]), 1, True),
+    "EKF-SLAM": (of_ekf(), 1, True),
+    "EKF-SLAM, first estimates": (of_ekf("first-estimates"), 1, True),
+    "EKF-SLAM, invariant": (of_ekf("invariant"), 1, True),
+    "compressed EKF-SLAM": (lambda seed: CompressedEKFSlam(*WORLD, radius=40.0), 1, True),
+    "fixed gate, 3 m": (of_ekf(associate=partial(nearest_euclidean, gate=3.0)), 1, False),
+    "nearest neighbour": (of_ekf(associate=nearest_neighbour), 1, False),
+    "maximum likelihood": (of_ekf(associate=maximum_likelihood), 1, False),
+    "joint compatibility": (of_ekf(associate=joint_compatibility), 1, False),
+    "nearest neighbour, invariant": (of_ekf("invariant", nearest_neighbour), 1, False),
+    "joint compatibility, invariant": (of_ekf("invariant", joint_compatibility), 1, False),
+    "FastSLAM 2.0": (of_fast(2), 10, True),
+    "FastSLAM 1.0": (of_fast(1), 10, True),
+}
+
+
+def judged(result, told):
+    """Errors against the optimum of all measurements (m), what is claimed, and what is paired."""
+    off = np.hypot(*(result.poses - result.truth)[:, :2].T)
+    row = {
+        "error": np.sqrt((off**2).mean()),
+        "largest": off.max(),
+        "end": off[-1],
+        "claimed": np.sqrt(np.trace(result.covs[-1][:2, :2]) / 2),
+    }
+    slam, ids = result.system, getattr(result.system, "ids", ())
+    row["trees"] = len(ids)
+    if told and ids:
+        found, due = (np.column_stack([trees, np.zeros(len(ids))]) for trees in
+                      (slam.landmarks, result.log.landmarks[list(ids)]))  # fmt: skip
+        moved = align(found, due)
+        row["map"] = np.sqrt(((found - due) ** 2).sum(1).mean())
+        row["map aligned"] = np.sqrt(((moved - due)[:, :2] ** 2).sum(1).mean())
+        row["turned"] = abs(np.degrees(moved[0, 2]))
+    if told and isinstance(slam, EKFSlam):
+        covs = [slam.landmark_cov(name) for name in ids]
+        row["claimed of a tree"] = np.median([np.sqrt(np.trace(cov) / 2) for cov in covs])
+        row["nis"] = np.nansum(nis(result)) / sum(
+            report.residual.size for report in result.reports
+        )
+    if not told:
+        score = association_scores(result)
+        row |= {"precision": score.precision, "recall": score.recall}
+    return {name: float(f"{value:.3g}") for name, value in row.items()}
+
+
+def one(name, scale, seed, park):
+    """Run a system over the park with the given odometry noise."""
+    make, _, told = SYSTEMS[name]
+    log = replace(park, control_cov=park.control_cov * scale)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SearchLimitWarning)
+        return judged(run(make(seed), log, every=10, known_ids=told), told)
+
+
+def main():
+    stored = json.loads(STORED.read_text()) if STORED.exists() else {}
+    park = victoria_park()
+    for name in sys.argv[1:] or SYSTEMS:
+        for scale in SCALES:
+            rows = stored.setdefault(name, {}).setdefault(str(scale), [])
+            for seed in range(len(rows), SYSTEMS[name][1]):
+                rows.append(one(name, scale, seed, park))
+                print(name, scale, seed, rows[-1], flush=True)
+                STORED.write_text(json.dumps(stored, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
