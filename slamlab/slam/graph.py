@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -336,9 +337,7 @@ class PoseGraph:
         ValueError
             If a shape is wrong or a number is not finite.
         """
-        other = object.__new__(PoseGraph)
-        other.__dict__.update(self.__dict__)
-        stacked = self._stack(poses, landmarks)
+        other, stacked = copy(self), self._stack(poses, landmarks)
         n = len(self.poses)
         other.poses, other.landmarks = stacked[:n].copy(), stacked[n:, :2].copy()
         return other
