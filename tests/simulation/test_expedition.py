@@ -157,12 +157,10 @@ def test_a_stored_run_can_be_had_again():
     assert isinstance(out.belief, DeadReckoning)
 
 
-def test_hardly_anything_is_touched_and_nothing_where_places_are_recognised():
-    stored = results()
-    cells = [cell for beliefs in stored.values() for cell in beliefs.values()]
-    touched, runs = sum(c["touched"].sum() for c in cells), sum(c["touched"].size for c in cells)
-    assert touched <= runs / 100
-    assert sum(beliefs["scan graph"]["touched"].sum() for beliefs in stored.values()) == 0
+def test_nothing_was_touched_in_any_stored_run():
+    cells = [cell for beliefs in results().values() for cell in beliefs.values()]
+    assert len(cells) >= 11
+    assert not any(cell["touched"].any() for cell in cells)
 
 
 def test_closures_bring_the_robot_home_and_nothing_else_does():
