@@ -94,6 +94,25 @@ def test_a_ring_is_closed_and_the_map_is_good_to_centimetres():
     assert slam.lost_scans == []
 
 
+def test_ambiguous_closures_are_rejected_or_kept_with_a_spread_along_the_corridor():
+    log, kept = round_trip(), {}
+    for ambiguous in ("reject", "stretch"):
+        slam = ScanGraphSlam(log.scan, log.truth[0], n_keyframes=5, ambiguous=ambiguous)
+        run(slam, log)
+        kept[ambiguous] = [one for one in slam.closures if one.state == "confirmed"]
+        assert false_closures(slam, log, 0.3) == []
+        error = ate(slam.trajectory, log.truth).rmse
+        print(f"{ambiguous}: {len(kept[ambiguous])} closures, path error {error:.3f} m")
+        assert error < 0.03  # kept or not, the map is the same: what they say is known already
+    assert max(one.rival for one in kept["reject"]) <= 0.8
+    doubted = [one for one in kept["stretch"] if one.rival > 0.8]
+    assert len(doubted) >= 3
+    for one in kept["stretch"]:
+        across, along = np.sqrt(np.linalg.eigvalsh(one.cov[:2, :2]))
+        assert across < 0.1
+        assert (along > 1.0) == (one.rival > 0.8)
+
+
 def test_the_trajectory_is_that_of_every_step_and_the_graph_holds_it():
     result = closed()
     slam, graph = result.system, result.system.graph()
