@@ -14,6 +14,7 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -27,6 +28,7 @@ from jupyter_cache.base import CacheBundleIn, JupyterCacheAbstract
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.notebooks import SETTINGS, differences, n_cores, run_all
+from tools.pictures import make_small
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = ROOT / "_build"
@@ -40,7 +42,7 @@ def cache_key(root: Path = ROOT) -> str:
     digest = hashlib.sha256(sys.version.encode())
     sources = [p for p in (root / "slamlab").rglob("*") if p.is_file() and p.suffix != ".pyc"]
     sources = [p for p in sources if "__pycache__" not in p.parts]
-    for path in [root / "requirements.lock", *sorted(sources)]:
+    for path in [root / "requirements.lock", root / "tools" / "pictures.py", *sorted(sources)]:
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
@@ -123,6 +125,7 @@ def execute(cache: JupyterCacheAbstract, setting: str) -> bool:
             ended_well = False
             print(f"\n{name} failed:\n{done.error}", flush=True)
             continue
+        make_small(done.notebook)
         took = {"execution_seconds": done.seconds}
         bundle = CacheBundleIn(done.notebook, str(done.path), data=took)
         cache.cache_notebook_bundle(bundle, check_validity=False, overwrite=True)
@@ -155,9 +158,31 @@ def write_pages() -> int:
         print(done.stdout)
         # A page that was read is not read again, and its warning would not come again.
         shutil.rmtree(BUILD / ".doctrees", ignore_errors=True)
-    for path in (BUILD / "html" / "_static").rglob("*.map"):
-        path.unlink()  # maps of the theme's scripts: megabytes that no reader opens
+    trim(BUILD / "html")
     return done.returncode
+
+
+ICON = re.compile(
+    r"""(?:"([\w-]+)"|(\w+)):\[\d+,\d+,\[[^][]*\],"\w+",(?:"[^"]*"|\["[^"]*","[^"]*"\])\],?"""
+)
+
+
+def trim(html: Path) -> None:
+    """Drop what no reader opens: maps of scripts, translations, old fonts, icons of no page."""
+    static = html / "_static"
+    shutil.rmtree(static / "locales", ignore_errors=True)
+    unused = [*static.rglob("*.map"), *(html / "_sources").rglob("*.md")]
+    unused += [font for font in static.rglob("*.ttf") if font.with_suffix(".woff2").exists()]
+    for path in unused:
+        path.unlink()
+    scripts = [path for path in static.rglob("*.js") if path.name != "fontawesome.js"]
+    texts = [path.read_text(encoding="utf-8") for path in [*html.rglob("*.html"), *scripts]]
+    used = {name for text in texts for name in re.findall(r"\bfa-([\w-]+)", text)}
+    icons = static / "scripts" / "fontawesome.js"
+    if icons.exists():
+        known = icons.read_text(encoding="utf-8")
+        kept = ICON.sub(lambda entry: entry[0] if (entry[1] or entry[2]) in used else "", known)
+        icons.write_text(kept, encoding="utf-8")
 
 
 def main() -> int:

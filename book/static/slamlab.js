@@ -3,17 +3,20 @@ if (window.MathJax && window.innerWidth < 600) {
   window.MathJax.chtml = { displayAlign: "left" };
 }
 // Small repairs of the theme for readers with a keyboard or a screen reader.
+function scrollBox(thing, kind, label) {
+  if (thing.parentElement.classList.contains(kind)) return;
+  var box = document.createElement("div");
+  box.className = kind;
+  box.tabIndex = 0;
+  box.setAttribute("role", "region");
+  box.setAttribute("aria-label", label);
+  thing.parentNode.insertBefore(box, thing);
+  box.appendChild(thing);
+}
 document.addEventListener("DOMContentLoaded", function () {
   // Wide tables and code scroll inside their own box; such a box must be reachable by keyboard.
   document.querySelectorAll(".bd-article table").forEach(function (table) {
-    if (table.parentElement.classList.contains("table-scroll")) return;
-    var box = document.createElement("div");
-    box.className = "table-scroll";
-    box.tabIndex = 0;
-    box.setAttribute("role", "region");
-    box.setAttribute("aria-label", "Table, scrolls sideways");
-    table.parentNode.insertBefore(box, table);
-    box.appendChild(table);
+    scrollBox(table, "table-scroll", "Table, scrolls sideways");
   });
   // The bibliography calls itself a list, but its entries are no list items.
   document.querySelectorAll(".citation-list").forEach(function (list) {
@@ -62,22 +65,20 @@ document.addEventListener("DOMContentLoaded", function () {
 
 // On a phone the labels of a wide figure would shrink to specks: it scrolls in a box of its own.
 document.addEventListener("DOMContentLoaded", function () {
-  if (!window.matchMedia("(max-width: 600px)").matches) return;
-  document.querySelectorAll(".bd-article .cell_output > img").forEach(function (picture) {
-    var place = function () {
-      var width = Number(picture.getAttribute("width")) || picture.naturalWidth;
-      if (width < 480 || picture.parentElement.classList.contains("figure-scroll")) return;
-      var box = document.createElement("div");
-      box.className = "figure-scroll";
-      box.tabIndex = 0;
-      box.setAttribute("role", "region");
-      box.setAttribute("aria-label", "Figure, scrolls sideways");
-      picture.parentNode.insertBefore(box, picture);
-      box.appendChild(picture);
-    };
-    if (picture.complete) place();
-    else picture.addEventListener("load", place);
-  });
+  var phone = window.matchMedia("(max-width: 600px)");
+  function place(picture) {
+    var width = Number(picture.getAttribute("width")) || picture.naturalWidth;
+    if (width >= 480) scrollBox(picture, "figure-scroll", "Figure, scrolls sideways");
+  }
+  function placeAll() {
+    if (!phone.matches) return;
+    document.querySelectorAll(".bd-article .cell_output > img").forEach(function (picture) {
+      if (picture.complete) place(picture);
+      else picture.addEventListener("load", function () { place(picture); });
+    });
+  }
+  placeAll();
+  phone.addEventListener("change", placeAll);
 });
 
 // The league: a click on the head of a column sorts by it; without this script the most accurate
