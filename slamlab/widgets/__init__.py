@@ -1,12 +1,12 @@
 """Interactive figures that move with a kernel (JupyterLab) and without one (the static book).
 
 `Replay` plays a run of a robot, `Sweep` moves sliders over precomputed results, `Simulator` is
-P5's program: a robot with a lidar to drive. In `Sighting` and `ScanDrag` the reader drags things
-and an algorithm answers. All draw on a canvas in plain JavaScript, through anywidget. Import it
-where it is used.
+P5's program: a robot with a lidar to drive. In `Sighting`, `ScanDrag` and `WallDrag` the reader
+drags things and an algorithm answers. All draw on a canvas in plain JavaScript, through anywidget.
+Import it where it is used.
 """
 
-from slamlab.widgets.drag import ScanDrag, Sighting
+from slamlab.widgets.drag import ScanDrag, Sighting, WallDrag
 from slamlab.widgets.replay import Replay
 from slamlab.widgets.simulator import Simulator
 from slamlab.widgets.sweep import Bars, Curves, Image, Scatter, Sweep
@@ -21,4 +21,5 @@ __all__ = [
     "Sighting",
     "Simulator",
     "Sweep",
+    "WallDrag",
 ]

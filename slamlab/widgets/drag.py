@@ -1,6 +1,7 @@
-"""Sighting and ScanDrag: figures whose things are dragged, and an algorithm answers in the page.
+"""Sighting, ScanDrag, WallDrag: things of a figure are dragged, an algorithm answers in the page.
 
-The algorithms run in `sighting.js` and `scan_drag.js`; tests hold them against the library's own.
+The algorithms run in `sighting.js`, `scan_drag.js` and `wall_drag.js`; tests hold them against the
+library's own.
 """
 
 from __future__ import annotations
@@ -16,13 +17,16 @@ from slamlab.matching import Outline
 from slamlab.widgets import _pack
 from slamlab.widgets._pack import Figure, script
 
-__all__ = ["ScanDrag", "Sighting"]
+__all__ = ["ScanDrag", "Sighting", "WallDrag"]
 
 HEADINGS = (1, 2, 5, 10, 20, 30, 40)
 """Doubts about the heading (degrees) that the slider of `Sighting` offers."""
 
 GATES = (0.1, 0.2, 0.3, 0.5, 0.8, 1.2)
 """Gates (m) that the slider of `ScanDrag` offers."""
+
+SIGMAS = (0.01, 0.02, 0.05, 0.1, 0.2)
+"""Noises of a range (m) that the slider of `WallDrag` offers."""
 
 
 class Sighting(Figure):
@@ -195,3 +199,77 @@ class ScanDrag(Figure):
         """Name the sizes: the same text on every machine."""
         k, m = (self.payload[name]["shape"][0] for name in ("points", "reference"))
         return f"ScanDrag({k} points on {m})"
+
+
+class WallDrag(anywidget.AnyWidget):
+    """A wall before a lidar: drag its ends, and see what the fitted line claims and how it errs.
+
+    The line is that of `mapping.fit_line`, its band that of `mapping.line_cov`. Thin lines are
+    fitted to other scans of the same wall: where they lie says whether the claim is right.
+
+    Parameters
+    ----------
+    ends : array_like, shape (2, 2), optional
+        Where the wall begins and ends at first, in the frame of the lidar (m).
+    sigma : {0.01, 0.02, 0.05, 0.1, 0.2}, default 0.05
+        Noise of a range (m); a slider changes it.
+    n_beams : int, default 360
+        Beams all round.
+    n_scans : int, default 20
+        How many scans are drawn.
+    rng : numpy.random.Generator, optional
+        Draws their noise; seed 0 without it.
+    title, question : str
+        Name of the figure and the question it answers.
+
+    Attributes
+    ----------
+    payload : dict
+        What the browser gets.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong or a number out of range.
+
+    Examples
+    --------
+    >>> WallDrag(ends=[[2, -1], [2, 1]])
+    WallDrag(20 scans of 360 beams)
+    """
+
+    _esm = script("shared.js", "drag.js", "wall_drag.js")
+    _css = script("widgets.css")
+    payload = traitlets.Dict().tag(sync=True)
+
+    def __init__(
+        self,
+        ends: ArrayLike = ((-0.5, 2.0), (0.5, 2.0)),
+        sigma: float = 0.05,
+        n_beams: int = 360,
+        n_scans: int = 20,
+        rng: np.random.Generator | None = None,
+        title: str = "",
+        question: str = "",
+    ) -> None:
+        if sigma not in SIGMAS:
+            raise ValueError(f"sigma: expected one of {SIGMAS} (m), got {sigma!r}")
+        n_beams = as_count("n_beams", n_beams, 8, 3600)
+        n_scans = as_count("n_scans", n_scans, 2, 100)
+        normals = (rng or np.random.default_rng(0)).standard_normal((n_scans, n_beams))
+        payload: dict[str, Any] = {
+            "ends": as_array("ends", ends, (2, 2)).tolist(),
+            "sigmas": list(SIGMAS),
+            "sigma": SIGMAS.index(sigma),
+            "beams": np.linspace(-np.pi, np.pi, n_beams, endpoint=False).round(6).tolist(),
+            "scans": _pack.pack_series(normals),
+            "bounds": [-4.0, 4.0, -1.0, 5.0],
+            "title": _pack.text("title", title),
+            "question": _pack.text("question", question),
+        }
+        super().__init__(payload=payload)
+
+    def __repr__(self) -> str:
+        """Name the sizes: the same text on every machine."""
+        n_scans, n_beams = self.payload["scans"]["shape"]
+        return f"WallDrag({n_scans} scans of {n_beams} beams)"

@@ -15,7 +15,17 @@ import numpy as np
 import pytest
 from ipywidgets.embed import embed_data
 
-from slamlab.widgets import Bars, Curves, Image, Replay, ScanDrag, Scatter, Sighting, Sweep
+from slamlab.widgets import (
+    Bars,
+    Curves,
+    Image,
+    Replay,
+    ScanDrag,
+    Scatter,
+    Sighting,
+    Sweep,
+    WallDrag,
+)
 
 sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = shutil.which("chromium")
@@ -659,3 +669,19 @@ def test_a_dragged_scan_is_brought_back_by_its_rounds(show):
     page.get_by_role("button", name="Play").click()
     page.get_by_role("button", name="Play").wait_for()
     assert state_of(page, "scandrag")["pose"] == pytest.approx([2, 1.5, 0], abs=2e-3)
+
+
+def test_a_dragged_wall_answers_with_what_its_line_claims(show):
+    page = show(WallDrag(ends=[[-0.5, 2.0], [0.5, 2.0]]))
+    before = state_of(page, "walldrag")
+    words = page.locator(".slam-text").inner_text()
+    page.locator(".slam-canvas").focus()
+    page.keyboard.press("Shift+ArrowLeft")
+    after = state_of(page, "walldrag")
+    assert after["ends"][0] == pytest.approx([-1.5, 2.0])
+    assert after["points"] > before["points"] > 20
+    assert after["cov"][1][1] < 0.5 * before["cov"][1][1]
+    assert page.locator(".slam-text").inner_text() != words
+    page.get_by_role("button", name="whole wall").click()
+    page.keyboard.press("Shift+ArrowUp")
+    assert state_of(page, "walldrag")["ends"][1] == pytest.approx([0.5, 3.0])

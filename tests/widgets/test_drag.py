@@ -10,10 +10,12 @@ import pytest
 from slamlab.filters import extended
 from slamlab.gaussian import Gaussian, confidence_ellipse
 from slamlab.geometry import inverse_transform, wrap_angle
+from slamlab.mapping import fit_line, line_cov, point_covs
 from slamlab.matching import Outline, match_icp
-from slamlab.sensors import RangeBearing
-from slamlab.widgets import ScanDrag, Sighting
+from slamlab.sensors import RangeBearing, Wall
+from slamlab.widgets import ScanDrag, Sighting, WallDrag
 from slamlab.widgets._pack import script
+from slamlab.worlds import WallWorld
 
 needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 SPREAD, SIGMAS, WAY = [0.1, 0.1, 0.35], [0.1, 0.0175], 10.0
@@ -116,9 +118,45 @@ def test_the_page_matches_as_the_library(tmp_path, metric, rounds):
     assert np.abs(np.array(page) - guess).max() > 0.01
 
 
+ENDS = [[[-0.5, 2.0], [0.5, 2.0]], [[-2.0, -1.0], [-1.0, -3.0]], [[1.0, 3.0], [2.5, 0.4]]]
+
+
+@needs_node
+@pytest.mark.parametrize("ends", ENDS)
+def test_the_page_meets_fits_and_doubts_a_wall_as_the_library(tmp_path, ends):
+    rng, sigma = np.random.default_rng(3), 0.05
+    beams, numbers = np.linspace(-np.pi, np.pi, 180, endpoint=False), rng.standard_normal(180)
+    page = in_node(
+        tmp_path,
+        "wall_drag.js",
+        f"((points) => {{ const line = lib.fitLine(points); return {{ points, line, "
+        f"cov: lib.lineCov(points, line[1], {sigma}) }}; }})"
+        f"(lib.pointsOn({ends}, {beams.tolist()}, {sigma}, {numbers.tolist()}))",
+    )
+    exact = WallWorld([ends]).cast(np.zeros((180, 2)), beams)
+    met = np.isfinite(exact)
+    ranges = (exact + sigma * numbers)[met]
+    points = ranges[:, None] * np.stack([np.cos(beams[met]), np.sin(beams[met])], -1)
+    np.testing.assert_allclose(page["points"], points, atol=1e-9)
+    line = fit_line(points)
+    np.testing.assert_allclose(page["line"], line, atol=1e-9)
+    due = line_cov(points, point_covs(points, sigma))
+    np.testing.assert_allclose(page["cov"], due, rtol=1e-7)
+    alike = line_cov(points, np.broadcast_to(sigma**2 * np.eye(2), (len(points), 2, 2)))
+    assert not np.allclose(page["cov"], alike, rtol=1e-3), "noise lies along the beam"
+
+
+@needs_node
+@pytest.mark.parametrize("line", [[0.02, 0.1], [0.02, 0.1 - np.pi], [3.0, -3.1]])
+def test_the_page_knows_both_names_of_a_wall(tmp_path, line):
+    due = [0.03, 0.08] if line[0] < 1 else [3.1, 3.1]
+    page = in_node(tmp_path, "wall_drag.js", f"lib.lineError({line}, {due})")
+    np.testing.assert_allclose(page, Wall(1, 1).residual(line, due), atol=1e-9)
+
+
 def test_what_goes_into_the_page_is_small():
     outline = Outline.of(room())
-    for figure in (Sighting(), ScanDrag(outline, room(), [0, 0, 0])):
+    for figure in (Sighting(), ScanDrag(outline, room(), [0, 0, 0]), WallDrag()):
         assert len(json.dumps(figure.payload)) < 40_000
 
 
@@ -131,6 +169,8 @@ def test_what_goes_into_the_page_is_small():
         (lambda: ScanDrag(room(), room(), [0, 0, 0], gate=0.37), "gate: expected one of"),
         (lambda: ScanDrag(room(), room()[0], [0, 0, 0]), "points"),
         (lambda: ScanDrag(5 * room()[::29], room(), [0, 0, 0]), "reference"),
+        (lambda: WallDrag(sigma=0.03), "sigma: expected one of"),
+        (lambda: WallDrag(ends=[[0, 1]]), "ends"),
     ],
 )
 def test_bad_arguments_are_named(make, message):
@@ -141,3 +181,4 @@ def test_bad_arguments_are_named(make, message):
 def test_repr_is_stable():
     assert repr(Sighting()) == "Sighting(10 m blind, heading to 20 degrees)"
     assert repr(ScanDrag(room(), room(), [0, 0, 0])).startswith("ScanDrag(160 points on ")
+    assert repr(WallDrag()) == "WallDrag(20 scans of 360 beams)"

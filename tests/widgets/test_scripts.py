@@ -16,6 +16,7 @@ FIGURES = {
     "simulator": ([], ["simulator_world.js", "simulator.js"]),
     "sighting": (["drag.js"], ["sighting.js"]),
     "scan_drag": (["drag.js"], ["scan_drag.js"]),
+    "wall_drag": (["drag.js"], ["wall_drag.js"]),
 }
 SHARED = script("shared.js")
 
