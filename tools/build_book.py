@@ -42,7 +42,8 @@ def cache_key(root: Path = ROOT) -> str:
     digest = hashlib.sha256(sys.version.encode())
     sources = [p for p in (root / "slamlab").rglob("*") if p.is_file() and p.suffix != ".pyc"]
     sources = [p for p in sources if "__pycache__" not in p.parts]
-    for path in [root / "requirements.lock", root / "tools" / "pictures.py", *sorted(sources)]:
+    sources += (root / "tools").glob("pictures.py")
+    for path in [root / "requirements.lock", *sorted(sources)]:
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -201,7 +201,7 @@ class ScanDrag(Figure):
         return f"ScanDrag({k} points on {m})"
 
 
-class WallDrag(anywidget.AnyWidget):
+class WallDrag(Figure):
     """A wall before a lidar: drag its ends, and see what the fitted line claims and how it errs.
 
     The line is that of `mapping.fit_line`, its band that of `mapping.line_cov`. Thin lines are
@@ -239,8 +239,6 @@ class WallDrag(anywidget.AnyWidget):
     """
 
     _esm = script("shared.js", "drag.js", "wall_drag.js")
-    _css = script("widgets.css")
-    payload = traitlets.Dict().tag(sync=True)
 
     def __init__(
         self,
@@ -264,10 +262,8 @@ class WallDrag(anywidget.AnyWidget):
             "beams": np.linspace(-np.pi, np.pi, n_beams, endpoint=False).round(6).tolist(),
             "scans": _pack.pack_series(normals),
             "bounds": [-4.0, 4.0, -1.0, 5.0],
-            "title": _pack.text("title", title),
-            "question": _pack.text("question", question),
         }
-        super().__init__(payload=payload)
+        super().__init__(title, question, payload)
 
     def __repr__(self) -> str:
         """Name the sizes: the same text on every machine."""

@@ -48,7 +48,7 @@ VIOLATIONS = """async () => {
   for (const word of document.querySelectorAll(':is(.highlight, .sig) span:not(:has(*))')) {
     const kind = chain(word);
     seen[kind] = (seen[kind] ?? 0) + 1;
-    if (seen[kind] > 8) more.push(word);
+    if (seen[kind] > 8 && !word.closest('a')) more.push(word);
   }
   const inside = more.map(block => [...block.childNodes]);
   more.forEach(block => block.replaceChildren());
@@ -65,10 +65,14 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
         pass
 
 
+class Server(http.server.ThreadingHTTPServer):
+    request_queue_size = 128  # a page asks for sixty files at once
+
+
 def serve(folder):
     """Serve a folder on a free port: its address, and the server to shut down."""
     handler = functools.partial(Quiet, directory=str(folder))
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    server = Server(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     return f"http://127.0.0.1:{server.server_port}/", server
 
@@ -147,6 +151,9 @@ class Visit:
         self.tab.set_viewport_size({"width": width, "height": 900})
         self.tab.emulate_media(**media)
         self.tab.wait_for_timeout(300)
+        if width < 600 and self.tab.query_selector('mjx-container[display="true"]'):
+            self.tab.reload(wait_until="networkidle")  # formulas are laid out once, for this width
+            self.settle()
 
     def violations(self, axe):
         if not self.tab.evaluate("'axe' in window"):
