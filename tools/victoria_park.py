@@ -2,7 +2,7 @@
 
 python tools/victoria_park.py [SYSTEM ...]      (half an hour; without names all of SYSTEMS)
 
-Writes slamlab/datasets/data/victoria_park.json, which chapters 11 and 12 read. What is stored
+Writes slamlab/datasets/data/victoria_park.json, which chapters 10 to 12 read. What is stored
 already is kept: take a system out of the file to have it again.
 """
 
