@@ -275,7 +275,8 @@ SWAPPED = [
     ("lidar", lambda: HectorSlam(YOUBOT)),
     ("motion", lambda: HectorSlam(LIDAR, motion=LIDAR)),
     ("lidar", lambda: ScanGraphSlam(YOUBOT, motion=LIDAR)),
-    ("lidar", lambda: GridFastSlam(YOUBOT, rng=rng(), motion=LIDAR)),
+    ("lidar", lambda: GridFastSlam(YOUBOT, rng=rng())),
+    ("motion", lambda: GridFastSlam(LIDAR, rng=rng(), motion=LIDAR)),
     ("rig", lambda: GammaSlam(LIDAR, rng=rng())),
     ("motion", lambda: GammaSlam(StereoRig(), rng=rng(), motion=LIDAR)),
 ]

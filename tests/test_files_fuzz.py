@@ -64,7 +64,9 @@ def relations(path):
 def image(path):
     from PIL import Image
 
-    Image.fromarray(np.full((6, 6), 255, np.uint8)).save(path, format="PNG")
+    room = np.full((6, 6), 255, np.uint8)
+    room[0] = 0
+    Image.fromarray(room).save(path, format="PNG")
 
 
 def ros_map(path):

@@ -62,6 +62,7 @@ class GammaSlam(MapParticles):
 
     Examples
     --------
+    >>> from slamlab.sensors import StereoRig
     >>> from slamlab.worlds import Terrain
     >>> rig, ground = StereoRig(1000), Terrain.rough(np.random.default_rng(1))
     >>> slam = GammaSlam(rig, [9.0, 9.0, 0.0], 30, rng=np.random.default_rng(2))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import as_array, as_count, as_scalar
+from slamlab._checks import as_array, as_count, as_rng, as_scalar
 from slamlab.matching import Outline
 from slamlab.widgets import _pack
 from slamlab.widgets._pack import Figure, script
@@ -89,9 +89,8 @@ class Sighting(Figure):
         if heading not in HEADINGS:
             raise ValueError(f"heading: expected one of {HEADINGS} (degrees), got {heading!r}")
         way = as_scalar("way", way, 0.1, 1e4)
-        normals = (rng or np.random.default_rng(0)).standard_normal(
-            (as_count("n_robots", n_robots, 10), 3)
-        )
+        rng = np.random.default_rng(0) if rng is None else as_rng("rng", rng)
+        normals = rng.standard_normal((as_count("n_robots", n_robots, 10), 3))
         half = 0.75 * way
         spread = [as_scalar("sigma_position", sigma_position, 1e-6, 1e4)] * 2
         payload: dict[str, Any] = {
@@ -254,13 +253,13 @@ class WallDrag(Figure):
             raise ValueError(f"sigma: expected one of {SIGMAS} (m), got {sigma!r}")
         n_beams = as_count("n_beams", n_beams, 8, 3600)
         n_scans = as_count("n_scans", n_scans, 2, 100)
-        normals = (rng or np.random.default_rng(0)).standard_normal((n_scans, n_beams))
+        rng = np.random.default_rng(0) if rng is None else as_rng("rng", rng)
         payload: dict[str, Any] = {
             "ends": as_array("ends", ends, (2, 2)).tolist(),
             "sigmas": list(SIGMAS),
             "sigma": SIGMAS.index(sigma),
             "beams": np.linspace(-np.pi, np.pi, n_beams, endpoint=False).round(6).tolist(),
-            "scans": _pack.pack_series(normals),
+            "scans": _pack.pack_series(rng.standard_normal((n_scans, n_beams))),
             "bounds": [-4.0, 4.0, -1.0, 5.0],
         }
         super().__init__(title, question, payload)

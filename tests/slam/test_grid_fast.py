@@ -294,7 +294,7 @@ def test_bad_input_is_named_and_harmless():
             one.update(ranges)
     with pytest.raises(ValueError, match="u: expected"):
         one.predict([np.nan, 0, 0], 0.5, V)
-    with pytest.raises(ValueError, match="particle: expected at most 6"):
+    with pytest.raises(ValueError, match="particle: expected at most 5, got 6"):
         one.map(6)
     np.testing.assert_array_equal(one.poses, before)
 
