@@ -93,7 +93,7 @@ def landmark_drives(
     there = np.array(poses)[1:, :, None, :]
     noise = rng.standard_normal((len(u), n_runs, len(landmarks), 2))
     z = sensor.observe(there, landmarks) + noise * np.sqrt(np.diag(sensor.cov))
-    z[..., 0], z[..., 1] = np.maximum(z[..., 0], 0.0), wrap_angle(z[..., 1])
+    z[..., 1] = wrap_angle(z[..., 1])
     z[~sensor.visible(there, landmarks)] = np.nan
     looks = (np.full((n_runs, len(landmarks), 2), np.nan), *z)
     ids = (np.arange(len(landmarks)),) * len(poses)

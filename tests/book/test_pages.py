@@ -151,8 +151,9 @@ class Visit:
         self.tab.set_viewport_size({"width": width, "height": 900})
         self.tab.emulate_media(**media)
         self.tab.wait_for_timeout(300)
-        if width < 600 and self.tab.query_selector('mjx-container[display="true"]'):
-            self.tab.reload(wait_until="networkidle")  # formulas are laid out once, for this width
+        # Formulas are laid out once, for the width they find; a source page asks for the theme once.
+        if self.tab.query_selector('mjx-container[display="true"], nav[aria-label="Book"]'):
+            self.tab.reload(wait_until="networkidle")
             self.settle()
 
     def violations(self, axe):
