@@ -151,7 +151,7 @@ class Visit:
         self.tab.set_viewport_size({"width": width, "height": 900})
         self.tab.emulate_media(**media)
         self.tab.wait_for_timeout(300)
-        # Formulas are laid out once, for the width they find; a source page asks for the theme once.
+        # Formulas are laid out once, for their width; a source page asks for the theme once.
         if self.tab.query_selector('mjx-container[display="true"], nav[aria-label="Book"]'):
             self.tab.reload(wait_until="networkidle")
             self.settle()
