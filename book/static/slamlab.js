@@ -1,6 +1,11 @@
-// Runs before MathJax: centred beside its number a formula would leave half a phone's width empty.
-if (window.MathJax && window.innerWidth < 600) {
-  window.MathJax.chtml = { displayAlign: "left" };
+// Runs before MathJax: a formula is as wide on every computer, whatever letters it has for the text,
+// and on a phone begins at the left: centred beside its number it would leave half the width empty.
+if (window.MathJax) {
+  window.MathJax.chtml = {
+    matchFontHeight: false,
+    scale: 1.17,
+    displayAlign: window.innerWidth < 600 ? "left" : "center",
+  };
 }
 // Small repairs of the theme for readers with a keyboard or a screen reader.
 function scrollBox(thing, kind, label) {

@@ -89,6 +89,23 @@ class Handles {
   }
 }
 
+/** Rows of a packed matrix. */
+function rowsOf(packed) {
+  const { shape: [count, width], values } = unpack(packed);
+  return Array.from({ length: count }, (_, k) => [...values.slice(k * width, (k + 1) * width)]);
+}
+
+/** A card of one view with handles lives: it follows theme and width until the notebook drops it. */
+function liveHandles({ view, samples }, card) {
+  return live({
+    ...card, views: [view], samples, event: "change:payload", moved: () => {},
+    fit: () => {
+      const width = Math.floor(view.node.clientWidth);
+      if (width > 0) view.resize(width, Math.round(Math.min(430, Math.max(0.8 * width, 240))));
+    },
+  });
+}
+
 /** A slider over given values, with its name and its value beside it. */
 function knob(name, values, start, moved) {
   const [label, unit] = splitUnit(name);

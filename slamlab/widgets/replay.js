@@ -440,7 +440,7 @@ function render({ model, el }) {
   const views = errors ? [view, errors] : [view];
   const facts_ = h("span", { class: "slam-facts" });
   const caption = h("span", { class: "slam-caption" });
-  const line = h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" }, facts_, caption);
+  const line = spokenLine(facts_, caption);
   const refresh = () => {
     facts_.textContent = facts(run, step);
     caption.textContent = run.captions ? run.captions[step] : "";

@@ -91,11 +91,8 @@ function render({ model, el }) {
   const stop = new AbortController();
   const { signal } = stop;
   const payload = model.get("payload");
-  const rows = (packed) => {
-    const { shape, values } = unpack(packed);
-    return Array.from({ length: shape[0] }, (_, k) => [...values.slice(2 * k, 2 * k + 2)]);
-  };
-  const scans = { reference: rows(payload.reference), normals: rows(payload.normals), points: rows(payload.points) };
+  const [reference, normals, points] = [payload.reference, payload.normals, payload.points].map(rowsOf);
+  const scans = { reference, normals, points };
   const settings = { gate: payload.gates[payload.gate], width: payload.width, line: true };
   const state = { pose: [...payload.start], rounds: 0 };
   let colours = LIGHT;
@@ -105,7 +102,7 @@ function render({ model, el }) {
     label: "Two scans in metres: dots stay, crosses move with the robot; thin lines join each cross with the nearest "
       + "dot. Arrow keys move the scan, Q and E turn it.",
   });
-  const line = h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" });
+  const line = spokenLine();
   const refresh = () => {
     state.round = icpStep(scans, state.pose, settings);
     const off = [0, 1].map((k) => state.pose[k] - payload.truth[k]);
@@ -150,14 +147,7 @@ function render({ model, el }) {
     return true;
   }, signal);
   refresh();
-  return live({
-    root, views: [view], samples: handles.samples, model, stop, event: "change:payload", moved: () => {},
-    paint: (chosen) => { colours = chosen; },
-    fit: () => {
-      const width = Math.floor(view.node.clientWidth);
-      if (width > 0) view.resize(width, Math.round(Math.min(430, Math.max(0.8 * width, 240))));
-    },
-  });
+  return liveHandles(handles, { root, model, stop, paint: (chosen) => { colours = chosen; } });
 }
 
 export { icpStep };

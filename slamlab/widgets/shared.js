@@ -555,6 +555,9 @@ class Player {
   }
 }
 
+/** The line under a figure that says its numbers, to screen readers too. */
+const spokenLine = (...parts) => h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" }, ...parts);
+
 /** The play button, whose name says what pressing it does. */
 function playButton(player) {
   const button = h("button", { class: "slam-button slam-play", type: "button", onclick: () => player.toggle() });

@@ -136,8 +136,7 @@ function render({ model, el }) {
   const stop = new AbortController();
   const { signal } = stop;
   const payload = model.get("payload");
-  const cloud = unpack(payload.normals);
-  const settings = { ...payload, normals: Array.from({ length: cloud.shape[0] }, (_, k) => [...cloud.values.slice(3 * k, 3 * k + 3)]) };
+  const settings = { ...payload, normals: rowsOf(payload.normals) };
   const state = { robot: [...payload.robot], landmark: [...payload.landmark], spread: [...payload.spread] };
   let colours = LIGHT;
   const root = card(el, payload, "sighting");
@@ -146,7 +145,7 @@ function render({ model, el }) {
     label: "Map in metres: possible robots after a blind drive, the ellipse of the extended filter before and after "
       + "one sighting. Arrow keys move what is chosen below.",
   });
-  const line = h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" });
+  const line = spokenLine();
   const refresh = () => {
     solve(state, settings);
     line.textContent = wordsOf(state);
@@ -167,14 +166,7 @@ function render({ model, el }) {
       + "the start; dark ones agree with the sighting too. Dashed: the filter before, filled: after."));
   keyboard(root, (e) => e.target.type !== "range" && handles.key(e, 0.1), signal);
   refresh();
-  return live({
-    root, views: [view], samples: handles.samples, model, stop, event: "change:payload", moved: () => {},
-    paint: (chosen) => { colours = chosen; },
-    fit: () => {
-      const width = Math.floor(view.node.clientWidth);
-      if (width > 0) view.resize(width, Math.round(Math.min(430, Math.max(0.8 * width, 240))));
-    },
-  });
+  return liveHandles(handles, { root, model, stop, paint: (chosen) => { colours = chosen; } });
 }
 
 export { observe, predictStraight, updateBelief, weigh, ellipseOf };

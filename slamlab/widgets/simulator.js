@@ -224,7 +224,7 @@ function render({ model, el }) {
   });
   const facts_ = h("span", { class: "slam-facts" });
   const caption = h("span", { class: "slam-caption" });
-  const line = h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" }, facts_, caption);
+  const line = spokenLine(facts_, caption);
   const tally = h("table", { class: "slam-numbers" });
   const stackRows = h("tbody", {});
 

@@ -183,7 +183,7 @@ function render({ model, el }) {
   const root = card(el, payload, "sweep");
   const panels = payload.panels.map((p) => buildPanel(p, state, signal));
   const numbers = buildNumbers(payload.numbers);
-  const line = h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" });
+  const line = spokenLine();
   const refresh = () => {
     for (const s of sliders) s.put();
     numbers.put(state.cell());

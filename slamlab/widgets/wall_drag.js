@@ -127,9 +127,7 @@ function render({ model, el }) {
   const stop = new AbortController();
   const { signal } = stop;
   const payload = model.get("payload");
-  const all = unpack(payload.scans);
-  const beams = payload.beams;
-  const settings = { beams, scans: Array.from({ length: all.shape[0] }, (_, k) => [...all.values.slice(k * beams.length, (k + 1) * beams.length)]) };
+  const settings = { beams: payload.beams, scans: rowsOf(payload.scans) };
   const state = { ends: payload.ends.map((p) => [...p]), sigma: payload.sigmas[payload.sigma] };
   let colours = LIGHT;
   const root = card(el, payload, "walldrag");
@@ -138,7 +136,7 @@ function render({ model, el }) {
     label: "Map in metres: a lidar at the origin, a wall, the points of one scan on it, the fitted line and the band that its "
       + "covariance claims, and the lines of other scans. Arrow keys move the end that is chosen below.",
   });
-  const line = h("div", { class: "slam-text", "aria-live": "polite", "aria-atomic": "true" });
+  const line = spokenLine();
   const refresh = () => {
     solveWall(state, settings);
     line.textContent = wordsOfWall(state);
@@ -164,14 +162,7 @@ function render({ model, el }) {
       + "the fitted line, as its covariance claims; thin lines: other scans of the same wall."));
   keyboard(root, (e) => e.target.type !== "range" && handles.key(e, 0.1), signal);
   refresh();
-  return live({
-    root, views: [view], samples: handles.samples, model, stop, event: "change:payload", moved: () => {},
-    paint: (chosen) => { colours = chosen; },
-    fit: () => {
-      const width = Math.floor(view.node.clientWidth);
-      if (width > 0) view.resize(width, Math.round(Math.min(430, Math.max(0.8 * width, 240))));
-    },
-  });
+  return liveHandles(handles, { root, model, stop, paint: (chosen) => { colours = chosen; } });
 }
 
 export { pointsOn, fitLine, lineCov, lineError };
