@@ -87,9 +87,6 @@ class WallSlam:
         Standard deviation of (r, alpha) of a wall (m, rad) beside the noise of its beams. The
         default, 2 mm and 0.08 degrees, is what cutting straight walls at their corners leaves; a
         building with doors and notice boards has several times as much (chapter 09).
-    reach : float, default inf
-        A wall is taken for one of the map only where it was seen, up to so many metres along
-        its line. With inf a wall is a line without end, as in P1.
 
     Attributes
     ----------
@@ -135,7 +132,6 @@ class WallSlam:
         patience: int = 60,
         sigma_range: float | None = None,
         sigma_wall: ArrayLike = _EXTRACTION,
-        reach: float = np.inf,
     ) -> None:
         as_scan_sensor("lidar", lidar)
         if sigma_range is None:
@@ -148,7 +144,6 @@ class WallSlam:
         if (own < 0).any():
             raise ValueError(f"sigma_wall: expected no negative number, got {own.tolist()}")
         self._wall_cov = np.diag(own**2)
-        self._reach = as_scalar("reach", reach, 0)
         gate = as_positive("probability", probability, 1 - 1e-12)
         self._gate = float(chi2_quantile(gate, 2))
         self._min_length = as_scalar("min_length", min_length, 0, 1e300)
@@ -158,7 +153,6 @@ class WallSlam:
         # The covariance of each sighting comes from its points; the sensor's own is not used.
         self.filter = EKFSlam(motion, Wall(1.0, 1.0, offset=lidar.offset), pose, cov)
         self._counts: dict[Hashable, Counter[int]] = {}
-        self._spans: dict[Hashable, Array] = {}  # first and last place along a wall (m)
 
     def __repr__(self) -> str:
         """Say where it is and how much it knows."""
@@ -225,7 +219,7 @@ class WallSlam:
                 self._extend(id, ends)
         gone = ekf.remove_unseen(self._patience, max(self._confirm - 1, 1))
         for id in gone:
-            del self._counts[id], self._spans[id]
+            del self._counts[id]
         return WallSighting(walls, names, float(innovation.nis))
 
     def _associate(
@@ -257,18 +251,8 @@ class WallSlam:
         v = ekf.sensor.residual(walls.lines[:, None], predicted[None])
         own = ekf.innovation_covs(np.arange(ekf.n_landmarks)) - ekf.sensor.cov
         S = own[None] + _in_name_of(walls.lines[:, None, 1], predicted[None, :, 1], covs[:, None])
-        distances = (v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1)
-        return (
-            distances if np.isinf(self._reach) else np.where(self._near(walls), distances, np.inf)
-        )
-
-    def _near(self, walls: Walls) -> NDArray[np.bool_]:
-        """Whether each wall seen lies within reach of where each of the map was seen, (k, n)."""
-        ends = transform(self.filter.pose, walls.ends + [self._lidar.offset, 0.0])
-        alpha = self.filter.landmarks[:, 1]
-        along = np.sort(ends @ np.stack([-np.sin(alpha), np.cos(alpha)]), axis=1)  # (k, 2, n)
-        low, high = np.array([self._spans[id] for id in self.filter.ids]).T
-        return (along[:, 0] - self._reach <= high) & (low <= along[:, 1] + self._reach)
+        distances: Array = (v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1)
+        return distances
 
     def _named(
         self, walls: Walls, covs: Array, names: tuple[Hashable | None, ...], predicted: Array
@@ -287,8 +271,6 @@ class WallSlam:
         span = np.sort(world @ [-np.sin(alpha), np.cos(alpha)])
         low, high = (round(end) for end in span / _PIECE)
         self._counts.setdefault(id, Counter()).update(range(low, high))
-        before = self._spans.get(id, span)
-        self._spans[id] = np.array([min(before[0], span[0]), max(before[1], span[1])])
 
     def _stretches(self, id: Hashable) -> Array:
         """Where the wall was seen often enough, (k, 2) along it: a grazing scan errs at its ends.
