@@ -43,7 +43,7 @@ class Lidar:
         2 pi i / n_beams, beam 0 straight ahead; a smaller one has its first and last beam at its
         edges (a single beam looks straight ahead).
     max_range : float, default inf
-        What is farther than this (m) is not seen.
+        Only what is nearer than this (m) is seen.
     offset : float, default 0.0
         Distance of the lidar ahead of the body centre (m).
     sigma_range : float, default 0.0
@@ -132,7 +132,13 @@ class Lidar:
         refuse_walls(world, positions)
         beams = heading[..., None] + self.beam_angles
         ranges = world.cast(positions[..., None, :], beams, self.max_range)
-        return ranges if rng is None else self._disturbed(ranges, rng)
+        if rng is not None:
+            noise = self.sigma_range * rng.standard_normal(ranges.shape)
+            ranges = np.maximum(ranges + noise, 0.0)
+        ranges[ranges >= self.max_range] = np.inf
+        if rng is not None:
+            ranges[rng.random(ranges.shape) < self.p_miss] = np.nan
+        return ranges
 
     def points(self, ranges: ArrayLike, poses: ArrayLike | None = None) -> Array:
         """End points of scans, in the body frame or, with poses, in the world.
@@ -155,12 +161,6 @@ class Lidar:
             If a shape is wrong or a range is negative.
         """
         return self.geometry.points(ranges, poses)
-
-    def _disturbed(self, ranges: Array, rng: np.random.Generator) -> Array:
-        noisy = np.maximum(ranges + self.sigma_range * rng.standard_normal(ranges.shape), 0.0)
-        noisy[noisy > self.max_range] = np.inf
-        noisy[rng.random(ranges.shape) < self.p_miss] = np.nan
-        return noisy
 
 
 def refuse_walls(world: BeamWorld, positions: Array) -> None:

@@ -50,6 +50,15 @@ def test_a_missing_return_keeps_its_place():
     assert len(as_printed) == 3
 
 
+@pytest.mark.parametrize("rng", [None, np.random.default_rng(1)])
+def test_what_stands_just_at_the_greatest_range_is_not_seen(rng):
+    wall = WallWorld([[[2.0, -3.0], [2.0, 3.0]]])
+    for reach, seen in ((2.0, False), (2.0 + 1e-9, True)):
+        lidar = Lidar(1, 1.0, max_range=reach)
+        scan = lidar.scan(wall, [0.0, 0.0, 0.0], rng)
+        assert np.isfinite(scan).all() == np.isfinite(lidar.points(scan)).all() == seen
+
+
 def test_many_poses_at_once_equal_one_after_the_other():
     world = rooms.thesis_room()
     poses = free_poses(world, 12, np.random.default_rng(1), 0.3)
