@@ -93,7 +93,8 @@ def landmark_drives(
     there = np.array(poses)[1:, :, None, :]
     noise = rng.standard_normal((len(u), n_runs, len(landmarks), 2))
     z = sensor.observe(there, landmarks) + noise * np.sqrt(np.diag(sensor.cov))
-    z[..., 1] = wrap_angle(z[..., 1])
+    if abs(sensor.residual([1.0, 2 * np.pi], [1.0, 0.0])[1]) < 1:  # a full turn: it is an angle
+        z[..., 1] = wrap_angle(z[..., 1])
     z[~sensor.visible(there, landmarks)] = np.nan
     looks = (np.full((n_runs, len(landmarks), 2), np.nan), *z)
     ids = (np.arange(len(landmarks)),) * len(poses)

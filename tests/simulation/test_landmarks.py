@@ -7,7 +7,7 @@ from slamlab.evaluation import run
 from slamlab.geometry import wrap_angle
 from slamlab.localization import DeadReckoning
 from slamlab.robots import Unicycle
-from slamlab.sensors import RangeBearing
+from slamlab.sensors import PointSensor, RangeBearing
 from slamlab.simulation import landmark_drives, orchard_loop, room_drives
 
 
@@ -39,6 +39,18 @@ def test_the_orchard_is_not_seen_on_the_way_and_the_drift_is_as_its_odometry_say
     assert error @ np.linalg.solve(wheels.covs[97], error) < 16
     still = orchard_loop(np.random.default_rng(3), drift=0.0, clutter_rate=0.0)
     np.testing.assert_allclose(still.truth[100], still.truth[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("sensor", [RangeBearing(0.01, 0.01), PointSensor(1e-4 * np.eye(2))])
+def test_only_an_angle_is_wrapped(sensor):
+    trees, rng = np.array([[-9.0, 0.01], [1.0, 9.0]]), np.random.default_rng(4)
+    drive = np.zeros((200, 2)), 0.1, np.zeros((2, 2))
+    log = landmark_drives(Unicycle(), sensor, trees, *drive, 1, rng)
+    z = np.stack(log.looks[1:])[:, 0]
+    error = sensor.residual(z, sensor.observe(log.truth[1:], trees))
+    assert error.std() == pytest.approx(0.01, rel=0.2)
+    assert np.abs(sensor.locate(log.truth[1:], z) - trees).max() < 0.5
+    assert (np.abs(z[..., 1]) <= np.pi).all() == isinstance(sensor, RangeBearing)
 
 
 ARGUMENTS = dict(
