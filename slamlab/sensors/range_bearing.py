@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array
 from slamlab.geometry import wrap_angle
-from slamlab.sensors._look import PolarSensor
+from slamlab.sensors._polar import PolarSensor
 
 __all__ = ["RangeBearing"]
 

@@ -1,4 +1,4 @@
-"""What all sensors of (range, bearing) landmarks share: their noise, and one simulated look.
+"""What all sensors of (range, bearing) share: their noise, and how they measure a world.
 
 Misses and clutter are what data association (chapter 11) has to live with.
 Private to the room: `RangeBearing` and `Wall` are two.
