@@ -12,8 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from slamlab._checks import Array
+from slamlab._checks import Array, as_array, as_distances
 from slamlab.geometry import between, wrap_angle
 from slamlab.matching import (
     Match,
@@ -24,7 +25,7 @@ from slamlab.matching import (
     match_icp,
     thin,
 )
-from slamlab.models import ScanSensor
+from slamlab.models import ScanSensor, as_scan_sensor
 
 REACH = 30.0  # points farther away than this (m) are not matched
 SPACING = 0.1  # one point in every square of this side (m)
@@ -37,6 +38,36 @@ LEAST_PAIRS, LEAST_PART, LEAST_WEIGHT = 25, 0.2, 0.45
 # What a match is unsure of besides its noise: the reference is a set of points, not the wall (m,
 # m, rad).
 FLOOR = np.diag(np.square([0.01, 0.01, np.deg2rad(0.15)]))
+
+
+class ScanSystem:
+    """What a system on scans has: a lidar, a pose and its covariance."""
+
+    measures = "ranges"
+
+    def __init__(self, lidar: ScanSensor, pose: ArrayLike) -> None:
+        self._lidar = as_scan_sensor("lidar", lidar)
+        self._pose = as_array("pose", pose, (3,)).astype(np.float64)
+        self._cov = np.zeros((3, 3))
+
+    @property
+    def pose(self) -> Array:
+        """Estimated pose (m, m, rad), shape (3,)."""
+        return self._pose.copy()
+
+    @property
+    def pose_cov(self) -> Array:
+        """Its covariance, shape (3, 3)."""
+        return self._cov.copy()
+
+    def _taken(self, ranges: ArrayLike) -> Array:
+        return as_distances("ranges", ranges, (self._lidar.n_beams,))
+
+
+def has_moved(old: Array, new: Array, distance: float, angle: float) -> bool:
+    """Whether two poses differ by this distance (m) or angle (rad) at least."""
+    dx, dy, turn = between(old, new)
+    return bool(np.hypot(dx, dy) >= distance or abs(turn) >= angle)
 
 
 @dataclass(frozen=True, eq=False)

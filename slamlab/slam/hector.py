@@ -8,21 +8,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
-from slamlab.geometry import between, transform
+from slamlab._checks import Array, as_count, as_scalar
+from slamlab.geometry import transform
 from slamlab.mapping import OccupancyGrid
 from slamlab.matching import Field, Match, match_field
-from slamlab.models import MotionModel, ScanSensor, as_motion, as_scan_sensor
+from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
+from slamlab.slam._tracking import LEAST_POINTS, ScanSystem, has_moved
 
 __all__ = ["HectorSlam"]
 
 # The map is drawn anew after so much motion (m, rad); the paper's system does the same.
 _NEW_MAP = (0.4, 0.13)
-_LEAST_POINTS = 10
 
 
-class HectorSlam:
+class HectorSlam(ScanSystem):
     """A scan slides up the slopes of the map that the scans before it drew.
 
     One map a level, each twice as coarse as the one below it and each filled on its own; a scan
@@ -44,6 +44,8 @@ class HectorSlam:
 
     Attributes
     ----------
+    pose, pose_cov : ndarray, shapes (3,) and (3, 3)
+        Estimated pose (m, m, rad); covariance of the last match and of the motion since.
     maps : list of OccupancyGrid
         The finest first.
     lost : bool
@@ -65,8 +67,6 @@ class HectorSlam:
     (True, False)
     """
 
-    measures = "ranges"
-
     def __init__(
         self,
         lidar: ScanSensor,
@@ -75,8 +75,7 @@ class HectorSlam:
         levels: int = 3,
         motion: MotionModel | None = RelativePose(),  # noqa: B008
     ) -> None:
-        self._lidar = as_scan_sensor("lidar", lidar)
-        self._pose = as_array("pose", pose, (3,)).astype(np.float64).copy()
+        super().__init__(lidar, pose)
         self._motion = None if motion is None else as_motion("motion", motion)
         resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
         self.maps = [
@@ -85,7 +84,6 @@ class HectorSlam:
             )
             for k in range(as_count("levels", levels, 1))
         ]
-        self._cov = np.zeros((3, 3))
         self._drawn: Array | None = None  # the pose from which the map was drawn last
         self.lost = False
         self.lost_at: int | None = None
@@ -95,16 +93,6 @@ class HectorSlam:
         x, y, heading = self._pose
         state = ", lost" if self.lost else ""
         return f"HectorSlam(at ({x:.2f}, {y:.2f}, {np.rad2deg(heading):.1f} deg){state})"
-
-    @property
-    def pose(self) -> Array:
-        """Estimated pose (m, m, rad), shape (3,)."""
-        return self._pose.copy()
-
-    @property
-    def pose_cov(self) -> Array:
-        """Covariance of the last match, and of the motion since, shape (3, 3)."""
-        return self._cov.copy()
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by what the wheels tell: control u (p,) during dt (s), covariance (p, p)."""
@@ -132,10 +120,10 @@ class HectorSlam:
         ValueError
             If the shape is wrong or a range negative.
         """
-        ranges = as_shaped("ranges", ranges, (self._lidar.n_beams,))
+        ranges = self._taken(ranges)
         points = self._lidar.points(ranges)
         points = points[np.isfinite(points[:, 0])]
-        if len(points) < _LEAST_POINTS:
+        if len(points) < LEAST_POINTS:
             self._n_scans += 1
             return Match(self.pose, self.pose_cov, 0.0, 0)
         if self._drawn is None:
@@ -166,10 +154,8 @@ class HectorSlam:
 
     def _draw(self, ranges: Array) -> None:
         """Add the scan to every map, unless the robot has hardly moved since the last time."""
-        if self._drawn is not None:
-            dx, dy, turn = between(self._drawn, self._pose)
-            if np.hypot(dx, dy) < _NEW_MAP[0] and abs(turn) < _NEW_MAP[1]:
-                return
+        if self._drawn is not None and not has_moved(self._drawn, self._pose, *_NEW_MAP):
+            return
         self._drawn = self._pose.copy()
         for grid in self.maps:
             grid.insert(self._pose, ranges, self._lidar, free_missing=False)

@@ -11,10 +11,10 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_shaped
+from slamlab._checks import Array, as_choice, as_count
 from slamlab.geometry import between, compose, rotation
 from slamlab.matching import Match
-from slamlab.models import MotionModel, ScanSensor, as_motion, as_scan_sensor
+from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
 from slamlab.slam._closures import AROUND, STRIDE, Closure, candidates, verify, witnessed
 from slamlab.slam._tracking import (
@@ -22,7 +22,9 @@ from slamlab.slam._tracking import (
     LEAST_POINTS,
     Keyframe,
     LocalMap,
+    ScanSystem,
     fused,
+    has_moved,
     scan_points,
     track,
 )
@@ -35,7 +37,7 @@ _WIDTHS = (30.0, 10.0, 3.0)  # of the robust kernel, one after the other
 _FALSE = 60.0  # chi2 of a closure that is dropped after all
 
 
-class ScanGraphSlam:
+class ScanGraphSlam(ScanSystem):
     """Pose graph of scans, built and closed while the robot drives.
 
     Parameters
@@ -56,6 +58,10 @@ class ScanGraphSlam:
 
     Attributes
     ----------
+    pose, pose_cov : ndarray, shapes (3,) and (3, 3)
+        Estimated pose (m, m, rad); its covariance along the chain since the graph was solved
+        last. Along a plain corridor it claims too little: nothing but the wheels measures that
+        way, and their bias is only allowed for by three times their noise.
     nodes : list of Keyframe
         Scans of the graph.
     closures : list of Closure
@@ -78,8 +84,6 @@ class ScanGraphSlam:
     (True, 2)
     """
 
-    measures = "ranges"
-
     def __init__(
         self,
         lidar: ScanSensor,
@@ -89,8 +93,7 @@ class ScanGraphSlam:
         loops: bool = True,
         ambiguous: str = "reject",
     ) -> None:
-        self._lidar = as_scan_sensor("lidar", lidar)
-        self._pose = as_array("pose", pose, (3,)).astype(np.float64).copy()
+        super().__init__(lidar, pose)
         self._motion = as_motion("motion", motion)
         self._n_keyframes = as_count("n_keyframes", n_keyframes, 1)
         self._loops = bool(loops)
@@ -103,7 +106,6 @@ class ScanGraphSlam:
         self._travel = np.zeros(0)  # metres driven to each node
         self._chain: list[tuple[Array, Array]] = []  # (z, cov) from each node to the next
         self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
-        self._cov = np.zeros((3, 3))  # of the pose in the world
         self._ground: LocalMap | None = None  # the last keyframes, until there is a new one
         self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
         self._tried = self._tied = 0.0  # travel of the last trial, of the last closure
@@ -112,20 +114,6 @@ class ScanGraphSlam:
         count = sum(one.state == "confirmed" for one in self.closures)
         state = ", lost" if self.lost else ""
         return f"ScanGraphSlam({len(self.nodes)} nodes, {count} closures{state})"
-
-    @property
-    def pose(self) -> Array:
-        """Estimated pose (m, m, rad), shape (3,)."""
-        return self._pose.copy()
-
-    @property
-    def pose_cov(self) -> Array:
-        """Its covariance, shape (3, 3): along the chain since the graph was solved last.
-
-        Along a plain corridor it claims too little: nothing but the wheels measures that way, and
-        their bias is only allowed for by three times their noise.
-        """
-        return self._cov.copy()
 
     @property
     def trajectory(self) -> Array:
@@ -162,10 +150,7 @@ class ScanGraphSlam:
         ValueError
             If the shape is wrong or a range negative.
         """
-        ranges = as_shaped("ranges", ranges, (self._lidar.n_beams,))
-        if (ranges < 0).any():
-            raise ValueError(f"ranges: expected distances, got {np.nanmin(ranges):g}")
-        points = scan_points(ranges, self._lidar)
+        points = scan_points(self._taken(ranges), self._lidar)
         match = self._matched(points)
         if self._is_new(points):
             self._add_node(Keyframe.of(points))
@@ -199,8 +184,7 @@ class ScanGraphSlam:
             return False
         if not self.nodes:
             return True
-        dx, dy, turn = between(self._poses[-1], self._pose)
-        return bool(np.hypot(dx, dy) >= _NEW_NODE[0] or abs(turn) >= _NEW_NODE[1])
+        return has_moved(self._poses[-1], self._pose, *_NEW_NODE)
 
     def _add_node(self, node: Keyframe) -> None:
         """Append a node at the present pose, and the edge of the chain that leads to it."""
