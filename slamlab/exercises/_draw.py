@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from slamlab.exercises._report import Array
+from slamlab.geometry import wrap_angle
 
-__all__ = ["a_covariance", "a_pose", "an_angle", "weights"]
+__all__ = ["a_covariance", "a_pose", "an_angle", "in_the_room", "weights"]
 
 
 def a_covariance(rng: np.random.Generator, n: int, size: float = 1.0) -> Array:
@@ -35,3 +37,34 @@ def weights(rng: np.random.Generator, n: int, dead: Any = ()) -> Array:
     w: Array = rng.random(n) + 0.05
     w[list(dead)] = 0.0
     return w / w.sum()
+
+
+def in_the_room(
+    n: int,
+    names: int,
+    unseen: float = 0.0,
+    *,
+    dt: float = 0.5,
+    doubt: float = 0.0,
+    still: bool = False,
+) -> Callable[[np.random.Generator], tuple[Any, ...]]:
+    """Draw n steps of dt (s) among landmarks: u, dt, V, z, ids, R; with doubt, P0 before them."""
+
+    def draw(rng: np.random.Generator) -> tuple[Any, ...]:
+        room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)
+        u = np.round(rng.uniform([0.2, -0.5], [0.8, 1.0], (n, 2)), 2)
+        u[1:] *= not still
+        V, R = a_covariance(rng, 2, 0.01) * (not still), a_covariance(rng, 2, 0.005)
+        P0 = [a_covariance(rng, 3, doubt)] if doubt else []
+        pose = rng.multivariate_normal(np.zeros(3), P0[0]) if doubt else np.zeros(3)
+        z, ids = [], []
+        for v, omega in u:
+            pose = pose + dt * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+            name = int(rng.integers(names)) if rng.random() >= unseen else -1
+            d = room[name] - pose[:2]
+            reading = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])]
+            z.append(np.round(reading + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
+            ids.append(10 * name if name >= 0 else -1)
+        return (*P0, u, dt, V, z, ids, R)
+
+    return draw

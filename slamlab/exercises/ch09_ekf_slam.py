@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose, an_angle
+from slamlab.exercises._draw import a_covariance, a_pose, an_angle, in_the_room
 from slamlab.exercises._report import Array, Check, Ints
 from slamlab.geometry import wrap_angle
 
@@ -406,33 +406,15 @@ def _slam(u: Array, dt: float, V: Array, z: Array, ids: Ints, R: Array) -> tuple
     return mean, P
 
 
-def _in_the_room(n: int, names: int, unseen: float = 0.0) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)
-        u = np.round(rng.uniform([0.2, -0.5], [0.8, 1.0], (n, 2)), 2)
-        V, R = a_covariance(rng, 2, 0.01), a_covariance(rng, 2, 0.005)
-        pose, z, ids = np.zeros(3), [], []
-        for v, omega in u:
-            pose = pose + 0.5 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
-            name = int(rng.integers(names)) if rng.random() >= unseen else -1
-            d = room[name] - pose[:2]
-            reading = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])]
-            z.append(np.round(reading + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
-            ids.append(10 * name if name >= 0 else -1)
-        return u, 0.5, V, z, ids, R
-
-    return draw
-
-
 check_slam = Check(
     _slam,
     "mean, P",
     {
-        "a drive on which nothing is seen": _in_the_room(4, 1, 1.0),
-        "one landmark, first seen after a step": _in_the_room(1, 1),
-        "one landmark, seen again and again": _in_the_room(8, 1),
-        "five landmarks": _in_the_room(20, 5),
-        "a drive with steps that see nothing": _in_the_room(20, 4, 0.4),
+        "a drive on which nothing is seen": in_the_room(4, 1, 1.0),
+        "one landmark, first seen after a step": in_the_room(1, 1),
+        "one landmark, seen again and again": in_the_room(8, 1),
+        "five landmarks": in_the_room(20, 5),
+        "a drive with steps that see nothing": in_the_room(20, 4, 0.4),
         "a heading past half a turn": (
             [[0.5, 2.5]] * 3,
             0.5,

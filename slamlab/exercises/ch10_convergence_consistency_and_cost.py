@@ -6,11 +6,12 @@ compressed EKF, and first-estimates Jacobians (Huang, Mourikis and Roumeliotis, 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose
+from slamlab.exercises._draw import a_covariance, a_pose, in_the_room
 from slamlab.exercises._report import Array, Check, Ints
 from slamlab.geometry import wrap_angle
 
@@ -386,25 +387,7 @@ def _slam(
     return mean, P
 
 
-def _in_the_room(n: int, names: int, unseen: float = 0.0, still: bool = False) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)
-        u = np.round(rng.uniform([0.2, -0.5], [0.8, 1.0], (n, 2)), 2)
-        u[1:] *= not still
-        V, R = a_covariance(rng, 2, 0.01) * (not still), a_covariance(rng, 2, 0.005)
-        P0 = a_covariance(rng, 3, 0.02)
-        pose, z, ids = rng.multivariate_normal(np.zeros(3), P0), [], []
-        for v, omega in u:
-            pose = pose + 0.4 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
-            name = int(rng.integers(names)) if rng.random() >= unseen else -1
-            d = room[name] - pose[:2]
-            reading = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])]
-            z.append(np.round(reading + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
-            ids.append(10 * name if name >= 0 else -1)
-        return P0, u, 0.4, V, z, ids, R
-
-    return draw
-
+_in_the_room = partial(in_the_room, dt=0.4, doubt=0.02)
 
 check_slam = Check(
     _slam,
