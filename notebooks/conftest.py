@@ -2,8 +2,10 @@
 
 import contextlib
 
-with contextlib.suppress(ImportError):  # lists the machine's fonts, once: a cell would say so
-    import matplotlib.font_manager  # noqa: F401
+with contextlib.suppress(ImportError):  # a student may have the notebooks alone
+    from tools.kernels import find_fonts
+
+    find_fonts()
 
 
 def pytest_collectstart(collector):

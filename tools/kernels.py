@@ -17,6 +17,11 @@ from typing import Any
 from jupyter_client.manager import AsyncKernelManager, KernelManager
 
 
+def find_fonts() -> None:
+    """Let matplotlib list the machine's fonts now; in a cell it would say so, and once only."""
+    import matplotlib.font_manager  # noqa: F401
+
+
 def socket_path() -> str:
     """Path stem, in a new folder, for the socket files of one kernel."""
     folder = tempfile.mkdtemp(prefix="kernel-")

@@ -26,7 +26,7 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, DeadKernelError
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from tools.kernels import LocalAsyncKernelManager
+from tools.kernels import LocalAsyncKernelManager, find_fonts
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ("text/plain", "text/markdown", "text/latex")
@@ -125,11 +125,6 @@ def _run_file(path: Path) -> Executed:
     except (CellExecutionError, DeadKernelError, TimeoutError) as exception:
         error = str(exception)
     return Executed(path, notebook, time.perf_counter() - begin, error)
-
-
-def find_fonts() -> None:
-    """Let matplotlib list the machine's fonts now; in a cell it would say so, and once only."""
-    import matplotlib.font_manager  # noqa: F401
 
 
 def n_cores() -> int:
