@@ -10,14 +10,15 @@ import io
 import os
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["read_bytes", "read_npz"]
+__all__ = ["about", "read_bytes", "read_npz"]
 
 MOST_BYTES = 2**28
 
@@ -34,6 +35,17 @@ _BROKEN = (
     TypeError,
     ValueError,
 )
+
+
+@contextmanager
+def about(name: str) -> Iterator[None]:
+    """Whatever cannot be done inside is said with the name of the file."""
+    try:
+        yield
+    except (ValueError, MemoryError) as error:
+        if name in str(error):
+            raise
+        raise ValueError(f"{name}: {str(error) or type(error).__name__}") from error
 
 
 def read_npz(

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from slamlab._files import about
 from slamlab.commands import _page
 from slamlab.slam import PoseGraph, Result
 
@@ -33,7 +34,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Read, optimise, report; write the results if a folder is named."""
-    with np.errstate(all="ignore"):  # numbers of astronomic size end in a sentence
+    # Numbers of astronomic size end in a sentence.
+    with np.errstate(all="ignore"), about(options.file.name):
         _run(options)
 
 

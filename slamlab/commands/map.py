@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from slamlab._files import about
 from slamlab.commands import _page
 from slamlab.datasets import read_carmen, read_rosbag, write_tum
 from slamlab.evaluation import Run
@@ -49,15 +50,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Read, run, report, write."""
-    with np.errstate(all="ignore"):  # numbers of astronomic size end in a sentence
+    # Numbers of astronomic size end in a sentence.
+    with np.errstate(all="ignore"), about(options.log.name):
         log = read_log(options)
         start = time.perf_counter()
         result = run_system(system_for(options.method, log), log, progress=_wants_bar())
         rows = report(options.method, result, time.perf_counter() - start)
         grid = draw_map(result, options.resolution)
-    for name, value in rows:
-        print(f"{name:24s} {value}")
-    write(options.output, options.log.name, result, grid, rows)
+        for name, value in rows:
+            print(f"{name:24s} {value}")
+        write(options.output, options.log.name, result, grid, rows)
     print(f"{'written to':24s} {options.output}")
 
 

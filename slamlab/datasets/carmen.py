@@ -128,7 +128,7 @@ def _numbers(fields: list[str]) -> list[float]:
         except ValueError:
             raise ValueError(f"expected a number, got {_cut(field)}") from None
         if not np.isfinite(value):
-            raise ValueError(f"expected a finite number, got {field}")
+            raise ValueError(f"expected a finite number, got {field[:40]}")
         values.append(value)
     return values
 

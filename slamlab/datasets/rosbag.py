@@ -63,7 +63,8 @@ def read_rosbag(
     except (ValueError, FileNotFoundError):
         raise
     except Exception as error:  # what the reader makes of damaged bytes has many names
-        raise ValueError(f"{path.name}: the bag cannot be read ({error})") from error
+        reason = " ".join(str(error).split())[:200]
+        raise ValueError(f"{path.name}: the bag cannot be read ({reason})") from error
     if not scans:
         raise ValueError(f"{path.name}: expected at least one LaserScan, got none")
     return _log(scans, odometry, path.name)

@@ -9,6 +9,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
+from slamlab.commands import main
 from slamlab.datasets import read_rosbag
 
 STORES = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}
@@ -121,3 +122,90 @@ def test_what_cannot_be_read_is_said(tmp_path, bag):
     write(several, 2, {"/a": (kind, messages), "/b": (kind, messages)})
     with pytest.raises(ValueError, match="one of the topics"):
         read_rosbag(several)
+
+
+# Fields of the messages of a drive of eight scans; each accident changes one message or all.
+ACCIDENTS = {
+    "a scan of other beams": ("scan", 3, "ranges", np.ones(4, np.float32)),
+    "scans of no beam": ("scan", None, "ranges", np.ones(0, np.float32)),
+    "a scan of nan": ("scan", 3, "ranges", np.full(5, np.nan, np.float32)),
+    "scans of nothing": ("scan", None, "ranges", np.full(5, np.inf, np.float32)),
+    "scans of -inf": ("scan", None, "ranges", np.full(5, -np.inf, np.float32)),
+    "ranges of 3e38": ("scan", None, "ranges", np.full(5, 3e38, np.float32)),
+    "beams of nan": ("scan", None, "angle_min", np.nan),
+    "beams of inf": ("scan", None, "angle_increment", np.inf),
+    "a turned lidar": ("scan", 3, "angle_min", 0.0),
+    "no sight": ("scan", None, "range_max", 0.0),
+    "sight of nan": ("scan", None, "range_max", np.nan),
+    "sight of inf": ("scan", None, "range_max", np.inf),
+    "nothing near enough": ("scan", None, "range_min", 1e30),
+    "wheels of nan": ("position", 3, "x", np.nan),
+    "wheels of 1e308": ("position", 3, "x", 1e308),
+    "wheels of 1e7": ("position", 3, "y", 1e7),
+    "a turn of nan": ("orientation", 3, "z", np.nan),
+    "a turn of 1e308": ("orientation", None, "w", 1e308),
+    "a turn of nothing": ("orientation", None, "w", 0.0),
+    "time going back": ("stamp", 3, "sec", -(2**31)),
+    "time running ahead": ("stamp", 3, "sec", 2**31 - 1),
+    "time standing still": ("stamp", None, "sec", 5),
+}
+
+
+def drive(ros, part="", which=None, name="", value=None, wheels=8, scans=8):
+    """Messages of a drive, one field of one of them (or of all) changed."""
+    store = STORES[ros]
+    seen = [scan(store, k, [1, 2, 2, 2, 1]) for k in range(scans)]
+    driven = [odometry(store, k, [0.1 * k, 0.0, 0.02 * k]) for k in range(wheels)]
+    for k in range(8):
+        if part and which in (None, k):
+            pose = driven[k].pose.pose
+            parts = {"scan": seen[k], "stamp": seen[k].header.stamp}
+            parts |= {"position": pose.position, "orientation": pose.orientation}
+            object.__setattr__(parts[part], name, value)
+    topics = {"/scan": ("sensor_msgs/msg/LaserScan", list(enumerate(seen)))}
+    return topics | {"/odom": ("nav_msgs/msg/Odometry", list(enumerate(driven)))}
+
+
+def answers(path, tmp_path, capsys):
+    """Ask for a map by each method; what is wrong with the answers."""
+    for method in ("scan-graph", "hector", "odometry"):
+        code = main(["map", str(path), "-o", str(tmp_path / "map"), "--method", method])
+        told = capsys.readouterr().err
+        named = told.startswith("slamlab map: ") and path.name in told and told.count("\n") == 1
+        if code not in (0, 1) or (told if code == 0 else not named or len(told) > 400):
+            yield f"{method}: {code}, {told}"
+
+
+@pytest.mark.parametrize("accident", ["no wheels", "one wheel", "one scan", "no scan", *ACCIDENTS])
+def test_a_bag_of_odd_messages_gives_a_map_or_one_sentence(
+    accident, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr("slamlab.commands.map._has", lambda name: False)
+    few = {"no wheels": {"wheels": 0}, "one wheel": {"wheels": 1}}
+    few |= {"one scan": {"scans": 1}, "no scan": {"scans": 0}}
+    ros = len(accident) % 2 + 1
+    path = tmp_path / ("drive.bag" if ros == 1 else "drive")
+    write(path, ros, drive(ros, *ACCIDENTS.get(accident, ()), **few.get(accident, {})))
+    assert list(answers(path, tmp_path, capsys)) == []
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_damaged_bytes_of_a_bag_give_a_map_or_one_sentence(ros, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("slamlab.commands.map._has", lambda name: False)
+    path, rng = tmp_path / ("drive.bag" if ros == 1 else "drive"), np.random.default_rng(ros)
+    write(path, ros, drive(ros))
+    files = [path] if ros == 1 else sorted(path.iterdir())
+    whole = [file.read_bytes() for file in files]
+    for trial in range(24):
+        k = int(rng.integers(len(files)))
+        data = bytearray(whole[k])
+        at = int(rng.integers(len(data)))
+        if trial % 3 == 0:
+            del data[at:]
+        elif trial % 3 == 1:
+            data[at : at + 8] = rng.bytes(8)
+        else:
+            del data[at : at + int(rng.integers(1, 200))]
+        files[k].write_bytes(data)
+        assert list(answers(path, tmp_path, capsys)) == []
+        files[k].write_bytes(whole[k])
