@@ -264,7 +264,7 @@ check_mean_pose = Check(
     "pose",
     {
         "one particle": ([[1.0, 2.0, -3.0]], [1.0]),
-        "two headings around half a turn": ([[0, 0, 3.1], [2, 0, -3.1]], [0.5, 0.5]),
+        "two headings around half a turn": ([[0, 0, 3.1], [2, 0, -3.0]], [0.5, 0.5]),
         "a weight of zero counts nothing": ([[0, 0, 0.3], [9, 9, 2.0]], [1.0, 0.0]),
         "a cloud that looks ahead": _cloud(0.0),
         "a cloud that looks back": _cloud(np.pi),

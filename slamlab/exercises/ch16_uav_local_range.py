@@ -198,6 +198,14 @@ check_note_update = Check(
             "Phi = Phi - Phi @ K @ H",
         ),
         "S must be inverted": ("np.linalg.inv(S)", "S"),
+        "S is missing: what a look tells counts as much as the inverse of S": (
+            " @ np.linalg.inv(S)",
+            "",
+        ),
+        "Phi starts anew here: what happened before this update is lost": (
+            "Phi = Phi - K @ H @ Phi",
+            "Phi = np.eye(len(Phi)) - K @ H",
+        ),
     },
     tolerance=1e-8,
 )
@@ -258,6 +266,11 @@ check_region_cost = Check(
             "np.minimum(density * (2",
         ),
         "this is the dearest radius": ("argmin", "argmax"),
+        "this is the place of the best radius in the list: the radius itself is due": (
+            "R[np.argmin(cost)]",
+            "np.argmin(cost)",
+        ),
+        "this is the smallest cost: its radius is due": ("R[np.argmin(cost)]", "cost.min()"),
         "settling costs nothing here": (
             "settle = 0.5 * told * N**2 + inside**2 * N",
             "settle = 0 * told",

@@ -8,6 +8,7 @@ import pytest
 from test_checks import CHECKS
 
 from slamlab.exercises._general import NEARLY
+from slamlab.exercises._values import pairs
 from slamlab.geometry import compose
 
 HALF = np.pi / 2
@@ -200,3 +201,16 @@ def test_an_edge_that_raises_is_told_and_not_counted():
     report = CHECKS["ch11.check_nearest"](without_guard)
     assert report.passed
     assert "your function raised ValueError" in report.text
+
+
+def test_no_due_angle_hangs_on_a_last_bit():
+    """Where pi is due, right answers that round otherwise give -pi: a property must say so."""
+    whole_beams = {"ch06.check_beam_angles", "ch19.check_turn"}  # pi exactly, however written
+    for name, check in CHECKS.items():
+        if name not in whole_beams:
+            for (said, _), due in zip(check.inputs, check.due, strict=True):
+                parts = pairs(due, due)
+                if not isinstance(parts, str) and any(
+                    (np.abs(np.abs(p) - np.pi) < 1e-6).any() for p, _ in parts
+                ):
+                    assert "pi, not -pi" in said, (name, said)
