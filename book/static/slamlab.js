@@ -35,6 +35,17 @@ document.addEventListener("DOMContentLoaded", function () {
   document.querySelectorAll(".bd-article pre").forEach(function (pre) {
     pre.tabIndex = 0;
   });
+  // No line begins with the stop or the comma that follows a formula.
+  document.querySelectorAll(".bd-article span.math").forEach(function (formula) {
+    var after = formula.nextSibling;
+    var stop = after && after.nodeType === Node.TEXT_NODE && /^[.,;:!?)\]]+/.exec(after.data);
+    if (!stop) return;
+    after.splitText(stop[0].length);
+    var both = document.createElement("span");
+    both.className = "formula-and-stop";
+    formula.before(both);
+    both.append(formula, after);
+  });
 });
 // The papers, line by line: a button a verdict; without this script all lines are shown.
 document.addEventListener("DOMContentLoaded", function () {
