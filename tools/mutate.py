@@ -15,6 +15,7 @@ import ast
 import copy
 import importlib
 import inspect
+import itertools
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -29,7 +30,9 @@ from slamlab.exercises import Check
 
 ROOT = Path(__file__).resolve().parents[1]
 EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
-SECONDS = 1.0  # of the processor: a mutant that runs longer counts as one that never ends
+# A mutant never ends whose `while` loops turn more often in all inputs together (no solution's
+# turn 500 times), or that runs longer, in seconds of the processor.
+TURNS, SECONDS = 5000, 1.0
 OPERATORS: dict[type, tuple[type, ...]] = {
     ast.Add: (ast.Sub,),
     ast.Sub: (ast.Add,),
@@ -137,9 +140,9 @@ def mutants(solution: Solution) -> Iterator[tuple[str, Callable[..., Any]]]:
         if source in seen or source == ast.unparse(solution.tree):
             continue
         seen.add(source)
-        mine = dict(scope)
+        mine = dict(scope, _turn=_counter())
         try:
-            exec(compile(source, "<mutant>", "exec"), mine)
+            exec(compile(_counted(tree), "<mutant>", "exec"), mine)
         except Exception:  # it cannot even be defined
             continue
         if name in mine:
@@ -147,6 +150,27 @@ def mutants(solution: Solution) -> Iterator[tuple[str, Callable[..., Any]]]:
     mine = dict(scope)
     exec(compile(ast.unparse(solution.tree), "<solution>", "exec"), mine)
     yield from _careless(solution.check, mine[name])
+
+
+def _counter() -> Callable[[], None]:
+    """Return what every turn of a `while` calls; from one turn on it raises."""
+    left = itertools.repeat(None, TURNS)
+
+    def turn() -> None:
+        for _ in left:
+            return
+        raise TimeoutError("it did not end")
+
+    return turn
+
+
+def _counted(tree: ast.Module) -> ast.Module:
+    """Write a call of the counter into every `while`."""
+    whole = copy.deepcopy(tree)
+    for node in ast.walk(whole):
+        if isinstance(node, ast.While):
+            node.body.insert(0, ast.parse("_turn()").body[0])
+    return ast.fix_missing_locations(whole)
 
 
 def _careless(check: Check, function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
