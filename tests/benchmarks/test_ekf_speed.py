@@ -251,8 +251,7 @@ def test_speed_within_its_promise(measure, promise):
 
 
 def test_cost_grows_with_the_square_of_the_landmarks():
-    slope = min(measure_slope()[0] for _ in range(2))
-    assert slope < 2.2
+    assert any(measure_slope()[0] < 2.2 for _ in range(2))
 
 
 @pytest.mark.parametrize("kind", ["compressed EKF", "FastSLAM"])

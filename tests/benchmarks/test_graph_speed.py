@@ -120,8 +120,8 @@ def test_both_run_to_convergence_and_ours_ends_no_higher(name):
 
 def test_a_graph_of_the_size_in_p5_takes_its_time_too():
     graph = load(NAMES[-1])
-    seconds = min(in_turn(graph.optimize, lambda: None, 5)[0] for _ in range(3))
-    assert seconds < 0.3  # P5 cites 100 ms; a busy machine may need more
+    # P5 cites 100 ms; a busy machine may need more.
+    assert any(in_turn(graph.optimize, lambda: None, 5)[0] < 0.3 for _ in range(3))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -123,4 +123,4 @@ def test_ten_microseconds_a_step_suffice():
     """Filter and smoother without a stretch to share, on an idle machine about 4."""
     z = with_gaps(series(4000))
     ours(z)
-    assert min(seconds(ours, z) for _ in range(5)) / len(z) < 10e-6
+    assert any(seconds(ours, z) / len(z) < 10e-6 for _ in range(5))

@@ -160,8 +160,8 @@ def test_speed_within_its_promise(measure, promise):
     ("which", "limit"), [(0, 1e-3), (1, 1.5e-3)], ids=["one scan", "one insertion"]
 )
 def test_single_steps_within_their_time(which, limit):
-    assert min(measure_single(50)[which] for _ in range(3)) < limit
+    assert any(measure_single(50)[which] < limit for _ in range(3))
 
 
 def test_a_whole_database_of_scans_within_three_seconds():
-    assert min(measure_everywhere(1)[0] for _ in range(3)) < 3.0
+    assert any(measure_everywhere(1)[0] < 3.0 for _ in range(3))
