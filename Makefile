@@ -16,13 +16,16 @@ export SLAMLAB_DATA ?= $(DATA)
 endif
 
 # As an error a warning of numbers gone wrong tells its line; on stderr it would only differ.
-NBVAL := PYTHONWARNINGS=error::RuntimeWarning $(BIN)/python -m pytest -q -n 2 --dist loadfile --nbval --nbval-current-env \
-  --nbval-cell-timeout 300
-PARTS := chromium lint unit speed notebooks same book-tests
-NOTEBOOKS := notebooks/*.ipynb notebooks/exercises/*.ipynb notebooks/solutions/*.ipynb notebooks/labs/*.ipynb
+# Three on two cores: while one waits for its kernel or for a page, two have work.
+NBVAL := PYTHONWARNINGS=error::RuntimeWarning $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder \
+  --nbval --nbval-current-env --nbval-cell-timeout 300
+PARTS := set-up lint unit speed notebooks same book-tests
+# The long ones first, so that no core waits for them in the end.
+NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb notebooks/solutions/*.ipynb \
+  notebooks/exercises/*.ipynb
 
 .DEFAULT_GOAL := help
-.PHONY: help book pdf test lab lint unit speed notebooks same book-tests chromium lock vendor slim clean
+.PHONY: help book pdf test lab set-up lint unit speed notebooks same book-tests chromium lock vendor slim clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -30,10 +33,12 @@ help:  ## Show this list
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
-# One stamp a set of extras, renewed when the lock or the project file changes.
+# One stamp a set of extras, renewed when the lock or the project file changes. pip would compile
+# on one core, and the packages' tests too.
 $(VENV)/.%-installed: pyproject.toml requirements.lock | $(VENV)/bin/python
 	@echo "== Installing ($* extras, pinned by requirements.lock)"
-	$(PIP) install --quiet --constraint requirements.lock --editable '.[$*]'
+	$(PIP) install --quiet --no-compile --constraint requirements.lock --editable '.[$*]'
+	@$(BIN)/python -W ignore -m compileall -qq -j 2 -x '/tests?/' $(VENV)/lib || true
 	@touch $@
 
 book: $(VENV)/.book-installed  ## Build the book (runs what changed) and say where it is
@@ -45,7 +50,7 @@ pdf: $(VENV)/.pdf-installed chromium book  ## Print the book into one file, _bui
 lab: $(VENV)/.lab-installed  ## Open the notebooks in JupyterLab
 	$(BIN)/jupyter lab --notebook-dir=notebooks
 
-test: $(VENV)/.dev-installed  ## Run everything: lint, types, tests, notebooks, book, browser
+test:  ## Run everything: lint, types, tests, notebooks, book, browser
 	@table=""; for part in $(PARTS); do begin=$$SECONDS; \
 	  $(MAKE) --no-print-directory $$part && verdict=passed || verdict=FAILED; \
 	  table+=$$(printf '  %-12s %6d s  %s' $$part $$((SECONDS - begin)) $$verdict)$$'\n'; \
@@ -53,6 +58,9 @@ test: $(VENV)/.dev-installed  ## Run everything: lint, types, tests, notebooks, 
 	done; \
 	printf '== Where the %d minutes went\n%s' $$(((SECONDS + 30) / 60)) "$$table"; \
 	[ $$verdict = passed ] && echo "== All passed"
+
+set-up:
+	@$(MAKE) --no-print-directory -j 2 chromium $(VENV)/.dev-installed
 
 lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
 	@echo "== Lint, types, spelling"
@@ -63,7 +71,7 @@ lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
 
 unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring examples
 	@echo "== Tests of the library"
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile --doctest-modules \
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal --doctest-modules \
 	  --ignore=tests/benchmarks --ignore=tests/book --benchmark-disable slamlab tests
 
 speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
@@ -80,7 +88,7 @@ same: $(VENV)/.dev-installed  ## Build the book as on a machine without AVX, com
 
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
-	$(BIN)/python -m pytest -q -n 2 tests/book
+	$(BIN)/python -m pytest -q -n 3 --dist worksteal tests/book
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \

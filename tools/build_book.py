@@ -112,8 +112,9 @@ def execute(cache: JupyterCacheAbstract, setting: str) -> bool:
         for path in book_notebooks()
         if not is_cached(cache, path)
     }
-    # The longest first, so that no core waits for it in the end; of unknown ones the chapters.
-    guess = {name: 1e9 if path.parent.name == "notebooks" else 0.0 for name, path in paths.items()}
+    # The longest first, so that no core waits for it in the end; else the labs and chapters.
+    small = ("exercises", "solutions")
+    guess = {name: 0.0 if path.parent.name in small else 1e9 for name, path in paths.items()}
     order = sorted(paths, key=lambda name: -seconds.get(name, guess[name]))
     todo, jobs = set(order), max(1, min(n_cores(), len(order)))
     if order:

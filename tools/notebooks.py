@@ -136,10 +136,13 @@ def n_cores() -> int:
 def run_all(
     paths: list[Path], setting: str = "own", jobs: int | None = None
 ) -> Iterator[Executed]:
-    """Execute copies of notebooks on all cores, in the order given; yield them as they end."""
+    """Execute copies of notebooks on all cores, in the order given; yield them as they end.
+
+    While one kernel starts or ends and others wait for it, one more has work for their core.
+    """
     find_fonts()
     os.environ.update(SETTINGS[setting])
-    with ProcessPoolExecutor(jobs or n_cores()) as pool:
+    with ProcessPoolExecutor((jobs or n_cores()) + 1) as pool:
         for future in as_completed([pool.submit(_run_file, path) for path in paths]):
             yield future.result()
 
