@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from slamlab._compiling import njit
-from slamlab.navigation._cubic import fill_box, monotone_cuts, slope, value
+from slamlab.navigation._cubic import X, Y, fill_box, monotone_cuts, slope, value
 
 # Columns of the answer of `search`.
 TESTS, CROSS_T, CROSS_I, CROSS_TAU, TOUCH_T, TOUCH_I, TOUCH_TAU = range(7)
@@ -98,7 +98,7 @@ def search(c, t_low, t_high, coefficients, boxes, n, last_tau, accuracy, small_b
             window = (t_low, t_high, last)
             if _decide(c, t0, t1, coefficients[i], a0, a1, accuracy, i, window, found):
                 # Nothing earlier than a few accuracies before the last touch can matter.
-                speed = np.hypot(slope(c, found[TOUCH_T], 0), slope(c, found[TOUCH_T], 1))
+                speed = np.hypot(slope(c, found[TOUCH_T], X), slope(c, found[TOUCH_T], Y))
                 floor = found[TOUCH_T] - (20.0 * accuracy / speed if speed > 0.0 else 0.0)
     return found
 
@@ -185,10 +185,10 @@ def _bend(c, t0, t1):  # type: ignore[no-untyped-def]
 def _decide(c, t0, t1, old, a0, a1, accuracy, i, window, found):  # type: ignore[no-untyped-def]
     """Compare two straight pieces; note crossing and touch if later. True if a touch is new."""
     t_low, t_high, last_tau = window
-    px, py = value(old, a0, 0), value(old, a0, 1)
-    qx, qy = value(c, t0, 0), value(c, t0, 1)
-    dx, dy = value(old, a1, 0) - px, value(old, a1, 1) - py
-    ex, ey = value(c, t1, 0) - qx, value(c, t1, 1) - qy
+    px, py = value(old, a0, X), value(old, a0, Y)
+    qx, qy = value(c, t0, X), value(c, t0, Y)
+    dx, dy = value(old, a1, X) - px, value(old, a1, Y) - py
+    ex, ey = value(c, t1, X) - qx, value(c, t1, Y) - qy
     rx, ry = qx - px, qy - py
     det = dx * ey - dy * ex
     if abs(det) > _STEEP * np.hypot(dx, dy) * np.hypot(ex, ey):
@@ -211,8 +211,8 @@ def _decide(c, t0, t1, old, a0, a1, accuracy, i, window, found):  # type: ignore
 def polish(old, a, c, t):  # type: ignore[no-untyped-def]
     """Newton's method for old(a) = c(t); whether it arrived."""
     for _ in range(20):
-        fx, fy = value(old, a, 0) - value(c, t, 0), value(old, a, 1) - value(c, t, 1)
-        ax, ay, tx, ty = slope(old, a, 0), slope(old, a, 1), slope(c, t, 0), slope(c, t, 1)
+        fx, fy = value(old, a, X) - value(c, t, X), value(old, a, Y) - value(c, t, Y)
+        ax, ay, tx, ty = slope(old, a, X), slope(old, a, Y), slope(c, t, X), slope(c, t, Y)
         det = ay * tx - ax * ty
         if det == 0.0:
             return a, t, False
@@ -223,8 +223,8 @@ def polish(old, a, c, t):  # type: ignore[no-untyped-def]
             return a, t, False
         if abs(da) + abs(dt) < 1e-15:
             break
-    gap = np.hypot(value(old, a, 0) - value(c, t, 0), value(old, a, 1) - value(c, t, 1))
-    size = np.hypot(value(c, t, 0), value(c, t, 1))
+    gap = np.hypot(value(old, a, X) - value(c, t, X), value(old, a, Y) - value(c, t, Y))
+    size = np.hypot(value(c, t, X), value(c, t, Y))
     return a, t, gap <= 1e-13 * (1.0 + size)
 
 

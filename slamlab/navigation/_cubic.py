@@ -6,12 +6,17 @@ Chapter 17 reaches them through `slamlab.navigation.path_memory`.
 
 from __future__ import annotations
 
+from math import hypot, nan, sqrt
+
 import numpy as np
 
+from slamlab._checks import Array
 from slamlab._compiling import njit
 
 # Pieces of a segment whose lengths the inverse table t(s) keeps.
 PIECES = 16
+# Coordinates. A bare 0 or 1 has a type of its own, and a loop is compiled anew for each.
+X, Y = np.int64(0), np.int64(1)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 
@@ -27,17 +32,16 @@ def slope(c, t, k):  # type: ignore[no-untyped-def]
     return c[1, k] + t * (2.0 * c[2, k] + t * 3.0 * c[3, k])
 
 
-@njit(cache=True)
-def restrict(c, a, b):  # type: ignore[no-untyped-def]
+def point(c: Array, t: float) -> Array:
+    """Point (2,) at t, for callers outside the compiled loops."""
+    at: Array = c[0] + t * (c[1] + t * (c[2] + t * c[3]))
+    return at
+
+
+def restrict(c: Array, a: float, b: float) -> Array:
     """Coefficients of the piece from a to b, again on [0, 1]."""
-    out = np.empty((4, 2))
-    h = b - a
-    for k in range(2):
-        out[0, k] = value(c, a, k)
-        out[1, k] = h * slope(c, a, k)
-        out[2, k] = h * h * (c[2, k] + 3.0 * a * c[3, k])
-        out[3, k] = h * h * h * c[3, k]
-    return out
+    h, slope = b - a, c[1] + a * (2.0 * c[2] + a * 3.0 * c[3])
+    return np.stack([point(c, a), h * slope, h * h * (c[2] + 3.0 * a * c[3]), h * h * h * c[3]])
 
 
 # Arc length.
@@ -48,7 +52,7 @@ def _gauss(c, a, b):  # type: ignore[no-untyped-def]
     half, middle, total = 0.5 * (b - a), 0.5 * (a + b), 0.0
     for i in range(len(_NODES)):
         t = middle + half * _NODES[i]
-        total += _WEIGHTS[i] * np.hypot(slope(c, t, 0), slope(c, t, 1))
+        total += _WEIGHTS[i] * np.hypot(slope(c, t, X), slope(c, t, Y))
     return half * total
 
 
@@ -122,7 +126,7 @@ def parameter_at(c, table, s):  # type: ignore[no-untyped-def]
             high = t
         else:
             low = t
-        speed = np.hypot(slope(c, t, 0), slope(c, t, 1))
+        speed = np.hypot(slope(c, t, X), slope(c, t, Y))
         step = t - error / speed if speed > 0.0 else low
         t = step if low < step < high else 0.5 * (low + high)
     return t
@@ -133,7 +137,7 @@ def parameter_at(c, table, s):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _pull(c, t, x, y):  # type: ignore[no-untyped-def]
-    return (value(c, t, 0) - x) * slope(c, t, 0) + (value(c, t, 1) - y) * slope(c, t, 1)
+    return (value(c, t, X) - x) * slope(c, t, X) + (value(c, t, Y) - y) * slope(c, t, Y)
 
 
 @njit(cache=True)
@@ -143,7 +147,7 @@ def nearest_parameter(c, x, y, a, b):  # type: ignore[no-untyped-def]
     The distance is flat where derivative and offset are orthogonal; every sign change of their
     product on a grid is bisected.
     """
-    best_t, best = a, (value(c, a, 0) - x) ** 2 + (value(c, a, 1) - y) ** 2
+    best_t, best = a, (value(c, a, X) - x) ** 2 + (value(c, a, Y) - y) ** 2
     n, before, pull_before = 24, a, _pull(c, a, x, y)
     for i in range(1, n + 1):
         t = a + (b - a) * i / n
@@ -157,7 +161,7 @@ def nearest_parameter(c, x, y, a, b):  # type: ignore[no-untyped-def]
                     low = found
                 else:
                     high = found
-        squared = (value(c, found, 0) - x) ** 2 + (value(c, found, 1) - y) ** 2
+        squared = (value(c, found, X) - x) ** 2 + (value(c, found, Y) - y) ** 2
         if squared < best:
             best_t, best = found, squared
         before, pull_before = t, pull
@@ -204,37 +208,34 @@ def fill_box(c, box):  # type: ignore[no-untyped-def]
             box[k], box[2 + k] = min(box[k], v), max(box[2 + k], v)
 
 
-@njit(cache=True)
-def runs_forward(c):  # type: ignore[no-untyped-def]
+def runs_forward(c: Array) -> bool:
     """Whether the cubic always advances along its chord, so that it cannot meet itself."""
-    nx, ny = c[1, 0] + c[2, 0] + c[3, 0], c[1, 1] + c[2, 1] + c[3, 1]
-    d0 = nx * c[1, 0] + ny * c[1, 1]
-    d1 = d0 + nx * c[2, 0] + ny * c[2, 1]
-    d2 = 2.0 * d1 - d0 + 3.0 * (nx * c[3, 0] + ny * c[3, 1])
+    (x1, y1), (x2, y2), (x3, y3) = c[1:].tolist()
+    nx, ny = x1 + x2 + x3, y1 + y2 + y3
+    d0 = nx * x1 + ny * y1
+    d1 = d0 + nx * x2 + ny * y2
+    d2 = 2.0 * d1 - d0 + 3.0 * (nx * x3 + ny * y3)
     return d0 > 0.0 and d1 > 0.0 and d2 > 0.0
 
 
-@njit(cache=True)
-def own_crossing(c):  # type: ignore[no-untyped-def]
+def own_crossing(c: Array) -> tuple[float, float]:
     """Parameters t_a < t_b in [0, 1] at which the cubic crosses itself; NaN twice without.
 
     x(t_b) = x(t_a), divided by t_b - t_a, is linear in sigma = t_a + t_b and
     w = sigma^2 - t_a t_b: a_1 + a_2 sigma + a_3 w = 0, and the same in y.
     """
-    det = c[2, 0] * c[3, 1] - c[3, 0] * c[2, 1]
-    scale = np.hypot(c[2, 0], c[2, 1]) * np.hypot(c[3, 0], c[3, 1])
-    if abs(det) <= 1e-12 * scale or det == 0.0:
-        return np.nan, np.nan
-    sigma = (c[3, 0] * c[1, 1] - c[1, 0] * c[3, 1]) / det
-    w = (c[1, 0] * c[2, 1] - c[2, 0] * c[1, 1]) / det
+    (x1, y1), (x2, y2), (x3, y3) = c[1:].tolist()
+    det = x2 * y3 - x3 * y2
+    if abs(det) <= 1e-12 * hypot(x2, y2) * hypot(x3, y3) or det == 0.0:
+        return nan, nan
+    sigma = (x3 * y1 - x1 * y3) / det
+    w = (x1 * y2 - x2 * y1) / det
     # Both are roots of t^2 - sigma t + (sigma^2 - w): real and distinct if 4 w > 3 sigma^2.
     disc = 4.0 * w - 3.0 * sigma * sigma
     if disc <= 0.0:
-        return np.nan, np.nan
-    first, second = 0.5 * (sigma - np.sqrt(disc)), 0.5 * (sigma + np.sqrt(disc))
-    if first < 0.0 or second > 1.0:
-        return np.nan, np.nan
-    return first, second
+        return nan, nan
+    first, second = 0.5 * (sigma - sqrt(disc)), 0.5 * (sigma + sqrt(disc))
+    return (first, second) if first >= 0.0 and second <= 1.0 else (nan, nan)
 
 
 # Constrained least squares.
@@ -250,74 +251,59 @@ def fit(tau, points, has_end, has_slope, slope_x, slope_y):  # type: ignore[no-u
     Shapes that the data cannot tell from the earlier ones are left out: a lower degree.
     """
     n = len(tau)
-    columns = 3 - int(has_end) - int(has_slope)
-    A, b = np.empty((n, columns)), np.empty((n, 2))
-    base = np.zeros((4, 2))
+    m = 3 - int(has_end) - int(has_slope)
+    W, base = np.empty((n, m + 2)), np.zeros((4, 2))
     base[0, 0], base[0, 1] = points[0, 0], points[0, 1]
     if has_slope:
         base[1, 0], base[1, 1] = slope_x, slope_y
-    if has_end:
-        row = 2 if has_slope else 1
-        for k in range(2):
+    for k in range(2):
+        if has_end:
+            row = 2 if has_slope else 1
             base[row, k] = points[n - 1, k] - base[0, k] - (base[1, k] if has_slope else 0.0)
+        for i in range(n):
+            W[i, m + k] = points[i, k] - value(base, tau[i], k)
     for i in range(n):
         t = tau[i]
-        for k in range(2):
-            b[i, k] = points[i, k] - value(base, t, k)
-        if has_end and has_slope:
-            A[i, 0] = t * t * (t - 1.0)
-        elif has_end:
-            A[i, 0] = t * (1.0 - t)
-            A[i, 1] = t * A[i, 0]
-        else:
-            power = t * t if has_slope else t
-            for j in range(columns):
-                A[i, j] = power
-                power *= t
-    x = _least_squares(A, b)
+        shape = t * t if has_slope else t
+        if has_end:
+            shape *= t - 1.0 if has_slope else 1.0 - t
+        for j in range(m):
+            W[i, j] = shape
+            shape *= t
+    x = _least_squares(W)
     for k in range(2):
-        if has_end and has_slope:
-            base[2, k] -= x[0, k]
-            base[3, k] = x[0, k]
-        elif has_end:
-            base[1, k] += x[0, k]
-            base[2, k] = x[1, k] - x[0, k]
-            base[3, k] = -x[1, k]
-        else:
-            for j in range(columns):
-                base[4 - columns + j, k] += x[j, k]
+        for j in range(m):
+            if has_end and has_slope:
+                base[2, k] -= x[j, k]
+                base[3, k] += x[j, k]
+            elif has_end:
+                base[1 + j, k] += x[j, k]
+                base[2 + j, k] -= x[j, k]
+            else:
+                base[4 - m + j, k] += x[j, k]
     return base
 
 
 @njit(cache=True)
-def _least_squares(A, b):  # type: ignore[no-untyped-def]
-    """Solve A x = b by QR: modified Gram-Schmidt on [A | b], which is backward stable."""
-    n, m = A.shape
-    R, x = np.zeros((m, m + 2)), np.zeros((m, 2))
-    kept = np.zeros(m, dtype=np.bool_)
+def _least_squares(W):  # type: ignore[no-untyped-def]
+    """Solve A x = b, W = [A | b], by modified Gram-Schmidt, which is backward stable."""
+    n, m = W.shape[0], W.shape[1] - 2
+    R, x, least = np.zeros((m, m + 2)), np.zeros((m, 2)), np.empty(m)
     for j in range(m):
-        before = 0.0
-        for i in range(n):
-            before += A[i, j] * A[i, j]
-        for k in range(j):
-            if kept[k]:
-                R[k, j] = _dot(A, k, A, j)
-                for i in range(n):
-                    A[i, j] -= R[k, j] * A[i, k]
-        norm = np.sqrt(_dot(A, j, A, j))
-        kept[j] = norm > 1e-9 * np.sqrt(before) and before > 0.0
-        if not kept[j]:
-            continue
-        R[j, j] = norm
-        for i in range(n):
-            A[i, j] /= norm
-        for k in range(2):
-            R[j, m + k] = _dot(A, j, b, k)
+        least[j] = 1e-9 * np.sqrt(_dot(W, j, j))
+    for j in range(m):
+        norm = np.sqrt(_dot(W, j, j))
+        if norm > least[j]:
+            R[j, j] = norm
             for i in range(n):
-                b[i, k] -= R[j, m + k] * A[i, j]
+                W[i, j] /= norm
+            for k in range(j + 1, m + 2):
+                R[j, k] = _dot(W, j, k)
+                for i in range(n):
+                    W[i, k] -= R[j, k] * W[i, j]
     for j in range(m - 1, -1, -1):
-        for k in range(2):
-            if kept[j]:
+        if R[j, j] > 0.0:
+            for k in range(2):
                 total = R[j, m + k]
                 for later in range(j + 1, m):
                     total -= R[j, later] * x[later, k]
@@ -326,10 +312,10 @@ def _least_squares(A, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _dot(A, j, B, k):  # type: ignore[no-untyped-def]
+def _dot(W, j, k):  # type: ignore[no-untyped-def]
     total = 0.0
-    for i in range(A.shape[0]):
-        total += A[i, j] * B[i, k]
+    for i in range(W.shape[0]):
+        total += W[i, j] * W[i, k]
     return total
 
 
@@ -341,12 +327,12 @@ def deviation(c, tau, points, between):  # type: ignore[no-untyped-def]
     """
     worst = 0.0
     for i in range(len(tau)):
-        dx = points[i, 0] - value(c, tau[i], 0)
-        dy = points[i, 1] - value(c, tau[i], 1)
+        dx = points[i, 0] - value(c, tau[i], X)
+        dy = points[i, 1] - value(c, tau[i], Y)
         worst = max(worst, dx * dx + dy * dy)
         if between and i > 0:
             t = 0.5 * (tau[i - 1] + tau[i])
-            dx = 0.5 * (points[i - 1, 0] + points[i, 0]) - value(c, t, 0)
-            dy = 0.5 * (points[i - 1, 1] + points[i, 1]) - value(c, t, 1)
+            dx = 0.5 * (points[i - 1, 0] + points[i, 0]) - value(c, t, X)
+            dy = 0.5 * (points[i - 1, 1] + points[i, 1]) - value(c, t, Y)
             worst = max(worst, dx * dx + dy * dy)
     return np.sqrt(worst)

@@ -141,7 +141,7 @@ class Spline:
             return t, int(result[_boxes.CROSS_I]), float(result[_boxes.CROSS_TAU])
         if touch < 0.0:
             return None
-        place = np.array([[_cubic.value(c, touch, 0), _cubic.value(c, touch, 1)]])
+        place = _cubic.point(c, touch)[None]
         limit = self.arc_length(n - 1, last_tau)
         s, _ = self.nearest(place, np.zeros(1), np.array([limit]))
         return (touch, *self.locate(float(s[0])))
@@ -177,9 +177,9 @@ class Spline:
         return loops
 
     def _own_loop(self, c: Array, first: float, second: float) -> Loop:
-        place = float(_cubic.value(c, first, 0)), float(_cubic.value(c, first, 1))
+        x, y = _cubic.point(c, first).tolist()
         s = self.length + float(_cubic.length_between(c, 0.0, first))
-        return Loop(s, float(_cubic.length_between(c, first, second)), place)
+        return Loop(s, float(_cubic.length_between(c, first, second)), (x, y))
 
     def _join(self, c: Array, accuracy: float) -> list[Loop]:
         """Add a piece that does not meet itself, without the loops that it closes."""
@@ -205,20 +205,16 @@ class Spline:
     def _cut_loop(self, c: Array, t: float, i: int, tau: float) -> Loop:
         """Forget what lies between tau of segment i and t of the new piece; reach that place."""
         before = self.length
-        place = _at(self.coefficients[i], tau)
+        place = _cubic.point(self.coefficients[i], tau)
         self.cut(i, tau)
         after = self.length
-        reached = _at(c, t)
+        reached = _cubic.point(c, t)
         gap = float(np.hypot(*(reached - place)))
         if gap > 1e-12:
             # Where the path only touches itself a short straight piece closes the gap.
             self.append(np.stack([place, reached - place, np.zeros(2), np.zeros(2)]))
         removed = before - after + float(_cubic.length_between(c, 0.0, t))
         return Loop(after, removed - gap, (float(place[0]), float(place[1])))
-
-
-def _at(c: Array, t: float) -> Array:
-    return np.array([_cubic.value(c, t, 0), _cubic.value(c, t, 1)])
 
 
 @njit(cache=True)
@@ -242,9 +238,9 @@ def _points(coefficients, tables, starts, n, s, derivative, out):  # type: ignor
         c = coefficients[i]
         t = _cubic.parameter_at(c, tables[i], s[row] - starts[i])
         if not derivative:
-            out[row, 0], out[row, 1] = _cubic.value(c, t, 0), _cubic.value(c, t, 1)
+            out[row, 0], out[row, 1] = _cubic.value(c, t, _cubic.X), _cubic.value(c, t, _cubic.Y)
             continue
-        dx, dy = _cubic.slope(c, t, 0), _cubic.slope(c, t, 1)
+        dx, dy = _cubic.slope(c, t, _cubic.X), _cubic.slope(c, t, _cubic.Y)
         speed = np.hypot(dx, dy)
         out[row, 0], out[row, 1] = (dx / speed, dy / speed) if speed > 0.0 else (1.0, 0.0)
 
