@@ -145,37 +145,22 @@ class OccupancyGrid(Grid):
             self._make_room(np.concatenate([starts.reshape(-1, 2), ends.reshape(-1, 2)]))
         self._add(starts, ends, hits.reshape(shape))
 
-    def to_image(
-        self, occupied_above: float = 0.65, free_below: float = 0.35
-    ) -> NDArray[np.uint8]:
+    def to_image(self) -> NDArray[np.uint8]:
         """Return the map as grey values, the way ROS draws it.
-
-        Parameters
-        ----------
-        occupied_above, free_below : float, default 0.65 and 0.35
-            Cells with a higher probability are drawn as occupied, with a lower one as free.
 
         Returns
         -------
         ndarray of uint8, shape (rows, columns)
-            0 occupied, 254 free, 205 unknown. The first row is the top of the map.
-
-        Raises
-        ------
-        ValueError
-            If the thresholds are no probabilities or in the wrong order.
+            0 occupied (probability above 0.65), 254 free (below 0.35), 205 unknown. The first row
+            is the top of the map.
         """
-        free_below = as_scalar("free_below", free_below, 0.0, 1.0)
-        occupied_above = as_scalar("occupied_above", occupied_above, free_below, 1.0)
         probability = self.probability[::-1]
         image = np.full(self.shape, 205, dtype=np.uint8)
-        image[probability > occupied_above] = 0
-        image[probability < free_below] = 254
+        image[probability > 0.65] = 0
+        image[probability < 0.35] = 254
         return image
 
-    def save_ros(
-        self, path: str | Path, occupied_above: float = 0.65, free_below: float = 0.35
-    ) -> None:
+    def save_ros(self, path: str | Path) -> None:
         """Write the map as ROS' `map_server` does: a YAML file and beside it a PGM image.
 
         ``BitmapWorld.from_file`` reads it back, unknown cells as occupied.
@@ -184,13 +169,11 @@ class OccupancyGrid(Grid):
         ----------
         path : str or Path
             Name of the YAML file, ending in ``.yaml``; the image has the same name and ``.pgm``.
-        occupied_above, free_below : float, default 0.65 and 0.35
-            As in `to_image`.
 
         Raises
         ------
         ValueError
-            If the name ends in anything else or a threshold is wrong.
+            If the name ends in anything else.
         """
         yaml = needed("yaml", "maps of ROS", package="pyyaml")
         Image = needed("PIL.Image", "images", package="pillow")
@@ -207,7 +190,7 @@ class OccupancyGrid(Grid):
             "occupied_thresh": 0.65,
             "free_thresh": 0.196,
         }
-        Image.fromarray(self.to_image(occupied_above, free_below)).save(image_path)
+        Image.fromarray(self.to_image()).save(image_path)
         path.write_text(yaml.safe_dump(entries, sort_keys=False))
 
     def _add(self, starts: Array, ends: Array, hits: NDArray[np.bool_]) -> None:

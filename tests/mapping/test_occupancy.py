@@ -190,8 +190,6 @@ def test_a_map_saved_for_ros_comes_back_as_a_world(tmp_path):
     assert image.tolist() == [[205] * 4, [254] * 3 + [205], [0] * 4]
     with pytest.raises(ValueError, match="path: expected a name ending in .yaml"):
         grid.save_ros(tmp_path / "room.png")
-    with pytest.raises(ValueError, match="occupied_above: expected a number in"):
-        grid.to_image(0.2, 0.4)
 
 
 def test_entropy_falls_as_the_room_is_seen():
