@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from slamlab._checks import Array
+from slamlab._checks import Array, as_shaped
 
 __all__ = ["Match", "capped_inverse", "good_points"]
 
@@ -66,9 +67,10 @@ def capped_inverse(H: Array, arm: float) -> Array:
     return scale[:, None] * inverse * scale
 
 
-def good_points(name: str, points: Array, at_least: int = 1) -> Array:
+def good_points(name: str, points: ArrayLike, at_least: int = 1) -> Array:
     """Points (k, 2) without the rows of lost beams; refuses fewer than `at_least`."""
-    kept = np.ascontiguousarray(points[np.isfinite(points).all(axis=1)], dtype=np.float64)
+    given = as_shaped(name, points, ("k", 2))
+    kept = np.ascontiguousarray(given[np.isfinite(given).all(axis=1)], dtype=np.float64)
     if len(kept) < at_least:
         raise ValueError(f"{name}: expected at least {at_least} points, got {len(kept)}")
     return kept

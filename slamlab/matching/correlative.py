@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_scalar
 from slamlab.geometry import rotation, wrap_angle
 from slamlab.matching._match import Match, good_points
 from slamlab.matching.field import PointField
@@ -79,7 +79,7 @@ def match_correlative(
 
     if not isinstance(field, PointField):
         raise ValueError(f"field: expected a PointField, got {field!r}")
-    points = good_points("points", as_shaped("points", points, ("k", 2)))
+    points = good_points("points", points)
     guess = as_array("guess", guess, (3,)).astype(np.float64)
     reach = int(np.ceil(as_scalar("window", window, 0.0, 1e4) / field.resolution - 1e-9))
     step = as_scalar("angle_step", angle_step, 1e-6, np.pi)

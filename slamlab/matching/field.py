@@ -17,7 +17,6 @@ from slamlab._checks import (
     as_count,
     as_covariance,
     as_scalar,
-    as_shaped,
     as_tuple,
 )
 from slamlab.geometry import wrap_angle
@@ -120,7 +119,7 @@ class PointField(Field):
     def __init__(self, points: ArrayLike, sigma: float = 0.1, resolution: float = 0.05) -> None:
         self.sigma = as_scalar("sigma", sigma, 1e-6, 1e6)
         resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
-        self.points = good_points("points", as_shaped("points", points, ("k", 2)))
+        self.points = good_points("points", points)
         # Cells lie at whole multiples of the resolution, a slope's width more on every side.
         reach = 4 * self.sigma + resolution
         low = np.floor((self.points.min(axis=0) - reach) / resolution)
@@ -135,7 +134,7 @@ class PointField(Field):
 
     def add(self, points: ArrayLike) -> None:
         """Put more points (k, 2) into the field; the sheet grows with them."""
-        points = good_points("points", as_shaped("points", points, ("k", 2)))
+        points = good_points("points", points)
         added = self.grow(points, int(np.ceil(4 * self.sigma / self.resolution)) + 1)
         if added is not None:
             self.values = np.pad(self.values, added)
@@ -214,7 +213,7 @@ def match_field(
     fields = [field] if isinstance(field, Field) else as_tuple("field", field)
     if not fields or not all(isinstance(one, Field) for one in fields):
         raise ValueError(f"field: expected a Field or a sequence of them, got {field!r}")
-    points = good_points("points", as_shaped("points", points, ("k", 2)), 3)
+    points = good_points("points", points, 3)
     pose = as_array("guess", guess, (3,)).astype(np.float64)
     rounds = as_count("n_iterations", n_iterations, 1)
     prior = np.zeros((3, 3))

@@ -19,7 +19,6 @@ from slamlab._checks import (
     as_choice,
     as_count,
     as_scalar,
-    as_shaped,
     as_tuple,
 )
 from slamlab.geometry import wrap_angle
@@ -51,7 +50,7 @@ def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
     """
     from slamlab.matching._icp_kernels import thinned
 
-    points = good_points("points", as_shaped("points", points, ("k", 2)), 0)
+    points = good_points("points", points, 0)
     spacing = as_scalar("spacing", spacing, 1e-3, 1e6)
     return points[thinned(points, spacing)] if len(points) else points
 
@@ -76,21 +75,16 @@ class Outline:
     spread: Array
 
     @classmethod
-    def of(
-        cls, points: ArrayLike, neighbours: int = 5, radius: float = 0.5, flatness: float = 0.15
-    ) -> Outline:
-        """Find the walls through points, by total least squares over each one's neighbourhood.
+    def of(cls, points: ArrayLike) -> Outline:
+        """Find the walls through points, by total least squares over the five nearest of each.
+
+        The point itself is one of them; three must lie within half a metre. A wall's smaller
+        eigenvalue is at most 0.15 of the larger one.
 
         Parameters
         ----------
         points : array_like, shape (k, 2)
             Rows with NaN are left out.
-        neighbours : int, default 5
-            So many nearest points, the point itself included; at least three must be there.
-        radius : float, default 0.5
-            Neighbours lie within this distance (m).
-        flatness : float, default 0.15
-            A wall's smaller eigenvalue is at most this part of the larger one.
 
         Returns
         -------
@@ -98,13 +92,8 @@ class Outline:
         """
         from slamlab.matching._icp_kernels import hashed, lines_through
 
-        points = good_points("points", as_shaped("points", points, ("k", 2)))
-        radius = as_scalar("radius", radius, 1e-6, 1e6)
-        flatness = as_scalar("flatness", flatness, 0.0, 1.0)
-        count = as_count("neighbours", neighbours, 3)
-        hashes = hashed(points, radius)
-        normals, spread = lines_through(points, hashes, count, radius, flatness)
-        return cls(points, normals, spread)
+        points = good_points("points", points)
+        return cls(points, *lines_through(points, hashed(points, 0.5), 5, 0.5, 0.15))
 
     def moved(self, pose: ArrayLike) -> Outline:
         """Return the outline, given in the frame of `pose`, in the frame of its parent.
@@ -133,9 +122,7 @@ class Outline:
         )
 
 
-def normals(
-    points: ArrayLike, neighbours: int = 5, radius: float = 0.5, flatness: float = 0.15
-) -> Array:
+def normals(points: ArrayLike) -> Array:
     """Return unit vectors across the walls through points (k, 2); NaN off walls (`Outline`).
 
     Examples
@@ -144,8 +131,7 @@ def normals(
     >>> abs(normals(wall)[5]).round(6).tolist()
     [0.0, 1.0]
     """
-    points = as_array("points", points, ("k", 2))
-    return Outline.of(points, neighbours, radius, flatness).normals
+    return Outline.of(as_array("points", points, ("k", 2))).normals
 
 
 def match_icp(
@@ -206,7 +192,7 @@ def match_icp(
 
     line = as_choice("metric", metric, ["line", "point"]) == "line"
     base = _reference(reference, line)
-    points = good_points("points", as_shaped("points", points, ("k", 2)), 3)
+    points = good_points("points", points, 3)
     guess = as_array("guess", guess, (3,)).astype(np.float64)
     width = as_scalar("width", width, 1e-6, 1e6)
     gate = as_scalar("gate", gate, 1e-6, 1e6)
@@ -265,7 +251,7 @@ def _reference(reference: ArrayLike | Outline, line: bool) -> Outline:
         if line:
             reference = Outline.of(reference)
         else:
-            points = good_points("reference", as_shaped("reference", reference, ("m", 2)), 3)
+            points = good_points("reference", reference, 3)
             reference = Outline(points, np.zeros_like(points), np.zeros(len(points)))
     if not line:
         return reference

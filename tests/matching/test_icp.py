@@ -164,7 +164,6 @@ def test_no_pairs_is_a_match_that_knows_nothing():
         (lambda a: match_icp(a, a, np.zeros(3), width=0), "width"),
         (lambda a: match_icp(a, a, np.zeros(3), gate=-1), "gate"),
         (lambda a: match_icp(a, a, np.zeros(3), n_iterations=0), "n_iterations"),
-        (lambda a: Outline.of(a, neighbours=2), "neighbours"),
         (lambda a: normals([[np.nan, 0.0]]), "points"),
         (lambda a: thin(a, 0.0), "spacing"),
     ],
