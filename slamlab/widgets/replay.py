@@ -133,21 +133,15 @@ class Replay(Figure):
         steps = _steps({**clock, "landmark_covs": landmark_covs}, occupancy_steps)
         _check_needs(covs, estimate, "covs", "estimate")
         _check_needs(landmark_covs, landmark_estimates, "landmark_covs", "landmark_estimates")
-
-        shapes: dict[str, tuple[Any, ...]] = {
-            **{name: (path, (steps,)) for name, path in paths.items()},
-            "landmarks": (landmarks, ("n",)),
-            "landmark_estimates": (landmark_estimates, (steps, "m"), True),
-            "particles": (particles, (steps, "M")),
-            "scans": (scans, (steps, "k"), True),
-        }
-        world = {
-            name: _pack.points(name, value, *shape)
-            for name, (value, *shape) in shapes.items()
-            if value is not None
-        }
-        if walls is not None:
-            world["walls"] = as_array("walls", walls, ("k", 2, 2))
+        world = _world(
+            steps,
+            paths,
+            landmarks=landmarks,
+            landmark_estimates=landmark_estimates,
+            particles=particles,
+            scans=scans,
+            walls=walls,
+        )
         arrays = world.copy()
         if covs is not None:
             arrays["ellipses"] = _pack.ellipses("covs", covs, (steps,))
@@ -218,6 +212,22 @@ class Replay(Figure):
                 f"step: expected 0 to {self.payload['steps'] - 1}, got {proposal['value']}"
             )
         return int(proposal["value"])
+
+
+def _world(steps: int, paths: dict[str, Any], **layers: Any) -> dict[str, Array]:
+    """Return all that lies in the plane and is given, with its number of steps checked."""
+    shapes = {name: ((steps,), False) for name in paths} | {
+        "landmarks": (("n",), False),
+        "landmark_estimates": ((steps, "m"), True),
+        "particles": ((steps, "M"), False),
+        "scans": ((steps, "k"), True),
+    }
+    given = {name: value for name, value in (paths | layers).items() if value is not None}
+    walls = given.pop("walls", None)
+    world = {name: _pack.points(name, value, *shapes[name]) for name, value in given.items()}
+    if walls is not None:
+        world["walls"] = as_array("walls", walls, ("k", 2, 2))
+    return world
 
 
 def _steps(clock: dict[str, Any], occupancy_steps: ArrayLike | None) -> int:
