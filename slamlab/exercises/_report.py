@@ -106,11 +106,14 @@ class Report:
     def text(self) -> str:
         """The report as lines of text."""
         lines = [self._head()]
-        if self.messages not in ((NOTHING_YET,), (NO_RETURN,)):
-            for row in self.rows:
-                lines += [f"  {'ok ' if row.ok else 'NO '}  {row.name}"]
-                lines += [f"       {line}" for line in row.lines]
+        for row in self._shown():
+            lines += [f"  {'ok ' if row.ok else 'NO '}  {row.name}"]
+            lines += [f"       {line}" for line in row.lines]
         return "\n".join(lines + [f"  -> {message}" for message in self.messages])
+
+    def _shown(self) -> tuple[Row, ...]:
+        """Return the rows that tell something: none as long as nothing comes."""
+        return () if self.messages in ((NOTHING_YET,), (NO_RETURN,)) else self.rows
 
     def _head(self) -> str:
         done = ". Well done" if self.passed else ""
@@ -122,14 +125,16 @@ class Report:
 
     def _repr_html_(self) -> str:
         """Return a small table, one row a property."""
-        cells = [
-            f"<tr><td>{'ok' if row.ok else '<b>NO</b>'}</td><td style='text-align:left'>"
+        style = "style='text-align:left; vertical-align:top; padding:0.15em 0.6em'"
+        rows = "".join(
+            f"<tr><td {style}>{'ok' if row.ok else '<b>NO</b>'}</td><td {style}>"
             + "<br>".join(escape(line) for line in (row.name, *row.lines))
             + "</td></tr>"
-            for row in self.rows
-        ]
+            for row in self._shown()
+        )
+        table = f"<table style='margin-left:0'>{rows}</table>" if rows else ""
         said = "".join(f"<p><b>{escape(message)}</b></p>" for message in self.messages)
-        return f"<p>{escape(self._head())}</p><table>{''.join(cells)}</table>{said}"
+        return f"<p>{escape(self._head())}</p>{table}{said}"
 
 
 @dataclass(frozen=True)

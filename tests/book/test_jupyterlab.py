@@ -114,7 +114,7 @@ def test_a_chapter_runs_and_nothing_in_it_is_raw(browser, lab):
 def test_an_exercise_says_what_is_missing_and_folds_its_hints(browser, lab):
     tab = opened(browser, lab, f"exercises/{CHAPTER}")
     run_all(tab)
-    report = tab.locator(".jp-OutputArea-output table").first
+    report = tab.locator(".jp-OutputArea-output", has_text="properties hold").first
     report.wait_for()
     assert "replace the ..." in tab.inner_text(".jp-Notebook").replace("`", "")
     hint = tab.locator(".jp-RenderedMarkdown details").first

@@ -166,6 +166,9 @@ def test_the_table_says_what_the_text_says():
     table = check(lambda a, b: a - b)._repr_html_()
     assert table.count("<tr>") == 4
     assert "this is the difference" in table
+    nothing = check(lambda a, b: None)
+    assert "<tr>" not in nothing._repr_html_()
+    assert "nothing returned yet" in nothing._repr_html_()
 
 
 def _reach(a: float) -> float:
