@@ -277,21 +277,17 @@ class _Scene:
         """
         if self.body is None or self.obstacles is None:
             return np.zeros(pose.shape[:-1], bool)
-        end = self.robot.step(pose, u * part[..., None], dt)
+        u = u * part[..., None]
+        end = self.robot.step(pose, u, dt)
         far, turn = np.hypot(*(end - pose)[..., :2].T), np.abs(wrap_angle(end - pose)[..., 2].T)
         radius = float(np.hypot(*self.body.T).max())
         arc = float(np.max(np.where((far > 1e-9) & (turn > 1e-9), far + radius * turn, 0.0)))
         n = 1 + int(arc / _PIECE)
-        cuts = np.array(
-            [
-                pose,
-                *(self.robot.step(pose, u * part[..., None], dt * k / n) for k in range(1, n + 1)),
-            ]
-        )
+        later = [self.robot.step(pose, u, dt * k / n) for k in range(1, n + 1)] if n > 1 else [end]
+        cuts = np.array([pose, *later])
         turned = np.concatenate([cuts[:-1, ..., :2], cuts[1:, ..., 2:]], -1)
-        sweep = self.obstacles.sweep_collides
-        hits = sweep(self.body, cuts[:-1], turned) | sweep(self.body, turned, cuts[1:])
-        return np.asarray(hits.any(0))
+        starts, ends = np.concatenate([cuts[:-1], turned]), np.concatenate([turned, cuts[1:]])
+        return np.asarray(self.obstacles.sweep_collides(self.body, starts, ends).any(0))
 
     def measure(self, truth: Array) -> dict[str, Any]:
         """Return the true pose and what the sensor says there: ranges, or looks and ids."""
