@@ -11,7 +11,15 @@ import threading
 import numpy as np
 import pytest
 from PIL import Image
-from test_widgets_browser import CHROMIUM, FLAGS, STATIC, QuietHandler, escaped, static_page
+from test_widgets_browser import (
+    CHROMIUM,
+    FLAGS,
+    STATIC,
+    QuietHandler,
+    escaped,
+    kept_open,
+    static_page,
+)
 
 from slamlab.datasets import read_simulator
 from slamlab.evaluation import run
@@ -75,13 +83,19 @@ def browser():
         chromium.close()
 
 
+@pytest.fixture(scope="module")
+def window(browser):
+    yield from kept_open(browser)
+
+
 @pytest.fixture
-def show(browser):
+def show(browser, window):
     opened = []
 
     def open_page(widget, script=None, width=900, **context):
-        place = browser.new_context(viewport={"width": width, "height": 1000}, **context)
+        place = browser.new_context(**context) if context else window
         page, troubles = place.new_page(), []
+        page.set_viewport_size({"width": width, "height": 1000})
         page.on("pageerror", lambda error: troubles.append(str(error)))
         page.on("console", lambda m: troubles.append(m.text) if m.type == "error" else None)
         page.on(
@@ -96,7 +110,7 @@ def show(browser):
         state["_esm"] = script or state["_esm"]
         page.set_content(PAGE.replace("CSS", widget._css).replace("STATE", escaped(state)))
         page.wait_for_function("window.ready")
-        opened.append((place, troubles))
+        opened.append((place if context else page, troubles))
         return page
 
     yield open_page

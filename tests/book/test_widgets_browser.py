@@ -132,15 +132,27 @@ def browser():
         with_flags.close()
 
 
+def kept_open(browser):
+    """A window that stays open: one more page in it takes half of what another window takes."""
+    with browser.new_context() as place:
+        place.new_page()
+        yield place
+
+
+@pytest.fixture(scope="module")
+def window(browser):
+    yield from kept_open(browser)
+
+
 @pytest.fixture
-def show(browser):
+def show(browser, window):
     """Open a page with widgets; at the end no request and no error may have happened."""
     opened = []
 
     def open_page(*widgets, width=800, height=1000, **context):
-        place = browser.new_context(viewport={"width": width, "height": height}, **context)
-        page = place.new_page()
-        troubles = []
+        place = browser.new_context(**context) if context else window
+        page, troubles = place.new_page(), []
+        page.set_viewport_size({"width": width, "height": height})
         page.on("pageerror", lambda error: troubles.append(str(error)))
         page.on("console", lambda m: troubles.append(m.text) if m.type == "error" else None)
         page.on(
@@ -152,7 +164,7 @@ def show(browser):
             "window.ready && document.querySelector('.slam-canvas').height !== 150"
         )
         page.wait_for_timeout(60)
-        opened.append((place, troubles))
+        opened.append((place if context else page, troubles))
         return page
 
     yield open_page
