@@ -157,18 +157,29 @@ def test_a_stored_run_can_be_had_again():
     assert isinstance(out.belief, DeadReckoning)
 
 
-def test_nothing_was_touched_in_any_stored_run():
-    cells = [cell for beliefs in results().values() for cell in beliefs.values()]
-    assert len(cells) >= 11
-    assert not any(cell["touched"].any() for cell in cells)
+def test_every_belief_went_out_thirty_times_into_every_building_and_touched_nothing():
+    stored = results()
+    assert set(stored) == set(BUILDINGS)
+    for beliefs in stored.values():
+        assert set(beliefs) == set(BELIEFS)
+        for cell in beliefs.values():
+            assert len(cell["error"]) == 30
+            assert not cell["touched"].any()
 
 
-def test_closures_bring_the_robot_home_and_nothing_else_does():
+def test_in_the_corridor_walls_as_landmarks_come_home_and_scan_on_scan_does_not():
+    hall, k = results()["corridor"], WAYS.index("map")
+    home = {name: int((cell["error"][:, k] <= NEAR).sum()) for name, cell in hall.items()}
+    assert home["EKF-SLAM, walls"] >= 29
+    assert home["grid FastSLAM"] >= 20
+    assert home["scan graph"] == home["scan matching"] == home["dead reckoning"] == 0
+
+
+def test_closures_bring_the_robot_home_and_scan_on_scan_alone_does_not():
     """Of thirty in the ring: with closures at least 29, by wheels at most 5, matching between."""
     ring, k = results()["ring"], WAYS.index("map")
     home = {name: int((ring[name]["error"][:, k] <= NEAR).sum()) for name in
             ("scan graph", "dead reckoning", "scan matching")}  # fmt: skip
-    assert all(len(ring[name]["error"]) == 30 for name in home)
     assert home["scan graph"] >= 29
     assert home["dead reckoning"] <= 5
     assert home["dead reckoning"] < home["scan matching"] < 15
