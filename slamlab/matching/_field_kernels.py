@@ -127,8 +127,9 @@ def gauss_newton(values, frame, log_odds, points, pose, prior, n_iterations):  #
         cost = left + (off * pull).sum()
         if cost < least:
             least, best_total, best_left = cost, total, left
-            pose[:] = here
-            best_H[:] = H
+            best_H = H.copy()
+            for k in range(3):  # number by number: a slice takes three seconds to compile
+                pose[k] = here[k]
         if n == n_iterations or not solve3(H + prior, g + pull, step):
             break
         step[2] = min(max(step[2], -0.2), 0.2)

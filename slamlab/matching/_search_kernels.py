@@ -47,6 +47,13 @@ def _far(dc, dr, width, shut):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _put(table, row, numbers):  # type: ignore[no-untyped-def]
+    """Write five numbers one by one: to compile the assignment of a slice takes three seconds."""
+    for k in range(5):
+        table[row, k] = numbers[k]
+
+
+@njit(cache=True)
 def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no-untyped-def]
     """Angle number and shift of the best score above `least`: (angle, dc, dr, score, looked).
 
@@ -66,13 +73,13 @@ def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no
     looked = n_roots
     # A depth of `top` with four children each: 3 wait on each level.
     stack = np.empty((4 * top + 8, 5), np.int64)
-    child = np.empty((4, 5), np.int64)
+    child, worth = np.empty((4, 5), np.int64), np.empty(4, np.int64)
     for n in np.argsort(-scores):
         if scores[n] <= best[3]:
             break
         a, rest = n // (per_side * per_side), n % (per_side * per_side)
         dc, dr = (rest % per_side) * width - reach, (rest // per_side) * width - reach
-        stack[0] = (top, a, dc, dr, scores[n])
+        _put(stack, 0, (top, a, dc, dr, scores[n]))
         size = 1
         while size > 0:
             size -= 1
@@ -91,11 +98,11 @@ def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no
                 looked += 1
                 score = score_of(levels[h - 1], half, cells[a], x, y)
                 if score > best[3]:
-                    child[count] = (h - 1, a, x, y, score)
+                    _put(child, count, (h - 1, a, x, y, score))
+                    worth[count] = score
                     count += 1
             # The best child is put down last and so taken first.
-            order = np.argsort(child[:count, 4])
-            for q in order:
-                stack[size] = child[q]
+            for q in np.argsort(worth[:count]):
+                _put(stack, size, child[q])
                 size += 1
     return best[0], best[1], best[2], best[3], looked
