@@ -371,8 +371,10 @@ function facts(run, step) {
     parts.push(`${name} off by ${metres(Math.hypot(x - truth[0], y - truth[1]))}`);
   }
   if (data.ellipses) {
-    const [a, b] = poseAt(data.ellipses, step);
-    parts.push(b > 1e-6 ? `95 % ellipse ± ${metres(a)} by ± ${metres(b)}` : `95 % interval ± ${metres(a)}`);
+    // packed into 16 bits, a zero may come back a little below
+    const [a, b] = poseAt(data.ellipses, step).map((axis) => Math.max(axis, 0));
+    const flat = b <= 1e-6 && a > 1e-6; // a world of one dimension
+    parts.push(flat ? `95 % interval ± ${metres(a)}` : `95 % ellipse ± ${metres(a)} by ± ${metres(b)}`);
   }
   return parts.join(" · ");
 }
