@@ -79,7 +79,7 @@ def main():
     for name, log in logs.items():
         off = turned(log)
         wrong[name] = np.flatnonzero(np.abs(off) > 5)
-        print(f"{name}: {dict(zip(wrong[name].tolist(), off[wrong[name]].round(), strict=True))}")
+        print(f"{name}: scans {wrong[name].tolist()} are turned by {off[wrong[name]].tolist()}")
         print(f"the others at most {np.abs(np.delete(off, wrong[name])).max():.0f} degrees")
     for name, n, temper, left_out in ROWS:
         whole = without(logs[name], wrong[name]) if left_out else logs[name]
