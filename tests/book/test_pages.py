@@ -97,6 +97,7 @@ def browser():
 def window(browser):
     """One window for all pages: what they share is fetched and compiled once."""
     with browser.new_context(**DESK) as context:
+        context.new_page()  # it keeps the window open between two pages
         yield context
 
 
