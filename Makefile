@@ -88,7 +88,7 @@ same: $(VENV)/.dev-installed  ## Build the book as on a machine without AVX, com
 
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
-	$(BIN)/python -m pytest -q -n 3 --dist worksteal tests/book
+	$(BIN)/python -m pytest -q -n 2 --dist worksteal tests/book
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \
