@@ -19,13 +19,13 @@ endif
 # Three on two cores: while one waits for its kernel or for a page, two have work.
 NBVAL := PYTHONWARNINGS=error::RuntimeWarning $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder \
   --nbval --nbval-current-env --nbval-cell-timeout 300
-PARTS := set-up lint unit speed notebooks same book-tests
+PARTS := set-up lint-and-warm unit speed notebooks same book-tests
 # The long ones first, so that no core waits for them in the end.
 NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb notebooks/solutions/*.ipynb \
   notebooks/exercises/*.ipynb
 
 .DEFAULT_GOAL := help
-.PHONY: help book pdf test lab set-up lint unit speed notebooks same book-tests chromium lock vendor slim clean
+.PHONY: help book pdf test lab set-up lint-and-warm lint warm unit speed notebooks same book-tests chromium lock vendor slim clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -33,12 +33,11 @@ help:  ## Show this list
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
-# One stamp a set of extras, renewed when the lock or the project file changes. pip would compile
-# on one core, and the packages' tests too.
+# One stamp a set of extras, renewed when the lock or the project file changes. Most of what pip
+# would compile is never imported.
 $(VENV)/.%-installed: pyproject.toml requirements.lock | $(VENV)/bin/python
 	@echo "== Installing ($* extras, pinned by requirements.lock)"
 	$(PIP) install --quiet --no-compile --constraint requirements.lock --editable '.[$*]'
-	@$(BIN)/python -W ignore -m compileall -qq -j 2 -x '/tests?/' $(VENV)/lib || true
 	@touch $@
 
 book: $(VENV)/.book-installed  ## Build the book (runs what changed) and say where it is
@@ -61,6 +60,13 @@ test:  ## Run everything: lint, types, tests, notebooks, book, browser
 
 set-up:
 	@$(MAKE) --no-print-directory -j 2 chromium $(VENV)/.dev-installed
+
+# Two workers that need a compiled function at the same time would both compile it.
+lint-and-warm:
+	@$(MAKE) --no-print-directory -j 2 lint warm
+
+warm: $(VENV)/.dev-installed
+	@$(BIN)/python -m slamlab warm >/dev/null
 
 lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
 	@echo "== Lint, types, spelling"

@@ -58,21 +58,16 @@ def tour():
 # ------------------------------------------------------------------------- nothing is touched
 
 
-def assert_clean_drives(seeds):
-    for seed in seeds:
+TENS = [0, *(pytest.param(first, marks=pytest.mark.slow) for first in range(10, 100, 10))]
+
+
+@pytest.mark.parametrize("first", TENS)
+def test_no_collision_in_a_hundred_random_rooms(first):
+    for seed in range(first, first + 10):
         world, start, rng = case(seed)
         log, pilot = drive_round(world, start, rng, sigma_wheel=0.3, home=False, **QUICK)
         assert not log.notes["hit"].any(), f"room {seed}"
         assert pilot.finished, f"room {seed}"
-
-
-def test_no_collision_in_ten_random_rooms():
-    assert_clean_drives(range(10))
-
-
-@pytest.mark.slow
-def test_no_collision_in_a_hundred_random_rooms():
-    assert_clean_drives(range(100))
 
 
 def test_the_guard_saves_a_robot_that_does_not_know_where_it_is(monkeypatch):
