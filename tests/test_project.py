@@ -116,11 +116,45 @@ def test_nobody_is_sent_to_the_stranger_who_has_our_name():
     assert not stray.search("pip install slamlab-course[course]")
 
 
-def test_the_source_distribution_is_complete(tmp_path):
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
-    tracked = set(listed.stdout.split("\n")) - {""}
-    if listed.returncode or not tracked:
+def git_files(*options: str) -> set[str]:
+    """Names of tracked files; without git, or in an unpacked archive, the test is skipped."""
+    words = ["git", "ls-files", "-z", *options]
+    listed = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
         pytest.skip("not a git checkout")
+    return set(listed.stdout.split("\0")) - {""}
+
+
+BINARY = {".gz", ".png", ".woff", ".woff2"}
+
+
+def does_not_belong(name: str, root: Path) -> bool:
+    """Whether a file is what a tool left: hidden, a link, or bytes of an unknown kind."""
+    path = root / name
+    if path.is_symlink() or (name.startswith(".") and name not in (".gitignore", ".ci/run")):
+        return True
+    return path.exists() and path.suffix not in BINARY and b"\0" in path.read_bytes()
+
+
+def test_nothing_generated_is_tracked():
+    tracked = git_files()
+    assert git_files("--cached", "--ignored", "--exclude-per-directory=.gitignore") == set()
+    assert {name for name in tracked if does_not_belong(name, ROOT)} == set()
+
+
+def test_a_generated_file_is_seen(tmp_path):
+    (tmp_path / "log").write_bytes(b"\x80\x04\0")
+    (tmp_path / ".log").write_text("a line")
+    (tmp_path / "link").symlink_to(tmp_path / "log")
+    (tmp_path / "a.py").write_text("x = 1\n")
+    seen = [name for name in ("log", ".log", "link", "a.py") if does_not_belong(name, tmp_path)]
+    assert seen == ["log", ".log", "link"]
+
+
+def test_the_source_distribution_is_complete(tmp_path):
+    tracked = git_files()
+    if not tracked:
+        pytest.skip("nothing is tracked")
     for name in tracked:
         if (ROOT / name).exists():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

@@ -15,7 +15,8 @@ ANSWER = "def " + ANSWER
 
 
 @pytest.mark.parametrize("kind", ANSWERS)
-def test_otter_grader_runs_the_recipe(tmp_path, kind):
+def test_otter_grader_runs_the_recipe(tmp_path, monkeypatch, kind):
+    monkeypatch.chdir(tmp_path)  # otter writes its log where it stands
     otter = pytest.importorskip("otter", reason="otter-grader is not installed")
     case = """
     from otter.test_files import test_case
