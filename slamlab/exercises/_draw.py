@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from slamlab.exercises._report import Array
-from slamlab.geometry import wrap_angle
+from slamlab.sensors import RangeBearing
 
 __all__ = ["a_covariance", "a_pose", "an_angle", "in_the_room", "weights"]
 
@@ -61,9 +61,8 @@ def in_the_room(
         for v, omega in u:
             pose = pose + dt * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
             name = int(rng.integers(names)) if rng.random() >= unseen else -1
-            d = room[name] - pose[:2]
-            reading = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])]
-            z.append(np.round(reading + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
+            seen = RangeBearing(0.05, 0.05).observe(pose, room[name])
+            z.append(np.round(seen + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
             ids.append(10 * name if name >= 0 else -1)
         return (*P0, u, dt, V, z, ids, R)
 
