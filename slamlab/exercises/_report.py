@@ -10,7 +10,7 @@ How one writes a check, in ten lines::
         "mean, cov",                               # names of the results
         {"one number": ([0.0], [[1.0]], ...),      # a property: one input, or ...
          "more states than readings": draw},       # ... draw(rng) -> input, for six seeded ones
-        {"R is missing in S": ("+ R", ""),         # a mistake: how the reference's source differs,
+        {"R is missing in S": "+ R => ",           # a mistake: how the reference's source differs,
          "the innovation has the wrong sign": f},  # or a wrong function
     )
 
@@ -46,6 +46,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int_]
 Mask = NDArray[np.bool_]
 Function = Callable[..., Any]
+Mistake = Function | str | tuple[str, ...]
 
 NOTHING_YET = "nothing returned yet: replace the `...` by your own lines and run the cell again"
 NO_RETURN = "your function returns nothing: a `return` is missing"
@@ -164,8 +165,8 @@ class Check:
     properties : mapping
         From a sentence to a tuple of arguments, or to ``draw(rng) -> arguments``.
     mistakes : mapping
-        From what to tell the student to a wrong function, or to (old, new, ...) pieces of the
-        reference's source, each old one replaced by its new one.
+        From what to tell the student to a wrong function, or to an edit ``"old => new"`` of the
+        reference's source (every old piece gives way to the new one), or to a tuple of edits.
     tolerance : float, default 1e-9
         Largest difference, absolute and relative. 1e-6 admits finite differences.
     draws : int, default 6
@@ -182,7 +183,7 @@ class Check:
         reference: Function,
         returns: str,
         properties: Mapping[str, Any],
-        mistakes: Mapping[str, Function | tuple[str, ...]] = {},
+        mistakes: Mapping[str, Mistake] = {},
         *,
         tolerance: float = 1e-9,
         draws: int = 6,
@@ -335,9 +336,11 @@ class Check:
             names = self._names(self.inputs[0][1])
             yield from general_mistakes(self.reference, names, self.returns)
 
-    def mistaken(self, wrong: Function | tuple[str, ...]) -> Function:
+    def mistaken(self, wrong: Mistake) -> Function:
         """Return the function of a mistake, be it given as one or as edits of the reference."""
-        return wrong if callable(wrong) else _edited(self.reference, wrong)
+        if callable(wrong):
+            return wrong
+        return _edited(self.reference, (wrong,) if isinstance(wrong, str) else wrong)
 
     def _explains(self, wrong: Function, seen: Sequence[Observation], held: list[bool]) -> bool:
         order = sorted(range(len(seen)), key=lambda k: held[k])  # failures first
@@ -362,7 +365,8 @@ def _own_lines(observations: Sequence[Observation]) -> Iterator[str]:
 def _edited(reference: Function, edits: tuple[str, ...]) -> Function:
     """Return the reference with pieces of its source replaced."""
     source = textwrap.dedent(inspect.getsource(reference))
-    for old, new in zip(edits[::2], edits[1::2], strict=True):
+    for edit in edits:
+        old, new = edit.split(" => ")
         if old not in source:
             raise LookupError(f"{reference.__name__}: {old!r} is not in its source")
         source = source.replace(old, new)

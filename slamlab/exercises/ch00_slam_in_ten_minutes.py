@@ -67,18 +67,13 @@ check_dead_reckoning = Check(
             _turned_by(lambda heading, turn: np.eye(2))
         ),
         "the composition is the wrong way round: the old pose comes first, then the motion": (
-            "compose(poses[-1], motion)",
-            "compose(motion, poses[-1])",
+            "compose(poses[-1], motion) => compose(motion, poses[-1])"
         ),
         "the first row must be the start: n motions make n + 1 poses": (
-            "np.array(poses)",
-            "np.array(poses[1:])",
+            "np.array(poses) => np.array(poses[1:])"
         ),
-        "the start was ignored: the path begins at the origin": (
-            "start.copy()",
-            "np.zeros(3)",
-        ),
-        "each motion was added to the start: add it to the last pose": ("poses[-1]", "poses[0]"),
+        "the start was ignored: the path begins at the origin": "start.copy() => np.zeros(3)",
+        "each motion was added to the start: add it to the last pose": "poses[-1] => poses[0]",
         "the heading after the turn was used: the motion is given in the frame before it": (
             _turned_by(lambda heading, turn: rotation(heading + turn))
         ),
@@ -91,7 +86,7 @@ check_dead_reckoning = Check(
         "the heading is not wrapped: it must stay in (-pi, pi]": (
             _turned_by(lambda heading, turn: rotation(heading), lambda angle: angle)
         ),
-        "only the last pose came: all of them are due": ("np.array(poses)", "poses[-1]"),
+        "only the last pose came: all of them are due": "np.array(poses) => poses[-1]",
     },
 )
 
@@ -127,34 +122,28 @@ check_edge_error = Check(
     },
     {
         "the heading difference is not wrapped: a full turn must not count as an error": (
-            "wrap_angle(",
-            "(",
+            "wrap_angle( => ("
         ),
         "R_z^T is missing: the error must be given in the frame that the measurement predicts": (
-            "rotation(z[2]).T @ ",
-            "",
+            "rotation(z[2]).T @  => "
         ),
         "R_i^T is missing: the displacement must be seen from pose i, not from the world": (
-            "rotation(pose_i[2]).T @ ",
-            "",
+            "rotation(pose_i[2]).T @  => "
         ),
         "R_i is transposed the wrong way: R_i^T takes world coordinates into the frame of i": (
-            "rotation(pose_i[2]).T",
-            "rotation(pose_i[2])",
+            "rotation(pose_i[2]).T => rotation(pose_i[2])"
         ),
-        "R_z is transposed the wrong way: R_z^T is due": ("rotation(z[2]).T", "rotation(z[2])"),
+        "R_z is transposed the wrong way: R_z^T is due": "rotation(z[2]).T => rotation(z[2])",
         "R_z^T turns the displacement before t_z is taken off: it turns their difference": (
-            "rotation(z[2]).T @ (seen - z[:2])",
-            "rotation(z[2]).T @ seen - z[:2]",
+            "rotation(z[2]).T @ (seen - z[:2]) => rotation(z[2]).T @ seen - z[:2]"
         ),
         "R_i^T turns t_j before t_i is taken off: it turns their difference": (
-            "rotation(pose_i[2]).T @ (pose_j[:2] - pose_i[:2])",
-            "rotation(pose_i[2]).T @ pose_j[:2] - pose_i[:2]",
+            "rotation(pose_i[2]).T @ (pose_j[:2] - pose_i[:2])"
+            " => rotation(pose_i[2]).T @ pose_j[:2] - pose_i[:2]"
         ),
-        "t_z is missing: the error is predicted minus measured": ("(seen - z[:2])", "seen"),
+        "t_z is missing: the error is predicted minus measured": "(seen - z[:2]) => seen",
         "the measured turn is missing: the error is predicted minus measured": (
-            "- pose_i[2] - z[2]",
-            "- pose_i[2]",
+            "- pose_i[2] - z[2] => - pose_i[2]"
         ),
         "the sign is reversed: predicted minus measured is due": (
             lambda i, j, z: -_edge_error(i, j, z)
@@ -202,48 +191,37 @@ check_edge_jacobian = Check(
     },
     {
         "this is the transpose of the Jacobian: rows are errors, columns are x, y, theta": (
-            "return J",
-            "return J.T",
+            "return J => return J.T"
         ),
         "this is the Jacobian with respect to pose j, not pose i": (
-            "= -back",
-            "= back",
-            "back @ swing @ (pose_j[:2] - pose_i[:2])",
-            "0.0",
-            "-1.0",
-            "1.0",
+            "= -back => = back",
+            "back @ swing @ (pose_j[:2] - pose_i[:2]) => 0.0",
+            "-1.0 => 1.0",
         ),
         "R_z^T is missing: the error is turned by it, so its derivative is too": (
-            "rotation(z[2]).T",
-            "np.eye(2)",
+            "rotation(z[2]).T => np.eye(2)"
         ),
-        "R_z is transposed the wrong way: R_z^T is due": ("rotation(z[2]).T", "rotation(z[2])"),
+        "R_z is transposed the wrong way: R_z^T is due": "rotation(z[2]).T => rotation(z[2])",
         "R_i is transposed the wrong way: R_i^T is due": (
-            "rotation(pose_i[2]).T",
-            "rotation(pose_i[2])",
+            "rotation(pose_i[2]).T => rotation(pose_i[2])"
         ),
         "the last column lacks the lever: turning robot i swings pose j around it": (
-            "back @ swing @ (pose_j[:2] - pose_i[:2])",
-            "0.0",
+            "back @ swing @ (pose_j[:2] - pose_i[:2]) => 0.0"
         ),
         "the sign of the last column is wrong: differentiate R_i^T, not R_i": (
-            "back @ swing",
-            "-back @ swing",
+            "back @ swing => -back @ swing"
         ),
         "the last column is not differentiated: R_i^T itself stands there": (
-            "[[-s, c], [-c, -s]]",
-            "[[c, s], [-s, c]]",
+            "[[-s, c], [-c, -s]] => [[c, s], [-s, c]]"
         ),
         "the lever is the place of pose j: it reaches from pose i to pose j": (
-            "(pose_j[:2] - pose_i[:2])",
-            "pose_j[:2]",
+            "(pose_j[:2] - pose_i[:2]) => pose_j[:2]"
         ),
         "the heading of pose i counts with -1: its error is theta_j - theta_i - theta_z": (
-            "-1.0",
-            "1.0",
+            "-1.0 => 1.0"
         ),
-        "the heading does not change the last error here: it does, one to one": ("-1.0", "0.0"),
-        "the sign of the whole matrix is reversed": ("return J", "return -J"),
+        "the heading does not change the last error here: it does, one to one": "-1.0 => 0.0",
+        "the sign of the whole matrix is reversed": "return J => return -J",
     },
     tolerance=1e-4,
 )
@@ -316,39 +294,33 @@ check_relax = Check(
     },
     {
         "every edge pulls: the last edge of a pose has overwritten what the others said in b": (
-            "b[rows] += A.T",
-            "b[rows] = A.T",
+            "b[rows] += A.T => b[rows] = A.T"
         ),
         "every edge holds: the last edge of a pose has overwritten the others in H": (
-            "H[np.ix_(rows, rows)] += A.T",
-            "H[np.ix_(rows, rows)] = A.T",
+            "H[np.ix_(rows, rows)] += A.T => H[np.ix_(rows, rows)] = A.T"
         ),
         "the heading error is not wrapped: a full turn pulls like a wrong edge": (
-            "e = _edge_error(poses[i], poses[j], measured)",
-            "e = np.append(_edge_error(poses[i], poses[j], measured)[:2], "
-            "poses[j][2] - poses[i][2] - measured[2])",
+            "e = _edge_error(poses[i], poses[j], measured)"
+            " => e = np.append(_edge_error(poses[i], poses[j], measured)[:2], "
+            "poses[j][2] - poses[i][2] - measured[2])"
         ),
         "the new headings are not wrapped: (-pi, pi] is due": (
-            "    new[:, 2] = wrap_angle(new[:, 2])\n",
-            "",
+            "wrap_angle(new[:, 2]) => new[:, 2]"
         ),
-        "the step goes uphill: H step = -b": ("-b[3:]", "b[3:]"),
-        "the information is not used in H: A^T Omega A": ("A.T @ weight @ A", "A.T @ A"),
-        "the information is not used in b: A^T Omega e": ("A.T @ weight @ e", "A.T @ e"),
+        "the step goes uphill: H step = -b": "-b[3:] => b[3:]",
+        "the information is not used in H: A^T Omega A": "A.T @ weight @ A => A.T @ A",
+        "the information is not used in b: A^T Omega e": "A.T @ weight @ e => A.T @ e",
         "the information is not used at all: an edge counts as much as it is sure": (
-            "A.T @ weight @",
-            "A.T @",
+            "A.T @ weight @ => A.T @"
         ),
         "Omega was inverted: it is an information, no covariance": (
-            "A.T @ weight @",
-            "A.T @ np.linalg.inv(weight) @",
+            "A.T @ weight @ => A.T @ np.linalg.inv(weight) @"
         ),
         "the lever is missing: turning pose i swings pose j": (
-            "= -A[:2, :2], 1.0",
-            "= -A[:2, :2], 1.0\n        A[:2, 2] = 0.0",
+            "= -A[:2, :2], 1.0 => = -A[:2, :2], 1.0\n        A[:2, 2] = 0.0"
         ),
-        "pose j does not move: it has columns in A too": ("= -A[:2, :2], 1.0", "= 0.0, 0.0"),
-        "only the step came: add it to the poses": ("poses + step", "0 * poses + step"),
+        "pose j does not move: it has columns in A too": "= -A[:2, :2], 1.0 => = 0.0, 0.0",
+        "only the step came: add it to the poses": "poses + step => 0 * poses + step",
     },
     tolerance=1e-6,
 )
@@ -401,44 +373,36 @@ check_slam = Check(
     },
     {
         "the closures were not used: they are edges like the others": (
-            "measured = np.vstack([odometry, z])",
-            "edges, measured = edges[:n], odometry",
-            "weights = np.array([omega] * n + [omega_closure] * len(closures))",
-            "weights = np.array([omega] * n)",
+            "measured = np.vstack([odometry, z]) => edges, measured = edges[:n], odometry",
+            "weights = np.array([omega] * n + [omega_closure] * len(closures))"
+            " => weights = np.array([omega] * n)",
         ),
-        "this is dead reckoning: nothing was relaxed": ("range(15)", "range(0)"),
-        "one step is not enough: the edges bend while the poses turn": ("range(15)", "range(1)"),
+        "this is dead reckoning: nothing was relaxed": "range(15) => range(0)",
+        "one step is not enough: the edges bend while the poses turn": "range(15) => range(1)",
         "a closure was read backwards: pose j is seen from pose i": (
-            "np.arange(n) + 1]), closures]",
-            "np.arange(n) + 1]), closures[:, ::-1]]",
+            "np.arange(n) + 1]), closures] => np.arange(n) + 1]), closures[:, ::-1]]"
         ),
         "all edges have the information of the odometry: closures have their own": (
-            "[omega_closure] *",
-            "[omega] *",
+            "[omega_closure] * => [omega] *"
         ),
         "all edges have the information of the closures: motions have their own": (
-            "[omega] * n",
-            "[omega_closure] * n",
+            "[omega] * n => [omega_closure] * n"
         ),
         "chi2 is that of dead reckoning: the relaxed poses are due": (
-            "_edge_error(poses[i], poses[j], seen)",
-            "_edge_error(*_dead_reckoning(start, odometry)[[i, j]], seen)",
+            "_edge_error(poses[i], poses[j], seen)"
+            " => _edge_error(*_dead_reckoning(start, odometry)[[i, j]], seen)"
         ),
-        "chi2 lacks the information: e^T Omega e": ("e @ weight @ e", "e @ e"),
+        "chi2 lacks the information: e^T Omega e": "e @ weight @ e => e @ e",
         "chi2 is that of the closures alone: the motions are edges too": (
-            "    return poses, chi2",
-            "    head = zip(edges[:n], measured[:n])\n"
-            "    for (i, j), seen in head:\n"
-            "        e = _edge_error(poses[i], poses[j], seen)\n"
-            "        chi2 -= float(e @ omega @ e)\n"
-            "    return poses, chi2",
+            "zip(edges, measured, weights, strict=True)"
+            " => zip(edges[n:], measured[n:], weights[n:], strict=True)"
         ),
         "chi2 is that of the motions alone: the closures are edges too": (
-            "zip(edges, measured, weights, strict=True)",
-            "zip(edges[:n], measured[:n], weights[:n], strict=True)",
+            "zip(edges, measured, weights, strict=True)"
+            " => zip(edges[:n], measured[:n], weights[:n], strict=True)"
         ),
-        "chi2 is that of the last edge: add them all up": ("chi2 += ", "chi2 = "),
-        "chi2 has no one half in this book": ("return poses, chi2", "return poses, chi2 / 2"),
+        "chi2 is that of the last edge: add them all up": "chi2 +=  => chi2 = ",
+        "chi2 has no one half in this book": "return poses, chi2 => return poses, chi2 / 2",
     },
     tolerance=1e-6,
     draws=3,

@@ -45,33 +45,28 @@ check_predict = Check(
     },
     {
         "the belief moved to the left: place i receives what stood at i - 1": (
-            "belief, 1)",
-            "belief, -1)",
-            "belief, 2)",
-            "belief, -2)",
+            "belief, 1) => belief, -1)",
+            "belief, 2) => belief, -2)",
         ),
         "the corridor is a circle: what leaves on the right comes back on the left": _open,
         "probability fell out at the end and the rest was stretched: the corridor is a circle": (
             lambda *given: _open(*given) / _open(*given).sum()
         ),
         "the slip was forgotten: three displacements are possible": (
-            " + p_slip * np.roll(belief, 2)",
-            "",
+            " + p_slip * np.roll(belief, 2) => "
         ),
         "the step was forgotten: three displacements are possible": (
-            " + p_step * np.roll(belief, 1)",
-            "",
+            " + p_step * np.roll(belief, 1) => "
         ),
         "the robot that stays was forgotten: three displacements are possible": (
-            "p_stay * belief + ",
-            "",
+            "p_stay * belief +  => "
         ),
         "the whole belief moved by one place: each displacement moves its own share": (
             lambda belief, stay, step, slip: np.roll(belief, 1)
         ),
-        "the slip moves by two places, not by minus one": ("belief, 2)", "belief, -1)"),
-        "the slip moves by two places, not by one": ("belief, 2)", "belief, 1)"),
-        "the slip moves by two places, not by three": ("belief, 2)", "belief, 3)"),
+        "the slip moves by two places, not by minus one": "belief, 2) => belief, -1)",
+        "the slip moves by two places, not by one": "belief, 2) => belief, 1)",
+        "the slip moves by two places, not by three": "belief, 2) => belief, 3)",
         "stay and step are exchanged": (
             lambda belief, stay, step, slip: _predict(belief, step, stay, slip)
         ),
@@ -117,23 +112,20 @@ check_update = Check(
         "any corridor, any eye": _seen,
     },
     {
-        "the result is not normalised: divide by its sum": (" / posterior.sum()", ""),
-        "belief and likelihood were added: evidence multiplies": ("belief *", "belief +"),
-        "the prior was forgotten: multiply the likelihood with the old belief": ("belief * ", ""),
-        "only doors count here: seeing a wall is a measurement too": ("== sees_door", "== 1"),
-        "the sensor is not perfect: places that disagree keep a little": ("1 - p_right", "0.0"),
-        "places that disagree get 1 - p_right, not everything": ("1 - p_right", "1.0"),
+        "the result is not normalised: divide by its sum": " / posterior.sum() => ",
+        "belief and likelihood were added: evidence multiplies": "belief * => belief +",
+        "the prior was forgotten: multiply the likelihood with the old belief": "belief *  => ",
+        "only doors count here: seeing a wall is a measurement too": "== sees_door => == 1",
+        "the sensor is not perfect: places that disagree keep a little": "1 - p_right => 0.0",
+        "places that disagree get 1 - p_right, not everything": "1 - p_right => 1.0",
         "the sensor was read the wrong way round: agreeing places get p_right": (
-            "p_right, 1 - p_right",
-            "1 - p_right, p_right",
+            "p_right, 1 - p_right => 1 - p_right, p_right"
         ),
         "divided by the largest entry: probabilities must sum to one": (
-            "posterior.sum()",
-            "posterior.max()",
+            "posterior.sum() => posterior.max()"
         ),
         "divided by its length: root of the sum of squares; the sum is due": (
-            "posterior.sum()",
-            "np.sqrt(np.sum(posterior**2))",
+            "posterior.sum() => np.sqrt(np.sum(posterior**2))"
         ),
         "the measurement was counted twice": (
             lambda belief, *seen: _update(_update(belief, *seen), *seen)
@@ -172,22 +164,18 @@ check_looks_needed = Check(
     },
     {
         "one look too few: afterwards the belief is still below the goal": (
-            "    return n",
-            "    return n - 1",
+            "    return n =>     return n - 1"
         ),
-        "one look too many": ("    return n", "    return n + 1"),
+        "one look too many": "    return n =>     return n + 1",
         "the prior was taken for one half": (
-            "odds, n = prior / (1 - prior), 0",
-            "odds, n = 1.0, 0",
+            "odds, n = prior / (1 - prior), 0 => odds, n = 1.0, 0"
         ),
         "odds were compared with a probability: p = odds / (1 + odds)": (
-            "odds / (1 + odds) < goal",
-            "odds < goal",
+            "odds / (1 + odds) < goal => odds < goal"
         ),
-        "the prior is a probability, not odds": ("prior / (1 - prior), 0", "prior, 0"),
+        "the prior is a probability, not odds": "prior / (1 - prior), 0 => prior, 0",
         "the places that disagree got nothing taken off: odds grow by p / (1 - p)": (
-            "odds * p_right / (1 - p_right)",
-            "odds * p_right / 0.5",
+            "odds * p_right / (1 - p_right) => odds * p_right / 0.5"
         ),
         "looks were taken for chances to be wrong all the time: evidence multiplies odds": (
             lambda prior, p_right, goal: int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))
@@ -232,24 +220,19 @@ check_wander = Check(
     },
     {
         "it looked before it moved: predict first": (
-            "        belief = _predict(belief, *step)\n",
-            "",
-            "        found.append(belief)\n",
-            "        belief = _predict(belief, *step)\n        found.append(belief)\n",
+            "_predict(belief, *step) => belief",
+            "found.append(belief) => found.append(belief := _predict(belief, *step))",
         ),
         "closed eyes were taken for a wall: no look, no update": (
-            "if saw >= 0",
-            "if True",
-            "doors, saw,",
-            "doors, max(saw, 0),",
+            "if saw >= 0 => if True",
+            "doors, saw, => doors, max(saw, 0),",
         ),
-        "only doors count here: seeing a wall is a measurement too": ("if saw >= 0", "if saw > 0"),
+        "only doors count here: seeing a wall is a measurement too": "if saw >= 0 => if saw > 0",
         "the robot stands still while its eyes are closed: predict at every step": (
-            "        belief = _predict(belief, *step)\n        if saw >= 0:\n",
-            "        if saw >= 0:\n            belief = _predict(belief, *step)\n",
+            "_predict(belief, *step) => _predict(belief, *step) if saw >= 0 else belief"
         ),
-        "the looks were not used": ("if saw >= 0", "if False"),
-        "nothing was predicted: the robot moves": ("_predict(belief, *step)", "belief + 0.0"),
+        "the looks were not used": "if saw >= 0 => if False",
+        "nothing was predicted: the robot moves": "_predict(belief, *step) => belief + 0.0",
         "the last belief came: the one after each step is due": lambda *given: _wander(*given)[-1],
         "every step began at the first belief: the old result is the new prior": (
             lambda belief, doors, steps, seen, p: np.array(

@@ -65,26 +65,23 @@ check_predict = Check(
         "four dimensions": _motion(4),
     },
     {
-        "F P F is no covariance: the second F must be transposed": ("F.T", "F"),
+        "F P F is no covariance: the second F must be transposed": "F.T => F",
         "the transposed F stands on the wrong side: F P F^T is due": (
-            "F @ cov @ F.T",
-            "F.T @ cov @ F",
+            "F @ cov @ F.T => F.T @ cov @ F"
         ),
-        "F stands on one side only: F P F^T is due": (" @ F.T", ""),
-        "the covariance did not move: F P F^T is due": ("F @ cov @ F.T", "cov"),
-        "Q is missing: every motion adds uncertainty": (" + Q", ""),
+        "F stands on one side only: F P F^T is due": " @ F.T => ",
+        "the covariance did not move: F P F^T is due": "F @ cov @ F.T => cov",
+        "Q is missing: every motion adds uncertainty": " + Q => ",
         "Q went through the motion too: it is added after it": (
-            "F @ cov @ F.T + Q",
-            "F @ (cov + Q) @ F.T",
+            "F @ cov @ F.T + Q => F @ (cov + Q) @ F.T"
         ),
-        "Q was added twice": ("+ Q", "+ 2 * Q"),
-        "Q was subtracted: predicting never makes the belief sharper": ("+ Q", "- Q"),
+        "Q was added twice": "+ Q => + 2 * Q",
+        "Q was subtracted: predicting never makes the belief sharper": "+ Q => - Q",
         "`*` multiplies entry by entry: matrices are multiplied by `@`": (
-            "F @ cov @ F.T",
-            "F * cov * F.T",
+            "F @ cov @ F.T => F * cov * F.T"
         ),
-        "the mean did not move": ("F @ mean", "mean.copy()"),
-        "the mean was moved by the transposed F": ("F @ mean", "F.T @ mean"),
+        "the mean did not move": "F @ mean => mean.copy()",
+        "the mean was moved by the transposed F": "F @ mean => F.T @ mean",
         "the belief was predicted twice": lambda m, P, F, Q: _predict(*_predict(m, P, F, Q), F, Q),
     },
 )
@@ -112,34 +109,29 @@ check_update = Check(
         "a sensor that hardly knows": lambda rng: (*_model(rng, 2, 2)[:4], 100 * np.eye(2)),
     },
     {
-        "R must not be added to the gain, as P1 prints (34)": ("inv(S)", "inv(S) + R"),
-        "R is missing in S: the sensor is not perfect": (" + R", ""),
+        "R must not be added to the gain, as P1 prints (34)": "inv(S) => inv(S) + R",
+        "R is missing in S: the sensor is not perfect": " + R => ",
         "this is the transposed gain: K is n x m, P H^T S^-1": (
-            "cov @ H.T @ np.linalg.inv(S)",
-            "(cov @ H.T @ np.linalg.inv(S)).T",
+            "cov @ H.T @ np.linalg.inv(S) => (cov @ H.T @ np.linalg.inv(S)).T"
         ),
-        "S was multiplied, not inverted": ("np.linalg.inv(S)", "S"),
+        "S was multiplied, not inverted": "np.linalg.inv(S) => S",
         "the innovation has the wrong sign: measured minus predicted": (
-            "z - H @ mean",
-            "H @ mean - z",
+            "z - H @ mean => H @ mean - z"
         ),
-        "the prediction H x is missing in the innovation": ("z - H @ mean", "z"),
+        "the prediction H x is missing in the innovation": "z - H @ mean => z",
         "the mean did not move: the gain times the innovation is added": (
-            "mean + K @ (z - H @ mean)",
-            "mean.copy()",
+            "mean + K @ (z - H @ mean) => mean.copy()"
         ),
-        "the step alone came: it is added to the mean": ("mean + K", "K"),
+        "the step alone came: it is added to the mean": "mean + K => K",
         "the covariance did not shrink: (I - K H) P is due": (
-            "(np.eye(len(mean)) - K @ H) @ cov",
-            "cov.copy()",
+            "(np.eye(len(mean)) - K @ H) @ cov => cov.copy()"
         ),
-        "the covariance grew: (I + K H) P instead of (I - K H) P": (") - K @ H", ") + K @ H"),
-        "I - K H alone is no covariance: it multiplies P": ("K @ H) @ cov", "K @ H)"),
+        "the covariance grew: (I + K H) P instead of (I - K H) P": ") - K @ H => ) + K @ H",
+        "I - K H alone is no covariance: it multiplies P": "K @ H) @ cov => K @ H)",
         "P stands on the wrong side: (I - K H) P is due": (
-            "(np.eye(len(mean)) - K @ H) @ cov",
-            "cov @ (np.eye(len(mean)) - K @ H)",
+            "(np.eye(len(mean)) - K @ H) @ cov => cov @ (np.eye(len(mean)) - K @ H)"
         ),
-        "R is a covariance already: it is not squared": ("+ R", "+ R @ R"),
+        "R is a covariance already: it is not squared": "+ R => + R @ R",
         "the measurement was counted twice": (
             lambda m, P, z, H, R: _update(*_update(m, P, z, H, R), z, H, R)
         ),
@@ -179,23 +171,20 @@ check_joseph = Check(
     },
     {
         "this is the short form (I - K H) P: right for the optimal gain only": (
-            "A @ cov @ A.T + K @ R @ K.T",
-            "A @ cov",
+            "A @ cov @ A.T + K @ R @ K.T => A @ cov"
         ),
-        "the noise of the sensor is missing: K R K^T must be added": (" + K @ R @ K.T", ""),
-        "the second factor must be transposed: A P A^T": ("A.T", "A"),
-        "the transpose stands on the wrong side: A P A^T": ("A @ cov @ A.T", "A.T @ cov @ A"),
-        "K R K^T must be added, not subtracted": ("+ K @ R", "- K @ R"),
+        "the noise of the sensor is missing: K R K^T must be added": " + K @ R @ K.T => ",
+        "the second factor must be transposed: A P A^T": "A.T => A",
+        "the transpose stands on the wrong side: A P A^T": "A @ cov @ A.T => A.T @ cov @ A",
+        "K R K^T must be added, not subtracted": "+ K @ R => - K @ R",
         "this is P - K S K^T: right for the optimal gain only": (
-            "A @ cov @ A.T + K @ R @ K.T",
-            "cov - K @ (H @ cov @ H.T + R) @ K.T",
+            "A @ cov @ A.T + K @ R @ K.T => cov - K @ (H @ cov @ H.T + R) @ K.T"
         ),
         "the gain around R is missing: R lives in the world of the measurement": (
-            "K @ R @ K.T",
-            "R",
+            "K @ R @ K.T => R"
         ),
-        "I + K H stands where I - K H is due": ("- K @ H", "+ K @ H"),
-        "the noise alone came: A P A^T is missing": ("A @ cov @ A.T + ", ""),
+        "I + K H stands where I - K H is due": "- K @ H => + K @ H",
+        "the noise alone came: A P A^T is missing": "A @ cov @ A.T +  => ",
     },
     tolerance=1e-8,
 )
@@ -241,43 +230,34 @@ check_track = Check(
     },
     {
         "the first reading met the start itself: predict before every update": (
-            "        mean, cov = _predict(mean, cov, F, Q)\n",
-            "        mean, cov = _predict(mean, cov, F, Q) if means else (mean, cov)\n",
+            "_predict(mean, cov, F, Q) => _predict(mean, cov, F, Q) if means else (mean, cov)"
         ),
         "the readings were not used: update after each prediction": (
-            "if np.isfinite(reading)",
-            "if False",
+            "if np.isfinite(reading) => if False"
         ),
         "nothing was predicted: the cart moves between readings": (
-            "_predict(mean, cov, F, Q)",
-            "mean, cov",
+            "_predict(mean, cov, F, Q) => mean, cov"
         ),
         "a lost reading is no reading of zero: leave the update out": (
-            "if np.isfinite(reading)",
-            "if True",
-            "np.array([reading])",
-            "np.array([np.nan_to_num(reading)])",
+            "if np.isfinite(reading) => if True",
+            "np.array([reading]) => np.array([np.nan_to_num(reading)])",
         ),
         "a lost reading was used: NaN spreads from there on": (
-            "if np.isfinite(reading)",
-            "if True",
+            "if np.isfinite(reading) => if True"
         ),
         "time passes while readings are lost: predict for them too": (
-            "        mean, cov = _predict(mean, cov, F, Q)\n",
-            "        if np.isfinite(reading):\n"
-            "            mean, cov = _predict(mean, cov, F, Q)\n",
+            "_predict(mean, cov, F, Q)"
+            " => _predict(mean, cov, F, Q) if np.isfinite(reading) else (mean, cov)"
         ),
-        "r is a standard deviation: R holds its square": ("r**2", "r"),
-        "q stands in front of Q as it is: it was squared": ("Q = q *", "Q = q**2 *"),
+        "r is a standard deviation: R holds its square": "r**2 => r",
+        "q stands in front of Q as it is: it was squared": "Q = q * => Q = q**2 *",
         "Q was added for the speed alone, q dt: the position is pushed as well": (
-            "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]",
-            "[[0.0, 0.0], [0.0, dt]]",
+            "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]] => [[0.0, 0.0], [0.0, dt]]"
         ),
         "Q lacks its corners: position and speed are pushed together": (
-            "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]",
-            "[[dt**3 / 3, 0.0], [0.0, dt]]",
+            "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]] => [[dt**3 / 3, 0.0], [0.0, dt]]"
         ),
-        "dt is missing in F": ("[[1.0, dt], [0.0, 1.0]]", "[[1.0, 1.0], [0.0, 1.0]]"),
+        "dt is missing in F": "[[1.0, dt], [0.0, 1.0]] => [[1.0, 1.0], [0.0, 1.0]]",
         "the last belief came: the one after each reading is due": (
             lambda *given: (_track(*given)[0][-1], _track(*given)[1][-1])
         ),

@@ -43,42 +43,35 @@ check_range_bearing = Check(
     },
     {
         "the bearing is not wrapped: it must lie in (-pi, pi]": (
-            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
-            "np.arctan2(dy, dx) - pose[2]",
+            "wrap_angle(np.arctan2(dy, dx) - pose[2]) => np.arctan2(dy, dx) - pose[2]"
         ),
         "the bearing was wrapped to [0, 2 pi): it must lie in (-pi, pi]": (
-            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
-            "(np.arctan2(dy, dx) - pose[2]) % (2 * np.pi)",
+            "wrap_angle(np.arctan2(dy, dx) - pose[2])"
+            " => (np.arctan2(dy, dx) - pose[2]) % (2 * np.pi)"
         ),
         "arctan(dy/dx) loses the quadrant: a landmark behind appears in front; use arctan2": (
-            "arctan2(dy, dx)",
-            "arctan(dy / dx)",
+            "arctan2(dy, dx) => arctan(dy / dx)"
         ),
         "the fraction is upside down, as P1 prints (18): arctan2 takes dy first": (
-            "arctan2(dy, dx)",
-            "arctan2(dx, dy)",
+            "arctan2(dy, dx) => arctan2(dx, dy)"
         ),
         "the heading is missing: a bearing is measured from where the robot faces": (
-            " - pose[2]",
-            "",
+            " - pose[2] => "
         ),
-        "the heading is added: it must be subtracted": (" - pose[2]", " + pose[2]"),
+        "the heading is added: it must be subtracted": " - pose[2] =>  + pose[2]",
         "the direction is reversed: from the robot to the landmark, not back": (
-            "landmark - pose[:2]",
-            "pose[:2] - landmark",
+            "landmark - pose[:2] => pose[:2] - landmark"
         ),
-        "the range is squared: take the square root": ("np.hypot(dx, dy)", "dx**2 + dy**2"),
+        "the range is squared: take the square root": "np.hypot(dx, dy) => dx**2 + dy**2",
         "the range is the sum of the sides: take the root of the sum of their squares": (
-            "np.hypot(dx, dy)",
-            "abs(dx) + abs(dy)",
+            "np.hypot(dx, dy) => abs(dx) + abs(dy)"
         ),
         "the bearing is in degrees: radians are due": (
-            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
-            "np.rad2deg(wrap_angle(np.arctan2(dy, dx) - pose[2]))",
+            "wrap_angle(np.arctan2(dy, dx) - pose[2])"
+            " => np.rad2deg(wrap_angle(np.arctan2(dy, dx) - pose[2]))"
         ),
         "the robot's own place was forgotten: measure from where it stands": (
-            "landmark - pose[:2]",
-            "landmark",
+            "landmark - pose[:2] => landmark"
         ),
         "bearing and range are exchanged: the range comes first": (
             lambda pose, landmark: _range_bearing(pose, landmark)[::-1]
@@ -112,7 +105,7 @@ check_innovation = Check(
         "any two measurements": _bearings,
     },
     {
-        "the bearing is off by 2 pi: wrap the difference": ("wrap_angle(", "("),
+        "the bearing is off by 2 pi: wrap the difference": "wrap_angle( => (",
         "the sign is reversed: measured minus predicted is due": (
             lambda z, p: np.array([p[0] - z[0], wrap_angle(p[1] - z[1])])
         ),
@@ -120,25 +113,23 @@ check_innovation = Check(
             lambda z, p: wrap_angle(z - p)
         ),
         "the bearings were wrapped before the subtraction: wrap the difference itself": (
-            "wrap_angle(z[1] - predicted[1])",
-            "wrap_angle(z[1]) - wrap_angle(predicted[1])",
+            "wrap_angle(z[1] - predicted[1]) => wrap_angle(z[1]) - wrap_angle(predicted[1])"
         ),
         "the absolute difference loses its sign: the filter must know which way to turn": (
             lambda z, p: np.abs(_innovation(z, p))
         ),
         "wrapped to [0, 2 pi): a small turn to the right must be a small negative number": (
-            "wrap_angle(z[1] - predicted[1])",
-            "(z[1] - predicted[1]) % (2 * np.pi)",
+            "wrap_angle(z[1] - predicted[1]) => (z[1] - predicted[1]) % (2 * np.pi)"
         ),
         "wrapped to [-pi, pi): half a turn is pi": (
-            "wrap_angle(z[1] - predicted[1])",
-            "(z[1] - predicted[1] + np.pi) % (2 * np.pi) - np.pi",
+            "wrap_angle(z[1] - predicted[1])"
+            " => (z[1] - predicted[1] + np.pi) % (2 * np.pi) - np.pi"
         ),
         "wrapped by pi: a full turn is 2 pi": (
-            "wrap_angle(z[1] - predicted[1])",
-            "(z[1] - predicted[1] + np.pi / 2) % np.pi - np.pi / 2",
+            "wrap_angle(z[1] - predicted[1])"
+            " => (z[1] - predicted[1] + np.pi / 2) % np.pi - np.pi / 2"
         ),
-        "the bearing was not subtracted": ("z[1] - predicted[1]", "z[1]"),
+        "the bearing was not subtracted": "z[1] - predicted[1] => z[1]",
     },
 )
 
@@ -175,29 +166,23 @@ check_jacobian = Check(
             lambda p, m: -_jacobian(p, m)[:, :2]
         ),
         "the last column is zero: turning the robot changes the bearing one to one": (
-            "-1.0]",
-            "0.0]",
+            "-1.0] => 0.0]"
         ),
         "the sign of the heading column is wrong: turn left and the landmark moves right": (
-            "-1.0]",
-            "1.0]",
+            "-1.0] => 1.0]"
         ),
         "the bearing row must be divided by the range squared, not by the range": (
-            "dy / q, -dx / q",
-            "dy / r, -dx / r",
+            "dy / q, -dx / q => dy / r, -dx / r"
         ),
         "the range row must be divided by the range, not by its square": (
-            "-dx / r, -dy / r",
-            "-dx / q, -dy / q",
+            "-dx / r, -dy / r => -dx / q, -dy / q"
         ),
         "the signs of the bearing row are exchanged, as in P1 (26), (27)": (
-            "dy / q, -dx / q",
-            "-dy / q, dx / q",
+            "dy / q, -dx / q => -dy / q, dx / q"
         ),
-        "dx and dy are exchanged in the bearing row": ("dy / q, -dx / q", "-dx / q, dy / q"),
+        "dx and dy are exchanged in the bearing row": "dy / q, -dx / q => -dx / q, dy / q",
         "the signs of the range row are reversed: nearer means a shorter range": (
-            "-dx / r, -dy / r",
-            "dx / r, dy / r",
+            "-dx / r, -dy / r => dx / r, dy / r"
         ),
         "the rows are exchanged: range first, then bearing": (lambda p, m: _jacobian(p, m)[::-1]),
     },
@@ -266,37 +251,30 @@ check_follow = Check(
     },
     {
         "the innovation is not wrapped: a landmark across the back throws the filter off": (
-            "_innovation(seen, _range_bearing(mean, landmark))",
-            "(seen - _range_bearing(mean, landmark))",
+            "_innovation(seen, _range_bearing(mean, landmark))"
+            " => (seen - _range_bearing(mean, landmark))"
         ),
-        "the heading is not wrapped: it must lie in (-pi, pi]": ("wrap_angle(mean[2])", "mean[2]"),
-        "this is F^T P F: F P F^T is due": ("F_x @ cov @ F_x.T", "F_x.T @ cov @ F_x"),
-        "the noise of the motion is missing": (" + F_u @ V @ F_u.T", ""),
-        "R is missing in S: the sensor is not perfect": ("H @ cov @ H.T + R", "H @ cov @ H.T"),
+        "the heading is not wrapped: it must lie in (-pi, pi]": "wrap_angle(mean[2]) => mean[2]",
+        "this is F^T P F: F P F^T is due": "F_x @ cov @ F_x.T => F_x.T @ cov @ F_x",
+        "the noise of the motion is missing": " + F_u @ V @ F_u.T => ",
+        "R is missing in S: the sensor is not perfect": "H @ cov @ H.T + R => H @ cov @ H.T",
         "R must not be added to the gain": (
-            "K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)",
-            "K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R) + np.pad(R, ((0, 1), (0, 0)))",
+            "K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)"
+            " => K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R) + np.pad(R, ((0, 1), (0, 0)))"
         ),
         "F has the wrong sign in its last column: differentiate cos and sin": (
-            "-v * dt * s], [0.0, 1.0, v * dt * c]",
-            "v * dt * s], [0.0, 1.0, -v * dt * c]",
+            "-v * dt * s], [0.0, 1.0, v * dt * c] => v * dt * s], [0.0, 1.0, -v * dt * c]"
         ),
         "F is the identity here: a doubt of the heading becomes one of the place": (
-            "F_x @ cov @ F_x.T",
-            "cov",
+            "F_x @ cov @ F_x.T => cov"
         ),
         "the sign of the innovation is reversed: measured minus predicted": (
-            "mean + K @ _innovation",
-            "mean - K @ _innovation",
+            "mean + K @ _innovation => mean - K @ _innovation"
         ),
-        "the covariance did not shrink: (I - K H) P is due": (
-            "(np.eye(3) - K @ H) @ cov",
-            "cov",
-        ),
-        "the measurements were not used": ("np.isfinite(seen).all()", "False"),
+        "the covariance did not shrink: (I - K H) P is due": "(np.eye(3) - K @ H) @ cov => cov",
+        "the measurements were not used": "np.isfinite(seen).all() => False",
         "dt is missing in F_u: a velocity acts for dt": (
-            "[[dt * c, 0.0], [dt * s, 0.0], [0.0, dt]]",
-            "[[c, 0.0], [s, 0.0], [0.0, 1.0]]",
+            "[[dt * c, 0.0], [dt * s, 0.0], [0.0, dt]] => [[c, 0.0], [s, 0.0], [0.0, 1.0]]"
         ),
         "the last belief came: the one after each step is due": (
             lambda *given: (_follow(*given)[0][-1], _follow(*given)[1][-1])

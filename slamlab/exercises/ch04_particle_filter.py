@@ -50,20 +50,17 @@ check_weights = Check(
     },
     {
         "the old weights are forgotten: the new weight is the old one times the likelihood": (
-            "np.log(weights) + ",
-            "",
+            "np.log(weights) +  => "
         ),
         "exp underflows: subtract the largest log weight before the exponential": (
-            " - log_weights.max()",
-            "",
+            " - log_weights.max() => "
         ),
         "the largest log likelihood was subtracted: take the largest log weight, as a particle "
         "of weight zero may have the largest likelihood": (
             lambda w, log: w * np.exp(log - log.max()) / np.sum(w * np.exp(log - log.max()))
         ),
         "divided by the largest weight: weights must sum to one": (
-            "likelihood.sum()",
-            "likelihood.max()",
+            "likelihood.sum() => likelihood.max()"
         ),
         "weight and likelihood were added: evidence multiplies": (
             lambda w, log: (w + np.exp(log)) / np.sum(w + np.exp(log))
@@ -76,14 +73,12 @@ check_weights = Check(
         ),
         "the weights did not change: the measurement was not used": (lambda w, log: np.array(w)),
         "something was added to the weights: a particle of weight zero stays excluded": (
-            "np.log(weights)",
-            "np.log(weights + 1e-300)",
+            "np.log(weights) => np.log(weights + 1e-300)"
         ),
         "the sign of the logarithm is reversed: likely particles must gain": (
-            "+ log_likelihood",
-            "- log_likelihood",
+            "+ log_likelihood => - log_likelihood"
         ),
-        "the measurement was counted twice": ("+ log_likelihood", "+ 2 * log_likelihood"),
+        "the measurement was counted twice": "+ log_likelihood => + 2 * log_likelihood",
     },
 )
 
@@ -110,21 +105,18 @@ check_effective_sample_size = Check(
     },
     {
         "normalise first: doubling all weights changes nothing": (
-            "weights / weights.sum()",
-            "weights",
+            "weights / weights.sum() => weights"
         ),
-        "this is the sum of the squares: take one over it": ("1 / np.sum(w**2)", "np.sum(w**2)"),
+        "this is the sum of the squares: take one over it": "1 / np.sum(w**2) => np.sum(w**2)",
         "this counts the particles, not what they weigh": lambda w: float(len(w)),
         "this counts the particles above zero: tiny weights carry almost nothing": (
             lambda w: float(np.count_nonzero(w))
         ),
         "this is one over the largest weight: all squares belong in the sum": (
-            "1 / np.sum(w**2)",
-            "1 / w.max()",
+            "1 / np.sum(w**2) => 1 / w.max()"
         ),
         "divided by the number of particles: the size itself is due, between 1 and M": (
-            "1 / np.sum(w**2)",
-            "1 / np.sum(w**2) / len(w)",
+            "1 / np.sum(w**2) => 1 / np.sum(w**2) / len(w)"
         ),
         "the square of the sum is missing its square": (lambda w: np.sum(w) / np.sum(w**2)),
         "this is the perplexity, exp of the entropy: another measure, never smaller": (
@@ -134,8 +126,7 @@ check_effective_sample_size = Check(
             lambda w: -np.sum(np.where(w > 0, w / w.sum() * np.log(w / w.sum()), 0.0))
         ),
         "the root is too much: 1 / sum of the squares is due": (
-            "1 / np.sum(w**2)",
-            "1 / np.sqrt(np.sum(w**2))",
+            "1 / np.sum(w**2) => 1 / np.sqrt(np.sum(w**2))"
         ),
         "this is M / (1 + variance of the weights): the variance of M w is meant": (
             lambda w: len(w) / (1 + np.var(w / w.sum()))
@@ -193,20 +184,16 @@ check_resample = Check(
     },
     {
         "the comb does not move: shift all teeth by the random offset": (
-            "(np.arange(M) + u) / M",
-            "np.arange(M) / M",
+            "(np.arange(M) + u) / M => np.arange(M) / M"
         ),
         "the offset must be divided by the number of particles: the teeth are 1/M apart": (
-            "(np.arange(M) + u) / M",
-            "np.arange(M) / M + u",
+            "(np.arange(M) + u) / M => np.arange(M) / M + u"
         ),
         "the offset is not random: the comb stands in the middle": (
-            "np.arange(M) + u",
-            "np.arange(M) + 0.5",
+            "np.arange(M) + u => np.arange(M) + 0.5"
         ),
         "every tooth stands at the same place: they are 1/M apart": (
-            "(np.arange(M) + u) / M",
-            "np.full(M, u)",
+            "(np.arange(M) + u) / M => np.full(M, u)"
         ),
         "the best particle was copied M times: the others must survive by their weight": (
             lambda w, u: np.full(len(w), np.argmax(w))
@@ -222,18 +209,20 @@ check_resample = Check(
             lambda w, u: (np.arange(len(w)) + u) / len(w)
         ),
         "a tooth exactly on a border draws the particle before it, which may have weight zero: "
-        "search with side='right'": ('"right"', '"left"'),
+        "search with side='right'": '"right" => "left"',
         "a tooth beyond the last cumulative sum draws no particle: rounding may end it below one, "
-        "so cut at M - 1": ("np.minimum(", "(", ", M - 1)", ")"),
+        "so cut at M - 1": (
+            "np.minimum( => (",
+            ", M - 1) => )",
+        ),
         "the comb was laid over the weights, not over their cumulative sum": (
-            "np.cumsum(weights)",
-            "weights",
+            "np.cumsum(weights) => weights"
         ),
         "this is residual resampling: whole copies first; the comb alone is asked for": _residual,
         "this is multinomial: independent draws, that ignore u": (
             lambda w, u: np.sort(np.random.default_rng(0).choice(len(w), len(w), p=w))
         ),
-        "the offset counts from the other end": ("+ u)", "+ 1 - u)"),
+        "the offset counts from the other end": "+ u) => + 1 - u)",
     },
 )
 
@@ -271,8 +260,8 @@ check_mean_pose = Check(
     },
     {
         "headings were averaged as numbers: the mean of 3.1 and -3.1 is not 0": (
-            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))",
-            "weights @ poses[:, 2]",
+            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))"
+            " => weights @ poses[:, 2]"
         ),
         "the weights were not used": lambda poses, weights: _mean_pose(
             poses, np.full(len(poses), 1 / len(poses))
@@ -281,25 +270,24 @@ check_mean_pose = Check(
             np.argmax(weights)
         ].copy(),
         "the headings were averaged without their weights": (
-            "weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2])",
-            "np.sin(poses[:, 2]).sum(), np.cos(poses[:, 2]).sum()",
+            "weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2])"
+            " => np.sin(poses[:, 2]).sum(), np.cos(poses[:, 2]).sum()"
         ),
         "sine and cosine are exchanged in arctan2: the sine comes first": (
-            "weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2])",
-            "weights @ np.cos(poses[:, 2]), weights @ np.sin(poses[:, 2])",
+            "weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2])"
+            " => weights @ np.cos(poses[:, 2]), weights @ np.sin(poses[:, 2])"
         ),
         "the quotient loses the quadrant: use arctan2 with two arguments": (
-            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))",
-            "np.arctan(weights @ np.sin(poses[:, 2]) / (weights @ np.cos(poses[:, 2])))",
+            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))"
+            " => np.arctan(weights @ np.sin(poses[:, 2]) / (weights @ np.cos(poses[:, 2])))"
         ),
         "divided by the number of particles: the weights sum to one already": (
-            "weights @ poses[:, :2]",
-            "weights @ poses[:, :2] / len(poses)",
+            "weights @ poses[:, :2] => weights @ poses[:, :2] / len(poses)"
         ),
         "the headings are wrapped to [0, 2 pi) before they are averaged: that moves the trouble "
         "to zero": (
-            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))",
-            "weights @ (poses[:, 2] % (2 * np.pi))",
+            "np.arctan2(weights @ np.sin(poses[:, 2]), weights @ np.cos(poses[:, 2]))"
+            " => weights @ (poses[:, 2] % (2 * np.pi))"
         ),
     },
     tolerance=1e-8,
@@ -352,53 +340,41 @@ check_localize = Check(
     },
     {
         "the particles were resampled and kept their weights: those count twice now": (
-            "            weights = np.full(len(x), 1 / len(x))\n",
-            "",
+            "            weights = np.full(len(x), 1 / len(x)) =>             pass"
         ),
         "resampled at every step: only when fewer than half of the particles count": (
-            "_effective_sample_size(weights) < len(x) / 2",
-            "True",
+            "_effective_sample_size(weights) < len(x) / 2 => True"
         ),
         "never resampled: do so when fewer than half of the particles count": (
-            "_effective_sample_size(weights) < len(x) / 2",
-            "False",
+            "_effective_sample_size(weights) < len(x) / 2 => False"
         ),
         "resampled when the weights are good: the comparison is the wrong way round": (
-            "< len(x) / 2",
-            "> len(x) / 2",
+            "< len(x) / 2 => > len(x) / 2"
         ),
         "one noise for all: every particle slips on its own": (
-            "x + move + slip",
-            "x + move + slip[0]",
+            "x + move + slip => x + move + slip[0]"
         ),
         "the slip was forgotten: particles that do not differ cannot be told apart": (
-            "x + move + slip",
-            "x + move",
+            "x + move + slip => x + move"
         ),
         "the old weights are forgotten at each reading": (
-            "_new_weights(weights, ",
-            "_new_weights(np.ones(len(x)), ",
+            "_new_weights(weights,  => _new_weights(np.ones(len(x)), "
         ),
         "sigma stands outside of the square: the error is counted in sigmas, then squared": (
-            "((reading - expected) / sigma) ** 2",
-            "(reading - expected) ** 2 / sigma",
+            "((reading - expected) / sigma) ** 2 => (reading - expected) ** 2 / sigma"
         ),
-        "the half in the exponent is missing": ("-0.5 * ((", "-1.0 * (("),
+        "the half in the exponent is missing": "-0.5 * (( => -1.0 * ((",
         "the first door is not the nearest: take the smallest distance": (
-            ".min(axis=1)",
-            "[:, 0]",
+            ".min(axis=1) => [:, 0]"
         ),
         "the minimum was taken over the particles: each has a nearest door of its own": (
-            ".min(axis=1)",
-            ".min(axis=0).mean()",
+            ".min(axis=1) => .min(axis=0).mean()"
         ),
         "the likelihood of a near door is small: the exponent is negative": (
-            "-0.5 * ((",
-            "0.5 * ((",
+            "-0.5 * (( => 0.5 * (("
         ),
         "it looked before it moved: the reading is taken after the step": (
-            "np.abs(x[:, None] - doors)",
-            "np.abs((x - move - slip)[:, None] - doors)",
+            "np.abs(x[:, None] - doors) => np.abs((x - move - slip)[:, None] - doors)"
         ),
     },
     tolerance=1e-8,

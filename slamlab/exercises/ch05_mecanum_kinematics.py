@@ -46,45 +46,36 @@ check_wheels = Check(
     },
     {
         "left and right are swapped: V_2 is positive to the left, so front-left slows down": (
-            "= u[0], u[1]",
-            "= u[0], -u[1]",
+            "= u[0], u[1] => = u[0], -u[1]"
         ),
         "the turn has the wrong sign: turning left speeds the right wheels up": (
-            "* u[2]",
-            "* -u[2]",
+            "* u[2] => * -u[2]"
         ),
         "the lever is half length plus half width: one of them is missing": (
-            "(half_length + half_width)",
-            "half_length",
+            "(half_length + half_width) => half_length"
         ),
         "the lever is half length plus half width: the half length is missing": (
-            "(half_length + half_width)",
-            "half_width",
+            "(half_length + half_width) => half_width"
         ),
         "the lever is the sum of the half lengths; their difference belongs to wheels mounted "
-        "the other way round": ("half_length + half_width", "half_length - half_width"),
+        "the other way round": "half_length + half_width => half_length - half_width",
         "the lever of this wheel is the sum of the half lengths, not the distance to the centre": (
-            "(half_length + half_width)",
-            "np.hypot(half_length, half_width)",
+            "(half_length + half_width) => np.hypot(half_length, half_width)"
         ),
         "the lever is the sum of the half lengths, not twice that": (
-            "(half_length + half_width)",
-            "2 * (half_length + half_width)",
+            "(half_length + half_width) => 2 * (half_length + half_width)"
         ),
         "the lever is the sum of the half lengths, not their mean": (
-            "(half_length + half_width)",
-            "(half_length + half_width) / 2",
+            "(half_length + half_width) => (half_length + half_width) / 2"
         ),
         "the turn acts at a lever: multiply omega by the half lengths": (
-            "(half_length + half_width) * ",
-            "",
+            "(half_length + half_width) *  => "
         ),
         "multiplied by the wheel radius: a speed over the floor divided by r is a spin": (
-            "/ r",
-            "* r",
+            "/ r => * r"
         ),
-        "these are speeds over the floor (m/s): divide by the wheel radius": (" / r", ""),
-        "divided by the wheel's diameter: the radius is due": ("/ r", "/ (2 * r)"),
+        "these are speeds over the floor (m/s): divide by the wheel radius": " / r => ",
+        "divided by the wheel's diameter: the radius is due": "/ r => / (2 * r)",
         "the wheels come in another order: front-left, front-right, rear-left, rear-right": (
             lambda *given: _wheel_speeds(*given)[[0, 1, 3, 2]]
         ),
@@ -92,10 +83,10 @@ check_wheels = Check(
             lambda *given: _wheel_speeds(*given)[[1, 0, 3, 2]]
         ),
         "the rear wheels strafe like the front ones: their rollers point the other way": (
-            "forward + left - turn, forward - left + turn",
-            "forward - left - turn, forward + left + turn",
+            "forward + left - turn, forward - left + turn"
+            " => forward - left - turn, forward + left + turn"
         ),
-        "this is the inverse map with its quarter: the wheels are asked for": ("/ r", "/ r / 4"),
+        "this is the inverse map with its quarter: the wheels are asked for": "/ r => / r / 4",
     },
 )
 
@@ -132,54 +123,42 @@ check_step = Check(
     },
     {
         "this is Euler's step: the velocity turns with the robot during dt": (
-            "pose[2] + h, dt * np.sinc(h / np.pi)",
-            "pose[2], dt",
+            "pose[2] + h, dt * np.sinc(h / np.pi) => pose[2], dt"
         ),
         "this is the midpoint rule: the chord is shorter than the arc, by sin(h)/h": (
-            "dt * np.sinc(h / np.pi)",
-            "dt",
+            "dt * np.sinc(h / np.pi) => dt"
         ),
         "the heading of the end of the step was used: the middle one is due": (
-            "pose[2] + h,",
-            "pose[2] + 2 * h,",
+            "pose[2] + h, => pose[2] + 2 * h,"
         ),
         "the heading of the start of the step was used: the middle one is due": (
-            "pose[2] + h,",
-            "pose[2],",
+            "pose[2] + h, => pose[2],"
         ),
         "h is half the turn of the step, in the factor too": (
-            "np.sinc(h / np.pi)",
-            "np.sinc(2 * h / np.pi)",
+            "np.sinc(h / np.pi) => np.sinc(2 * h / np.pi)"
         ),
-        "np.sinc(x) is sin(pi x) / (pi x): divide h by pi": ("h / np.pi", "h"),
+        "np.sinc(x) is sin(pi x) / (pi x): divide h by pi": "h / np.pi => h",
         "0/0 without a turn: sin(h)/h is 1 at h = 0, and np.sinc(h / np.pi) knows it": (
-            "np.sinc(h / np.pi)",
-            "np.sin(h) / h",
+            "np.sinc(h / np.pi) => np.sin(h) / h"
         ),
         "rotated the wrong way round: body to world turns by plus theta": (
-            "c, s = np.cos(middle), np.sin(middle)",
-            "c, s = np.cos(middle), -np.sin(middle)",
+            "c, s = np.cos(middle), np.sin(middle) => c, s = np.cos(middle), -np.sin(middle)"
         ),
         "u is a velocity of the body: rotate it into the world": (
-            "middle, chord = pose[2] + h",
-            "middle, chord = h",
+            "middle, chord = pose[2] + h => middle, chord = h"
         ),
-        "the heading leaves (-pi, pi]: wrap it": ("wrap_angle(", "("),
+        "the heading leaves (-pi, pi]: wrap it": "wrap_angle( => (",
         "V_2 is missing: this robot also moves to its left": (
-            " - s * u[1]",
-            "",
-            " + c * u[1]",
-            "",
+            " - s * u[1] => ",
+            " + c * u[1] => ",
         ),
         "the step alone came: it is added to the pose": (
-            "x = pose[0] + ",
-            "x = ",
-            "y = pose[1] + ",
-            "y = ",
+            "x = pose[0] +  => x = ",
+            "y = pose[1] +  => y = ",
         ),
-        "the heading did not turn": ("pose[2] + u[2] * dt", "pose[2]"),
-        "dt is missing in the heading: omega acts for dt": ("u[2] * dt)", "u[2])"),
-        "dt is missing in the place: a velocity acts for dt": ("dt * np.sinc", "np.sinc"),
+        "the heading did not turn": "pose[2] + u[2] * dt => pose[2]",
+        "dt is missing in the heading: omega acts for dt": "u[2] * dt) => u[2])",
+        "dt is missing in the place: a velocity acts for dt": "dt * np.sinc => np.sinc",
     },
 )
 
@@ -211,24 +190,22 @@ check_noise = Check(
         ),
     },
     {
-        "dt is missing, as in the printed (17): a velocity acts for the time dt": ("dt * ", ""),
+        "dt is missing, as in the printed (17): a velocity acts for the time dt": "dt *  => ",
         "dt enters once: it stands in F_u on both sides": (
             lambda theta, dt, V: _process_noise(theta, 1.0, V) * dt
         ),
         "the noise was not turned into the world": (lambda theta, dt, V: dt**2 * V),
         "rotated the wrong way round: F_u V F_u^T, not F_u^T V F_u": (
-            "F_u @ V @ F_u.T",
-            "F_u.T @ V @ F_u",
+            "F_u @ V @ F_u.T => F_u.T @ V @ F_u"
         ),
-        "the second F_u is not transposed": ("F_u.T", "F_u"),
-        "the second F_u is missing: a covariance is turned from both sides": (" @ F_u.T", ""),
-        "this is F_u: the covariance F_u V F_u^T is due": ("F_u @ V @ F_u.T", "F_u"),
-        "the heading's noise got lost: omega acts for dt as well": ("0.0, 1.0]", "0.0, 0.0]"),
+        "the second F_u is not transposed": "F_u.T => F_u",
+        "the second F_u is missing: a covariance is turned from both sides": " @ F_u.T => ",
+        "this is F_u: the covariance F_u V F_u^T is due": "F_u @ V @ F_u.T => F_u",
+        "the heading's noise got lost: omega acts for dt as well": "0.0, 1.0] => 0.0, 0.0]",
         "dt was left out for the heading: omega acts for dt as well": (
-            "0.0, 1.0]",
-            "0.0, 1 / dt]",
+            "0.0, 1.0] => 0.0, 1 / dt]"
         ),
-        "V is a covariance already: it is not squared": ("@ V @", "@ V @ V @"),
+        "V is a covariance already: it is not squared": "@ V @ => @ V @ V @",
     },
 )
 
@@ -256,39 +233,33 @@ check_slip = Check(
     },
     {
         "this pattern is a turn: right against left is what a rotating robot does": (
-            _PATTERN,
-            "[-1.0, 1.0, -1.0, 1.0]",
+            f"{_PATTERN} => [-1.0, 1.0, -1.0, 1.0]"
         ),
         "this pattern is a turn to the right: left against right": (
-            _PATTERN,
-            "[1.0, -1.0, 1.0, -1.0]",
+            f"{_PATTERN} => [1.0, -1.0, 1.0, -1.0]"
         ),
         "this pattern is strafing: diagonal against diagonal is a motion": (
-            _PATTERN,
-            "[-1.0, 1.0, 1.0, -1.0]",
+            f"{_PATTERN} => [-1.0, 1.0, 1.0, -1.0]"
         ),
-        "all wheels together are forward motion, not slip": (_PATTERN, "[1.0, 1.0, 1.0, 1.0]"),
-        "the sum of four independent errors has 2 sigma, not sigma": ("(2 * sigma)", "sigma"),
+        "all wheels together are forward motion, not slip": (
+            f"{_PATTERN} => [1.0, 1.0, 1.0, 1.0]"
+        ),
+        "the sum of four independent errors has 2 sigma, not sigma": "(2 * sigma) => sigma",
         "the sum of four independent errors has 2 sigma, not 4: variances add": (
-            "(2 * sigma)",
-            "(4 * sigma)",
+            "(2 * sigma) => (4 * sigma)"
         ),
         "the sum of four independent errors has 2 sigma, not sqrt(2): four wheels are in it": (
-            "(2 * sigma)",
-            "(np.sqrt(2) * sigma)",
+            "(2 * sigma) => (np.sqrt(2) * sigma)"
         ),
         "divide by the standard deviation: 2 sigma, not 4 sigma squared": (
-            "(2 * sigma)",
-            "(4 * sigma**2)",
+            "(2 * sigma) => (4 * sigma**2)"
         ),
-        "this is not yet in units of its standard deviation": (" / (2 * sigma)", ""),
+        "this is not yet in units of its standard deviation": " / (2 * sigma) => ",
         "the sign is reversed: a front axle that spins too fast is positive": (
-            _PATTERN,
-            "[-1.0, -1.0, 1.0, 1.0]",
+            f"{_PATTERN} => [-1.0, -1.0, 1.0, 1.0]"
         ),
         "only one side was compared: all four wheels have a say": (
-            _PATTERN,
-            "[1.0, 0.0, -1.0, 0.0]",
+            f"{_PATTERN} => [1.0, 0.0, -1.0, 0.0]"
         ),
         "the size alone came: the sign tells which axle spins": (
             lambda wheels, sigma: np.abs(_slip_alarm(wheels, sigma))
@@ -345,32 +316,27 @@ check_odometry = Check(
         ),
     },
     {
-        "this is F^T P F: F P F^T is due": ("F @ P @ F.T", "F.T @ P @ F"),
-        "a doubt of the heading becomes one of the place: F P F^T is due": ("F @ P @ F.T", "P"),
-        "the noise of the wheels is missing": (" + _process_noise(pose[2], dt, V)", ""),
-        "sigma is a standard deviation: V holds its square": ("sigma**2 * B", "sigma * B"),
+        "this is F^T P F: F P F^T is due": "F @ P @ F.T => F.T @ P @ F",
+        "a doubt of the heading becomes one of the place: F P F^T is due": "F @ P @ F.T => P",
+        "the noise of the wheels is missing": " + _process_noise(pose[2], dt, V) => ",
+        "sigma is a standard deviation: V holds its square": "sigma**2 * B => sigma * B",
         "the noise of the wheels was taken for that of the body: V = sigma^2 B B^T": (
-            "sigma**2 * B @ B.T",
-            "sigma**2 * np.eye(3)",
+            "sigma**2 * B @ B.T => sigma**2 * np.eye(3)"
         ),
         "the lever multiplies: turning at omega needs wheel speeds of lever omega": (
-            "/ lever]",
-            "* lever]",
+            "/ lever] => * lever]"
         ),
         "the turn has the wrong sign: the right wheels are faster when it turns left": (
-            "/ lever]",
-            "/ -lever]",
+            "/ lever] => / -lever]"
         ),
-        "a quarter is missing: four wheels share the motion": ("r / 4 *", "r *"),
+        "a quarter is missing: four wheels share the motion": "r / 4 * => r *",
         "the wheels come in another order: front left, front right, rear left, rear right": (
-            "[-1, 1, 1, -1]",
-            "[1, -1, -1, 1]",
+            "[-1, 1, 1, -1] => [1, -1, -1, 1]"
         ),
         "F lacks the sideways speed": (
-            "[-s * u[0] - c * u[1], c * u[0] - s * u[1]]",
-            "[-s * u[0], c * u[0]]",
+            "[-s * u[0] - c * u[1], c * u[0] - s * u[1]] => [-s * u[0], c * u[0]]"
         ),
-        "dt is missing in F": ("dt * np.array([-s", "np.array([-s"),
+        "dt is missing in F": "dt * np.array([-s => np.array([-s",
         "the last belief came: the one after each step is due": (
             lambda *given: (_odometry(*given)[0][-1], _odometry(*given)[1][-1])
         ),

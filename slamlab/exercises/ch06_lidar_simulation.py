@@ -125,16 +125,14 @@ check_first_hit = Check(
             lambda o, x, y, a: _first_hit(o, x, y, a) * abs(np.cos(a))
         ),
         "the start was rounded: its cell is the whole part of x and y": (
-            "int(x), int(y)",
-            "round(x), round(y)",
+            "int(x), int(y) => round(x), round(y)"
         ),
         "the beam began in the middle of its cell": (
             lambda o, x, y, a: _first_hit(o, int(x) + 0.5, int(y) + 0.5, a)
         ),
         "the angle grows counterclockwise: y upwards": lambda o, x, y, a: _first_hit(o, x, y, -a),
         "the cell of the start was not looked at": (
-            "if occupied[row, column]:",
-            "if t and occupied[row, column]:",
+            "if occupied[row, column]: => if t and occupied[row, column]:"
         ),
     },
     draws=30,
@@ -189,27 +187,25 @@ check_beam_angles = Check(
     },
     {
         "in a full circle the first and the last beam must not look the same way": (
-            "field_of_view >= 2 * np.pi",
-            "False",
+            "field_of_view >= 2 * np.pi => False"
         ),
         "these turn clockwise: angles grow counterclockwise": lambda n, v: -_beam_angles(n, v),
         "these are degrees: radians are due": lambda n, v: np.rad2deg(_beam_angles(n, v)),
         "a part of the circle has a beam on both of its edges": (
-            "np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)",
-            "-field_of_view / 2 + field_of_view * np.arange(n_beams) / n_beams",
+            "np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)"
+            " => -field_of_view / 2 + field_of_view * np.arange(n_beams) / n_beams"
         ),
         "a part of the circle lies symmetrically around straight ahead": _from_ahead,
         "whole degrees, as P5 has it: 360 // n leaves a gap or puts all beams on one ray": (
             _whole_degrees
         ),
-        "a single beam looks straight ahead, not along the edge": ("n_beams == 1", "False"),
+        "a single beam looks straight ahead, not along the edge": "n_beams == 1 => False",
         "a full circle begins straight ahead, not behind": (
-            "2 * np.pi * np.arange(n_beams) / n_beams",
-            "2 * np.pi * np.arange(n_beams) / n_beams - np.pi",
+            "2 * np.pi * np.arange(n_beams) / n_beams"
+            " => 2 * np.pi * np.arange(n_beams) / n_beams - np.pi"
         ),
         "the fan is twice as wide as the field of view": (
-            "-field_of_view / 2, field_of_view / 2,",
-            "-field_of_view, field_of_view,",
+            "-field_of_view / 2, field_of_view / 2, => -field_of_view, field_of_view,"
         ),
     },
     use=_up_to_turns,
@@ -256,31 +252,26 @@ check_scan_to_points = Check(
             lambda p, r, a: _scan_to_points(p, r[np.isfinite(r)], a[: np.isfinite(r).sum()])
         ),
         "inf is no place: a beam that met nothing gives NaN": (
-            "np.where(np.isfinite(ranges), ranges, np.nan)",
-            "ranges",
+            "np.where(np.isfinite(ranges), ranges, np.nan) => ranges"
         ),
         "a missing return became a point on the robot: NaN is due": (
-            "ranges, np.nan",
-            "ranges, 0.0",
+            "ranges, np.nan => ranges, 0.0"
         ),
-        "the heading is missing: beams turn with the robot": ("pose[2] + angles", "angles"),
+        "the heading is missing: beams turn with the robot": "pose[2] + angles => angles",
         "the position is missing: these points are seen from the robot": (
-            "pose[0] + ",
-            "",
-            "pose[1] + ",
-            "",
+            "pose[0] +  => ",
+            "pose[1] +  => ",
         ),
         "the scan was turned against the heading: add it, do not subtract it": (
-            "pose[2] + angles",
-            "angles - pose[2]",
+            "pose[2] + angles => angles - pose[2]"
         ),
-        "these angles are radians already": ("pose[2] + angles", "np.deg2rad(pose[2] + angles)"),
+        "these angles are radians already": "pose[2] + angles => np.deg2rad(pose[2] + angles)",
         "sine and cosine are exchanged: angle 0 points along x": (
-            "np.cos(beams), pose[1] + kept * np.sin(beams)",
-            "np.sin(beams), pose[1] + kept * np.cos(beams)",
+            "np.cos(beams), pose[1] + kept * np.sin(beams)"
+            " => np.sin(beams), pose[1] + kept * np.cos(beams)"
         ),
-        "x and y are exchanged": ("[x, y]", "[y, x]"),
-        "this is the transpose: one row a beam": ("[x, y], -1", "[x, y]"),
+        "x and y are exchanged": "[x, y] => [y, x]",
+        "this is the transpose: one row a beam": "[x, y], -1 => [x, y]",
         "the scan was turned about the wrong point: turn it first, then move it": (
             lambda p, r, a: _turned_after(p, r, a)
         ),
@@ -352,39 +343,32 @@ check_nearest_wall = Check(
     },
     {
         "walls behind the lidar are met as well: only those ahead count, t >= 0": (
-            "(t >= 0) & ",
-            "",
-            "t[met].min()",
-            "np.abs(t[met]).min()",
+            "(t >= 0) &  => ",
+            "t[met].min() => np.abs(t[met]).min()",
         ),
-        "a range is negative: walls behind the lidar do not count": ("(t >= 0) & ", ""),
+        "a range is negative: walls behind the lidar do not count": "(t >= 0) &  => ",
         "this is the first wall of the list that is met: the nearest is due": (
-            "t[met].min()",
-            "t[met][0]",
+            "t[met].min() => t[met][0]"
         ),
         "this is the last wall of the list that is met: the nearest is due": (
-            "t[met].min()",
-            "t[met][-1]",
+            "t[met].min() => t[met][-1]"
         ),
-        "this is the farthest wall that is met: the nearest hides it": ("min()", "max()"),
+        "this is the farthest wall that is met: the nearest hides it": "min() => max()",
         "the walls go on for ever: each ends where s leaves 0 to 1": (
-            " & (s >= 0) & (s <= 1)",
-            "",
+            " & (s >= 0) & (s <= 1) => "
         ),
-        "a wall goes on beyond its second end: s <= 1": (" & (s <= 1)", ""),
-        "a wall goes on before its first end: s >= 0": (" & (s >= 0)", ""),
-        "a wall was made twice as long: s runs from 0 to 1, not from -1": ("s >= 0", "s >= -1"),
-        "a beam that meets nothing gives inf": ("else np.inf", "else 0.0"),
+        "a wall goes on beyond its second end: s <= 1": " & (s <= 1) => ",
+        "a wall goes on before its first end: s >= 0": " & (s >= 0) => ",
+        "a wall was made twice as long: s runs from 0 to 1, not from -1": "s >= 0 => s >= -1",
+        "a beam that meets nothing gives inf": "else np.inf => else 0.0",
         "t and s are exchanged: t runs along the beam, s along the wall": (
-            "met = (t",
-            "t, s = s, t\n    met = (t",
+            "met = (t => t, s = s, t\n    met = (t"
         ),
         "sine and cosine are exchanged: angle 0 points along x": (
-            "[np.cos(angle), np.sin(angle)]",
-            "[np.sin(angle), np.cos(angle)]",
+            "[np.cos(angle), np.sin(angle)] => [np.sin(angle), np.cos(angle)]"
         ),
-        "x and y have no effect: the beam starts there": ("- np.array([x, y])", "- 0.0"),
-        "det has the wrong sign: it is d x along, not along x d": ("det = d", "det = -d"),
+        "x and y have no effect: the beam starts there": "- np.array([x, y]) => - 0.0",
+        "det has the wrong sign: it is d x along, not along x d": "det = d => det = -d",
     },
     draws=15,
     tolerance=1e-8,
@@ -447,35 +431,28 @@ check_record = Check(
     },
     {
         "a pose is in metres, `first_hit` counts in cells: divide by the resolution": (
-            "x / resolution, y / resolution",
-            "x, y",
+            "x / resolution, y / resolution => x, y"
         ),
-        "the ranges are in cells: metres are due": ("r = resolution * ", "r = "),
+        "the ranges are in cells: metres are due": "r = resolution *  => r = ",
         "the resolution was used the wrong way round: cells times resolution are metres": (
-            "r = resolution * _first_hit(",
-            "r = _first_hit(",
-            "if r <=",
-            "/ resolution if r / resolution <=",
+            "r = resolution * _first_hit( => r = _first_hit(",
+            "if r <= => / resolution if r / resolution <=",
         ),
         "the beams do not turn with the robot: add its heading to the direction of the beam": (
-            "float(heading + angle)",
-            "float(angle)",
+            "float(heading + angle) => float(angle)"
         ),
         "the heading counts twice in the points": (
-            "ranges[k], angles)",
-            "ranges[k], angles + heading)",
+            "ranges[k], angles) => ranges[k], angles + heading)"
         ),
         "the points are seen from the robot: the world is due": (
-            "_scan_to_points(poses[k], ",
-            "_scan_to_points(np.zeros(3), ",
+            "_scan_to_points(poses[k],  => _scan_to_points(np.zeros(3), "
         ),
         "every scan was taken from the first pose": (
             lambda o, s, p, n, v, m: _record(o, s, np.repeat(p[:1], len(p), 0), n, v, m)
         ),
-        "what is farther than max_range is not seen: inf is due": ("if r <= max_range", "if True"),
+        "what is farther than max_range is not seen: inf is due": "if r <= max_range => if True",
         "a beam that met nothing within its reach has the range inf, not max_range": (
-            "if r <= max_range else np.inf",
-            "if r <= max_range else max_range",
+            "if r <= max_range else np.inf => if r <= max_range else max_range"
         ),
         "the points are right, but the range of a beam that met nothing is inf, not max_range": (
             lambda o, s, p, n, v, m: (
@@ -484,12 +461,10 @@ check_record = Check(
             )
         ),
         "max_range is in metres: it was compared with cells": (
-            "if r <= max_range",
-            "if r / resolution <= max_range",
+            "if r <= max_range => if r / resolution <= max_range"
         ),
         "the points came in cells: metres are due": (
-            "return ranges, points",
-            "return ranges, points / resolution",
+            "return ranges, points => return ranges, points / resolution"
         ),
     },
     tolerance=1e-7,

@@ -84,12 +84,10 @@ check_line = Check(
             lambda p: (_ordinary(p[:, ::-1])[0], np.pi / 2 - _ordinary(p[:, ::-1])[1])
         ),
         "this is the direction along the wall: the normal is the one with the smaller spread": (
-            "[2][1]",
-            "[2][0]",
+            "[2][1] => [2][0]"
         ),
         "subtract the centre of the points before looking for their spread": (
-            "points - centre",
-            "points",
+            "points - centre => points"
         ),
         "r is negative: turn the normal by half a turn and the sign of r with it": _not_renamed,
         "r lost its sign, but alpha was not turned by half a turn: that is another wall": (
@@ -156,8 +154,7 @@ check_corner = Check(
     },
     {
         "the distance has a sign: a corner on the other side of the chord was overlooked": (
-            "np.abs(",
-            "(",
+            "np.abs( => ("
         ),
         "this is the distance from the fitted line, largest at an end: cut by the chord": (
             _from_fit
@@ -228,34 +225,28 @@ check_wall_cov = Check(
             lambda t, w: _wall_cov(t, w) * [[1, -1], [-1, 1]]
         ),
         "measure the places from their mean: the wall turns about the middle of its points": (
-            "along, along.mean()",
-            "along, 0.0",
+            "along, along.mean() => along, 0.0"
         ),
         "r is the distance at the foot of the perpendicular: the turn moves it too, by mean(t)": (
-            " + middle * row_alpha",
-            " + 0.0 * row_alpha",
+            " + middle * row_alpha =>  + 0.0 * row_alpha"
         ),
         "each point has a variance of its own: weigh by it before summing": (
-            "J * variances",
-            "J * variances.mean()",
+            "J * variances => J * variances.mean()"
         ),
         "these look like standard deviations: the variances were given, do not square them": (
-            "J * variances",
-            "J * variances**2",
+            "J * variances => J * variances**2"
         ),
         "the roots of the variances were used: the variances themselves are due": (
-            "J * variances",
-            "J * np.sqrt(variances)",
+            "J * variances => J * np.sqrt(variances)"
         ),
         "this does not shrink with more points: the average of k errors has 1/k of it": (
             lambda t, w: _wall_cov(t, w) * len(t)
         ),
-        "the variances are not used: each error counts with its own": ("J * variances", "J"),
+        "the variances are not used: each error counts with its own": "J * variances => J",
         "alpha comes second: rows and columns are r, alpha": (
-            "[row_r, row_alpha]",
-            "[row_alpha, row_r]",
+            "[row_r, row_alpha] => [row_alpha, row_r]"
         ),
-        "S is a sum of squares, not their mean": ("np.sum((t - middle) ** 2)", "t.var()"),
+        "S is a sum of squares, not their mean": "np.sum((t - middle) ** 2) => t.var()",
     },
 )
 
@@ -308,46 +299,35 @@ check_to_world = Check(
     },
     {
         "C needs its lever: who errs about alpha from far away errs about r": (
-            "J_wall @ C @ J_wall.T",
-            "C",
+            "J_wall @ C @ J_wall.T => C"
         ),
         "the wall has its other name, its covariance has not: r turned its sign, alpha did not": (
-            "        cov = cov * np.array([[1.0, -1.0], [-1.0, 1.0]])\n",
-            "",
+            "cov * np.array([[1.0, -1.0], [-1.0, 1.0]]) => cov"
         ),
-        "r is negative: the same wall is (-r, alpha + pi)": (
-            "if r < 0:",
-            "if False:",
-        ),
+        "r is negative: the same wall is (-r, alpha + pi)": "if r < 0: => if False:",
         "r was made positive, alpha was not turned by half a turn": (
-            "-r, alpha + np.pi",
-            "-r, alpha",
+            "-r, alpha + np.pi => -r, alpha"
         ),
-        "alpha is not wrapped to (-pi, pi]": ("wrap_angle(alpha)", "alpha"),
-        "the heading is missing: alpha was seen from the robot": ("wall[1] + pose[2]", "wall[1]"),
+        "alpha is not wrapped to (-pi, pi]": "wrap_angle(alpha) => alpha",
+        "the heading is missing: alpha was seen from the robot": "wall[1] + pose[2] => wall[1]",
         "the heading was taken off: alpha in the world is larger by it": (
-            "wall[1] + pose[2]",
-            "wall[1] - pose[2]",
+            "wall[1] + pose[2] => wall[1] - pose[2]"
         ),
         "the place of the robot was taken off: it is added along the normal": (
-            "r + pose[0] * c + pose[1] * s",
-            "r - pose[0] * c - pose[1] * s",
+            "r + pose[0] * c + pose[1] * s => r - pose[0] * c - pose[1] * s"
         ),
         "r did not change: from the origin the wall is nearer or farther": (
-            "r + pose[0] * c + pose[1] * s",
-            "r",
+            "r + pose[0] * c + pose[1] * s => r"
         ),
-        "the doubt about the pose is missing": ("J_pose @ P @ J_pose.T + ", ""),
-        "the wall's own doubt is missing": (" + J_wall @ C @ J_wall.T", ""),
+        "the doubt about the pose is missing": "J_pose @ P @ J_pose.T +  => ",
+        "the wall's own doubt is missing": " + J_wall @ C @ J_wall.T => ",
         "the lever is missing in the pose's part: a turn of the robot swings the wall": (
-            "[c, s, lever]",
-            "[c, s, 0.0]",
+            "[c, s, lever] => [c, s, 0.0]"
         ),
         "the lever has the wrong sign: it is the derivative of r by alpha": (
-            "pose[1] * c - pose[0] * s",
-            "pose[0] * s - pose[1] * c",
+            "pose[1] * c - pose[0] * s => pose[0] * s - pose[1] * c"
         ),
-        "the doubt about the heading does not reach alpha": ("[0.0, 0.0, 1.0]]", "[0.0] * 3]"),
+        "the doubt about the heading does not reach alpha": "[0.0, 0.0, 1.0]] => [0.0] * 3]",
     },
     tolerance=1e-6,
 )
@@ -431,56 +411,44 @@ check_walls = Check(
     },
     {
         "nothing was cut: one line goes through all points": (
-            ".max() <= threshold",
-            ".max() >= 0",
+            ".max() <= threshold => .max() >= 0"
         ),
         "cut once only: ask the same of both pieces": _cut_once,
         "the chord decided: the distance from the fitted line is due": _by_the_chord,
         "the mean distance decided: no point may lie farther off than the threshold": (
-            ".max() <= threshold",
-            ".mean() <= threshold",
+            ".max() <= threshold => .mean() <= threshold"
         ),
         "the distance has a sign: points on the other side were overlooked": (
-            "np.abs(points @ normal - r)",
-            "(points @ normal - r)",
+            "np.abs(points @ normal - r) => (points @ normal - r)"
         ),
         "a piece with fewer than `fewest` points is no wall": (
-            "len(points) < fewest",
-            "len(points) < 2",
+            "len(points) < fewest => len(points) < 2"
         ),
         "a piece with exactly `fewest` points is a wall": (
-            "len(points) < fewest",
-            "len(points) <= fewest",
+            "len(points) < fewest => len(points) <= fewest"
         ),
         "the corner was given to both pieces: it begins the second": (
-            "points[:cut]",
-            "points[: cut + 1]",
+            "points[:cut] => points[: cut + 1]"
         ),
         "the corner was given to the first piece: it begins the second": (
-            "points[:cut]",
-            "points[: cut + 1]",
-            "points[cut:]",
-            "points[cut + 1 :]",
+            "points[:cut] => points[: cut + 1]",
+            "points[cut:] => points[cut + 1 :]",
         ),
         "only the first pieces came: the second ones hold walls too": (
-            "np.vstack([first[0], second[0]]), np.concatenate([first[1], second[1]])",
-            "first",
+            "np.vstack([first[0], second[0]]), np.concatenate([first[1], second[1]]) => first"
         ),
         "the walls came in the order of the last: the first points make the first wall": (
-            "[first[0], second[0]]), np.concatenate([first[1], second[1]])",
-            "[second[0], first[0]]), np.concatenate([second[1], first[1]])",
+            "[first[0], second[0]]), np.concatenate([first[1], second[1]])"
+            " => [second[0], first[0]]), np.concatenate([second[1], first[1]])"
         ),
         "places along the wall grow along (-sin, cos): the corner elements have the wrong sign": (
-            "[-np.sin(alpha), np.cos(alpha)]",
-            "[np.sin(alpha), -np.cos(alpha)]",
+            "[-np.sin(alpha), np.cos(alpha)] => [np.sin(alpha), -np.cos(alpha)]"
         ),
         "places along the wall were counted from the middle: count from the foot": (
-            "_wall_cov(places,",
-            "_wall_cov(places - places.mean(),",
+            "_wall_cov(places, => _wall_cov(places - places.mean(),"
         ),
         "places along the wall were counted from its first point: count from the foot": (
-            "_wall_cov(places,",
-            "_wall_cov(places - places[0],",
+            "_wall_cov(places, => _wall_cov(places - places[0],"
         ),
     },
     tolerance=1e-7,

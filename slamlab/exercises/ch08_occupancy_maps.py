@@ -49,18 +49,17 @@ check_fuse = Check(
     },
     {
         "the prior is in every hint: take it out of each, or it counts again and again": (
-            "(np.log(hints / (1 - hints)) - start)",
-            "(np.log(hints / (1 - hints)))",
+            "(np.log(hints / (1 - hints)) - start) => (np.log(hints / (1 - hints)))"
         ),
         "the prior was taken out once only: it is in every hint": (
-            "start + np.sum(np.log(hints / (1 - hints)) - start)",
-            "np.sum(np.log(hints / (1 - hints)))",
+            "start + np.sum(np.log(hints / (1 - hints)) - start)"
+            " => np.sum(np.log(hints / (1 - hints)))"
         ),
-        "the prior itself is missing: without any hint it is the answer": ("start + ", ""),
+        "the prior itself is missing: without any hint it is the answer": "start +  => ",
         "the hints were averaged: agreeing hints must make the map surer than each of them": (
             lambda p, h: np.mean([p, *h])
         ),
-        "the log odds were averaged: evidence adds up": ("start + np.sum(", "start + np.mean("),
+        "the log odds were averaged: evidence adds up": "start + np.sum( => start + np.mean(",
         "probabilities were multiplied: odds multiply": lambda p, h: p * np.prod(h),
         "only the last hint counts here: the earlier ones are evidence too": (
             lambda p, h: h[-1] if len(h) else p
@@ -68,10 +67,10 @@ check_fuse = Check(
         "only the largest hint counts here: all are evidence": (
             lambda p, h: h.max() if len(h) else p
         ),
-        "these are log odds: return the probability": ("1 / (1 + np.exp(-total))", "total"),
-        "these are odds: return the probability": ("1 / (1 + np.exp(-total))", "np.exp(total)"),
-        "this is the probability that the cell is free": ("np.exp(-total)", "np.exp(total)"),
-        "p / (1 + p) is no odds: p / (1 - p)": ("hints / (1 - hints)", "hints / (1 + hints)"),
+        "these are log odds: return the probability": "1 / (1 + np.exp(-total)) => total",
+        "these are odds: return the probability": "1 / (1 + np.exp(-total)) => np.exp(total)",
+        "this is the probability that the cell is free": "np.exp(-total) => np.exp(total)",
+        "p / (1 + p) is no odds: p / (1 - p)": "hints / (1 - hints) => hints / (1 + hints)",
     },
     tolerance=1e-8,
 )
@@ -142,7 +141,7 @@ check_beam_evidence = Check(
             lambda n, d, m, hit, miss: _beam_evidence(n, d, m, hit, 0.0)
         ),
         "only the hit counts here; a beam that met nothing frees its way, as one that met a wall "
-        "frees the way to it": ("evidence[:end] = miss", "pass"),
+        "frees the way to it": "evidence[:end] = miss => pass",
         "the cell where the beam ended is not free as well: it gets the hit alone": (
             lambda n, d, m, hit, miss: np.where(
                 _beam_evidence(n, d, m, hit, miss) == hit,
@@ -151,8 +150,7 @@ check_beam_evidence = Check(
             )
         ),
         "a beam that met nothing frees its way up to max_range": (
-            "evidence[: int(max_range)] = miss",
-            "pass",
+            "evidence[: int(max_range)] = miss => pass"
         ),
         "a beam that met nothing hit nothing: there is no wall at max_range": (
             lambda n, d, m, hit, miss: (
@@ -160,26 +158,22 @@ check_beam_evidence = Check(
             )
         ),
         "a beam that met nothing says nothing beyond max_range": (
-            "evidence[: int(max_range)]",
-            "evidence[:]",
+            "evidence[: int(max_range)] => evidence[:]"
         ),
         "NaN is a lost reading: it says nothing, not even that the way is free": (
             _with_distance(lambda d, m: np.inf if np.isnan(d) else d)
         ),
         "one cell too far: a beam of 2.5 m ends in cell number 2": (
-            "end = int(distance)",
-            "end = int(distance) + 1",
+            "end = int(distance) => end = int(distance) + 1"
         ),
         "the distance was rounded: a beam of 2.7 m ends in cell number 2": (
-            "end = int(distance)",
-            "end = round(distance)",
+            "end = int(distance) => end = round(distance)"
         ),
-        "the cell before the hit is free too": ("[:end] = miss", "[: max(end - 1, 0)] = miss"),
+        "the cell before the hit is free too": "[:end] = miss => [: max(end - 1, 0)] = miss",
         "the first cell is free too: the robot looks through it": (
-            "evidence[:end]",
-            "evidence[1:end]",
+            "evidence[:end] => evidence[1:end]"
         ),
-        "a reading of exactly max_range met nothing": (">=", ">"),
+        "a reading of exactly max_range met nothing": ">= => >",
         "hit and miss are exchanged": (
             lambda n, d, m, hit, miss: _beam_evidence(n, d, m, miss, hit)
         ),
@@ -226,8 +220,8 @@ check_map_entropy = Check(
                 - (1 - 1 / (1 + np.exp(-log))) * np.log2(1 - 1 / (1 + np.exp(-log)))
             )
         ),
-        "these are nats: divide by ln 2 for bits": (" / np.log(2)", ""),
-        "this is the mean of the cells: their sum is due": ("np.sum(", "np.mean("),
+        "these are nats: divide by ln 2 for bits": " / np.log(2) => ",
+        "this is the mean of the cells: their sum is due": "np.sum( => np.mean(",
         "half is missing: free is a state too, -(1 - p) log(1 - p)": (
             lambda log: np.sum(_terms(_sure(log)))
         ),
@@ -244,7 +238,7 @@ check_map_entropy = Check(
         "one value a cell came: their sum is due": (
             lambda log: [_map_entropy(one) for one in log.ravel()]
         ),
-        "these are decimal digits: divide by ln 2 for bits": ("np.log(2)", "np.log(10)"),
+        "these are decimal digits: divide by ln 2 for bits": "np.log(2) => np.log(10)",
     },
     tolerance=1e-8,
 )
@@ -276,27 +270,23 @@ check_hits_needed = Check(
         "any sensor": _goal,
     },
     {
-        "rounded down: after so many hits the map is not sure yet": ("np.ceil", "np.floor"),
+        "rounded down: after so many hits the map is not sure yet": "np.ceil => np.floor",
         "rounded to the nearest: after so many hits the map may not be sure yet": (
-            "np.ceil",
-            "np.round",
+            "np.ceil => np.round"
         ),
-        "each hit adds log odds of p_hit *less those of the prior*": ("(step - start)", "step"),
-        "the map does not begin at zero: it begins at the prior": ("(end - start)", "end"),
+        "each hit adds log odds of p_hit *less those of the prior*": "(step - start) => step",
+        "the map does not begin at zero: it begins at the prior": "(end - start) => end",
         "the prior was taken for one half": (
-            "for p in (prior, p_hit, goal)",
-            "for p in (0.5, p_hit, goal)",
+            "for p in (prior, p_hit, goal) => for p in (0.5, p_hit, goal)"
         ),
         "probabilities were multiplied: hits multiply odds": (
             lambda p_hit, prior, goal: max(0, int(np.ceil(np.log(1 - goal) / np.log(1 - p_hit))))
         ),
         "a negative number of hits: a map that is sure enough needs none": (
-            "max(0, ",
-            "max(-99, ",
+            "max(0,  => max(-99, "
         ),
         "at least one hit was asked for: a map that is sure enough needs none": (
-            "max(0, ",
-            "max(1, ",
+            "max(0,  => max(1, "
         ),
     },
 )
@@ -392,58 +382,48 @@ check_insert = Check(
     },
     {
         "what was known before was forgotten: evidence adds to the old log odds": (
-            "new = log_odds.copy()",
-            "new = np.zeros_like(log_odds)",
+            "new = log_odds.copy() => new = np.zeros_like(log_odds)"
         ),
-        "nothing was freed: cells before the end were looked through": ("] += miss", "] += 0.0"),
-        "nothing was hit: the cell at the end is occupied": ("] += hit", "] += 0.0"),
+        "nothing was freed: cells before the end were looked through": "] += miss => ] += 0.0",
+        "nothing was hit: the cell at the end is occupied": "] += hit => ] += 0.0",
         "hit and miss are exchanged": (
-            "] += miss",
-            "] += hit",
-            "cell / 2] += hit",
-            "cell / 2] += miss",
+            "] += miss => ] += hit",
+            "cell / 2] += hit => cell / 2] += miss",
         ),
         "cells behind the end were freed: nobody has seen them": (
-            "distance < np.minimum(end - cell / 2, max_range)",
-            "(distance < max_range) & (np.abs(distance - end) > cell / 2)",
+            "distance < np.minimum(end - cell / 2, max_range)"
+            " => (distance < max_range) & (np.abs(distance - end) > cell / 2)"
         ),
         "the heading was forgotten: beams turn with the robot": (
-            "np.arctan2(dy, dx) - pose[2]",
-            "np.arctan2(dy, dx)",
+            "np.arctan2(dy, dx) - pose[2] => np.arctan2(dy, dx)"
         ),
         "the heading was added: the direction of a cell is seen from the robot": (
-            "np.arctan2(dy, dx) - pose[2]",
-            "np.arctan2(dy, dx) + pose[2]",
+            "np.arctan2(dy, dx) - pose[2] => np.arctan2(dy, dx) + pose[2]"
         ),
         "the nearest beam was looked for without a wrap": (
-            "np.abs(wrap_angle(direction[..., None] - angles))",
-            "np.abs(direction[..., None] - angles)",
+            "np.abs(wrap_angle(direction[..., None] - angles))"
+            " => np.abs(direction[..., None] - angles)"
         ),
         "the corners of cells were used: their centres are half a cell on": (
-            "(np.arange(columns) + 0.5) * cell",
-            "np.arange(columns) * cell",
-            "((np.arange(rows) + 0.5) * cell",
-            "(np.arange(rows) * cell",
+            "(np.arange(columns) + 0.5) * cell => np.arange(columns) * cell",
+            "((np.arange(rows) + 0.5) * cell => (np.arange(rows) * cell",
         ),
         "rows and columns are exchanged: rows go up, y": (
-            "dx = (np.arange(columns) + 0.5) * cell - pose[0]",
-            "dx = ((np.arange(rows) + 0.5) * cell - pose[0])[:, None]",
-            "dy = ((np.arange(rows) + 0.5) * cell - pose[1])[:, None]",
-            "dy = (np.arange(columns) + 0.5) * cell - pose[1]",
+            "dx = (np.arange(columns) + 0.5) * cell - pose[0]"
+            " => dx = ((np.arange(rows) + 0.5) * cell - pose[0])[:, None]",
+            "dy = ((np.arange(rows) + 0.5) * cell - pose[1])[:, None]"
+            " => dy = (np.arange(columns) + 0.5) * cell - pose[1]",
         ),
         "a beam that met nothing was left out: it frees everything up to its reach": (
-            "np.where(ranges >= max_range, np.inf, ranges)",
-            "np.where(ranges >= max_range, np.nan, ranges)",
+            "np.where(ranges >= max_range, np.inf, ranges)"
+            " => np.where(ranges >= max_range, np.nan, ranges)"
         ),
         "a beam that met nothing freed without end: the lidar sees no farther than its reach": (
-            "np.minimum(end - cell / 2, max_range)",
-            "(end - cell / 2)",
+            "np.minimum(end - cell / 2, max_range) => (end - cell / 2)"
         ),
         "the map was overwritten: evidence adds up": (
-            "] += miss",
-            "] = miss",
-            "cell / 2] += hit",
-            "cell / 2] = hit",
+            "] += miss => ] = miss",
+            "cell / 2] += hit => cell / 2] = hit",
         ),
     },
 )

@@ -49,64 +49,50 @@ check_jacobian = Check(
     },
     {
         "the sensor was put at the centre: it stands L ahead": (
-            "px + L * c, py + L * s",
-            "px, py",
+            "px + L * c, py + L * s => px, py"
         ),
         "C and D use the centre: the bearing is measured from the sensor, (26) and (27)": (
-            "-dy / squared, dx / squared",
-            "-py / squared, px / squared",
+            "-dy / squared, dx / squared => -py / squared, px / squared"
         ),
         "C and D use the centre, in the distance too: the bearing is measured from the sensor": (
-            "-dy / squared, dx / squared",
-            "-py / (px**2 + py**2), px / (px**2 + py**2)",
+            "-dy / squared, dx / squared => -py / (px**2 + py**2), px / (px**2 + py**2)"
         ),
         "E lacks its factor L, (28): without a lever, turning on the spot changes no range": (
-            "L * (B * c - A * s)",
-            "B * c - A * s",
+            "L * (B * c - A * s) => B * c - A * s"
         ),
         "the range row lacks its third entry: the lever swings the sensor": (
-            "L * (B * c - A * s)",
-            "0.0",
+            "L * (B * c - A * s) => 0.0"
         ),
         "E has the wrong sign: a turn to the left swings the sensor by (-L sin, L cos)": (
-            "L * (B * c - A * s)",
-            "L * (A * s - B * c)",
+            "L * (B * c - A * s) => L * (A * s - B * c)"
         ),
         "F has the derivative of the cosine as plus the sine, as (29) is printed": (
-            "L * (D * c - C * s) - 1",
-            "L * (px * c - py * s + L * np.cos(2 * pose[2])) / squared - 1",
+            "L * (D * c - C * s) - 1"
+            " => L * (px * c - py * s + L * np.cos(2 * pose[2])) / squared - 1"
         ),
         "F lacks its -1: a turn of the robot is taken off every bearing": (
-            "(D * c - C * s) - 1",
-            "(D * c - C * s)",
+            "(D * c - C * s) - 1 => (D * c - C * s)"
         ),
         "F is -1 only without a lever: the lever swings the sensor": (
-            "L * (D * c - C * s) - 1",
-            "-1.0",
+            "L * (D * c - C * s) - 1 => -1.0"
         ),
         "C and D are divided by the distance: its square is due": (
-            "-dy / squared, dx / squared",
-            "-dy / rho, dx / rho",
+            "-dy / squared, dx / squared => -dy / rho, dx / rho"
         ),
         "A and B are divided by the squared distance: the distance is due": (
-            "dx / rho, dy / rho",
-            "dx / squared, dy / squared",
+            "dx / rho, dy / rho => dx / squared, dy / squared"
         ),
         "the signs of C and D are exchanged": (
-            "-dy / squared, dx / squared",
-            "dy / squared, -dx / squared",
+            "-dy / squared, dx / squared => dy / squared, -dx / squared"
         ),
         "all signs are reversed: this is the derivative by the landmark, or d is turned": (
-            "[[A, B, E], [C, D, F]]",
-            "[[-A, -B, -E], [-C, -D, -F]]",
+            "[[A, B, E], [C, D, F]] => [[-A, -B, -E], [-C, -D, -F]]"
         ),
         "this is the transpose: rows are range and bearing, columns x, y and heading": (
-            "[[A, B, E], [C, D, F]]",
-            "[[A, C], [B, D], [E, F]]",
+            "[[A, B, E], [C, D, F]] => [[A, C], [B, D], [E, F]]"
         ),
         "the rows are exchanged: range first": (
-            "[[A, B, E], [C, D, F]]",
-            "[[C, D, F], [A, B, E]]",
+            "[[A, B, E], [C, D, F]] => [[C, D, F], [A, B, E]]"
         ),
     },
     tolerance=1e-4,
@@ -149,46 +135,37 @@ check_add_landmark = Check(
     },
     {
         "the new landmark is tied to nothing: the blocks beside it are G_pose P[:3, :]": (
-            "cross = G_pose @ P[:3, :]",
-            "cross = np.zeros((2, len(P)))",
+            "cross = G_pose @ P[:3, :] => cross = np.zeros((2, len(P)))"
         ),
         "it is tied to the pose but not to the old landmarks: use all columns of P[:3, :]": (
             _tied_to_the_pose_only
         ),
-        "the sensor's noise is missing: add G_z R G_z^T": (" + G_z @ R @ G_z.T", ""),
+        "the sensor's noise is missing: add G_z R G_z^T": " + G_z @ R @ G_z.T => ",
         "the robot's doubt is missing: add G_pose P_p G_pose^T": (
-            "G_pose @ P[:3, :3] @ G_pose.T + ",
-            "",
+            "G_pose @ P[:3, :3] @ G_pose.T +  => "
         ),
         "R is in metres and radians, the map in metres: it goes through G_z": (
-            "G_z @ R @ G_z.T",
-            "R",
+            "G_z @ R @ G_z.T => R"
         ),
         "the noise went through G_z from the wrong side: G_z R G_z^T": (
-            "G_z @ R @ G_z.T",
-            "G_z.T @ R @ G_z",
+            "G_z @ R @ G_z.T => G_z.T @ R @ G_z"
         ),
-        "the second G_z is not transposed: G_z R G_z^T": ("R @ G_z.T", "R @ G_z"),
-        "G_z stands on one side only: G_z R G_z^T": ("R @ G_z.T", "R"),
+        "the second G_z is not transposed: G_z R G_z^T": "R @ G_z.T => R @ G_z",
+        "G_z stands on one side only: G_z R G_z^T": "R @ G_z.T => R",
         "the noise was subtracted: a new landmark is never surer than its sensor": (
-            "+ G_z @ R",
-            "- G_z @ R",
+            "+ G_z @ R => - G_z @ R"
         ),
         "the blocks beside the new landmark have the wrong sign": (
-            "[[P, cross.T], [cross, own]]",
-            "[[P, -cross.T], [-cross, own]]",
+            "[[P, cross.T], [cross, own]] => [[P, -cross.T], [-cross, own]]"
         ),
         "the covariance has not grown: two rows and two columns come in": (
-            "np.block([[P, cross.T], [cross, own]])",
-            "P.copy()",
+            "np.block([[P, cross.T], [cross, own]]) => P.copy()"
         ),
         "the new landmark stands first: it comes last": (
-            "[[P, cross.T], [cross, own]]",
-            "[[own, cross], [cross.T, P]]",
+            "[[P, cross.T], [cross, own]] => [[own, cross], [cross.T, P]]"
         ),
         "only the block of the new landmark came: the whole covariance is due": (
-            "np.block([[P, cross.T], [cross, own]])",
-            "own",
+            "np.block([[P, cross.T], [cross, own]]) => own"
         ),
     },
     tolerance=1e-8,
@@ -225,46 +202,36 @@ check_wall = Check(
     },
     {
         "measured from the centre: the sensor stands L ahead": (
-            "pose[0] + L * np.cos(pose[2]), pose[1] + L * np.sin(pose[2])",
-            "pose[0], pose[1]",
+            "pose[0] + L * np.cos(pose[2]), pose[1] + L * np.sin(pose[2]) => pose[0], pose[1]"
         ),
         "the direction is that in the world: take the heading off": (
-            "alpha - pose[2] + turn",
-            "alpha + turn",
+            "alpha - pose[2] + turn => alpha + turn"
         ),
         "the heading is added: it must be taken off": (
-            "alpha - pose[2] + turn",
-            "alpha + pose[2] + turn",
+            "alpha - pose[2] + turn => alpha + pose[2] + turn"
         ),
         "the sensor's place was added: r - (x_s cos(alpha) + y_s sin(alpha))": (
-            "r - (xs",
-            "r + (xs",
+            "r - (xs => r + (xs"
         ),
         "a distance is negative: the same line is (-r, alpha + pi)": (
-            "np.pi if distance < 0 else 0.0",
-            "0.0",
-            "abs(distance)",
-            "distance",
+            "np.pi if distance < 0 else 0.0 => 0.0",
+            "abs(distance) => distance",
         ),
         "the distance was made positive, its direction was not turned by pi": (
-            "np.pi if distance < 0 else 0.0",
-            "0.0",
+            "np.pi if distance < 0 else 0.0 => 0.0"
         ),
         "the direction is not wrapped to (-pi, pi]": (
-            "wrap_angle(alpha - pose[2] + turn)",
-            "alpha - pose[2] + turn",
+            "wrap_angle(alpha - pose[2] + turn) => alpha - pose[2] + turn"
         ),
         "the lever was turned by the wall's direction: the heading turns it": (
-            "L * np.cos(pose[2]), pose[1] + L * np.sin(pose[2])",
-            "L * np.cos(alpha), pose[1] + L * np.sin(alpha)",
+            "L * np.cos(pose[2]), pose[1] + L * np.sin(pose[2])"
+            " => L * np.cos(alpha), pose[1] + L * np.sin(alpha)"
         ),
         "the lever points along x always: the heading turns it": (
-            "pose[0] + L * np.cos(pose[2]), pose[1] + L * np.sin(pose[2])",
-            "pose[0] + L, pose[1]",
+            "pose[0] + L * np.cos(pose[2]), pose[1] + L * np.sin(pose[2]) => pose[0] + L, pose[1]"
         ),
         "sine and cosine of alpha are exchanged": (
-            "xs * np.cos(alpha) + ys * np.sin(alpha)",
-            "xs * np.sin(alpha) + ys * np.cos(alpha)",
+            "xs * np.cos(alpha) + ys * np.sin(alpha) => xs * np.sin(alpha) + ys * np.cos(alpha)"
         ),
         "this is the wall as the map names it, seen from the centre: no heading, no lever": (
             lambda pose, wall, L: [
@@ -328,50 +295,39 @@ check_update = Check(
         "a bearing across the back": _in_a_map(2, 1, behind=True),
     },
     {
-        "landmark i begins at 3 + 2 i: each takes two rows": ("3 + 2 * i", "3 + i"),
-        "the pose takes three rows: landmark i begins at 3 + 2 i": ("3 + 2 * i", "2 + 2 * i"),
-        "always the first landmark: which one was seen is told by i": ("3 + 2 * i", "3"),
+        "landmark i begins at 3 + 2 i: each takes two rows": "3 + 2 * i => 3 + i",
+        "the pose takes three rows: landmark i begins at 3 + 2 i": "3 + 2 * i => 2 + 2 * i",
+        "always the first landmark: which one was seen is told by i": "3 + 2 * i => 3",
         "the landmark's columns of H are empty: it is in doubt as well": (
-            "[[dx / rho, dy / rho], [-dy / squared, dx / squared]]",
-            "0.0",
+            "[[dx / rho, dy / rho], [-dy / squared, dx / squared]] => 0.0"
         ),
         "the pose's columns of H are empty: the robot is in doubt as well": (
-            "[[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]]",
-            "0.0",
+            "[[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]] => 0.0"
         ),
         "the bearing does not know the heading: its entry is -1": (
-            "-dx / squared, -1.0]",
-            "-dx / squared, 0.0]",
+            "-dx / squared, -1.0] => -dx / squared, 0.0]"
         ),
         "the heading is taken off a bearing, its derivative is -1": (
-            "-dx / squared, -1.0]",
-            "-dx / squared, 1.0]",
+            "-dx / squared, -1.0] => -dx / squared, 1.0]"
         ),
         "the bearing lacks the heading: it is measured from the front of the robot": (
-            "np.arctan2(dy, dx) - mean[2]",
-            "np.arctan2(dy, dx)",
+            "np.arctan2(dy, dx) - mean[2] => np.arctan2(dy, dx)"
         ),
-        "the innovation is not wrapped": ("    v[1] = wrap_angle(v[1])\n", ""),
-        "the heading is not wrapped after the correction": (
-            "    new[2] = wrap_angle(new[2])\n",
-            "",
-        ),
-        "R is missing in S": ("H @ P @ H.T + R", "H @ P @ H.T"),
+        "the innovation is not wrapped": "wrap_angle(v[1]) => v[1]",
+        "the heading is not wrapped after the correction": ("wrap_angle(new[2]) => new[2]"),
+        "R is missing in S": "H @ P @ H.T + R => H @ P @ H.T",
         "only the pose was corrected: the map learns too": (
-            "new = mean + K @ v",
-            "new = mean + np.append((K @ v)[:3], np.zeros(len(mean) - 3))",
+            "new = mean + K @ v => new = mean + np.append((K @ v)[:3], np.zeros(len(mean) - 3))"
         ),
         "the covariance did not shrink: (I - K H) P is due": (
-            "(np.eye(len(mean)) - K @ H) @ P",
-            "P.copy()",
+            "(np.eye(len(mean)) - K @ H) @ P => P.copy()"
         ),
         "the innovation has the wrong sign: measured minus predicted": (
-            "mean + K @ v",
-            "mean - K @ v",
+            "mean + K @ v => mean - K @ v"
         ),
         "the pose's columns have the signs of the landmark's": (
-            "[[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]]",
-            "[[dx / rho, dy / rho, 0.0], [-dy / squared, dx / squared, -1.0]]",
+            "[[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]]"
+            " => [[dx / rho, dy / rho, 0.0], [-dy / squared, dx / squared, -1.0]]"
         ),
     },
     tolerance=1e-6,
@@ -426,56 +382,48 @@ check_slam = Check(
     },
     {
         "the cross-covariances did not move: P_xm becomes F P_xm": (
-            "P[:3, :] = F @ P[:3, :]",
-            "P[:3, :3] = F @ P[:3, :3]",
-            "P[:, :3] = P[:, :3] @ F.T",
-            "P[:3, :3] = P[:3, :3] @ F.T",
+            "P[:3, :] = F @ P[:3, :] => P[:3, :3] = F @ P[:3, :3]",
+            "P[:, :3] = P[:, :3] @ F.T => P[:3, :3] = P[:3, :3] @ F.T",
         ),
         "the noise of the motion is missing: add G V G^T to the block of the pose": (
-            "P[:3, :3] += G @ V @ G.T",
-            "P[:3, :3] += 0.0",
+            "P[:3, :3] += G @ V @ G.T => P[:3, :3] += 0.0"
         ),
         "nothing was predicted: the robot moves before it looks": (
-            "mean[:2] += v * dt * np.array([c, s])",
-            "mean[:2] += 0.0",
+            "mean[:2] += v * dt * np.array([c, s]) => mean[:2] += 0.0"
         ),
         "a new landmark has no cross-covariances: place it with your add_landmark": (
-            "P = _add_landmark(P, G_pose, G_z, R)",
-            "own = _add_landmark(P, G_pose, G_z, R)[-2:, -2:]\n            "
-            "P = np.block([[P, np.zeros((len(P), 2))], [np.zeros((2, len(P))), own]])",
+            "P = _add_landmark(P, G_pose, G_z, R)"
+            " => own = _add_landmark(P, G_pose, G_z, R)[-2:, -2:]\n            "
+            "P = np.block([[P, np.zeros((len(P), 2))], [np.zeros((2, len(P))), own]])"
         ),
         "a landmark that comes in was used for an update at once: it is counted twice": (
-            "known.append(name)",
-            "known.append(name)\n            "
-            "mean, P = _update(mean, P, seen, known.index(name), R)",
+            "known.append(name)"
+            " => known.append(name)\n            "
+            "mean, P = _update(mean, P, seen, known.index(name), R)"
         ),
         "landmarks known already are not used: update with them": (
-            "mean, P = _update(mean, P, seen, known.index(name), R)",
-            "pass",
+            "mean, P = _update(mean, P, seen, known.index(name), R) => pass"
         ),
         "dt is missing in G: a velocity acts for dt": (
-            "G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])",
-            "G = np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])",
+            "G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])"
+            " => G = np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])"
         ),
         "F is the identity here: a doubt of the heading becomes one of the place": (
-            "[[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c], [0.0, 0.0, 1.0]]",
-            "[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]",
+            "[[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c], [0.0, 0.0, 1.0]]"
+            " => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"
         ),
         "the sensor's noise is missing in a new landmark": (
-            "G_pose, G_z, R)",
-            "G_pose, G_z, 0 * R)",
+            "G_pose, G_z, R) => G_pose, G_z, 0 * R)"
         ),
         "a new landmark is placed as if the robot looked along x: add the heading": (
-            "np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])",
-            "np.cos(seen[1]), np.sin(seen[1])",
+            "np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])"
+            " => np.cos(seen[1]), np.sin(seen[1])"
         ),
         "the heading is not wrapped after the motion": (
-            "wrap_angle(mean[2] + omega * dt)",
-            "mean[2] + omega * dt",
+            "wrap_angle(mean[2] + omega * dt) => mean[2] + omega * dt"
         ),
         "only the pose came: state and covariance of all landmarks are due": (
-            "return mean, P",
-            "return mean[:3], P[:3, :3]",
+            "return mean, P => return mean[:3], P[:3, :3]"
         ),
     },
     tolerance=1e-6,

@@ -52,20 +52,17 @@ check_difference_cov = Check(
         "a general map": lambda rng: (a_covariance(rng, 7),),
     },
     {
-        "the cross-covariances are missing: they are the spring": (" - cross - cross.T", ""),
+        "the cross-covariances are missing: they are the spring": " - cross - cross.T => ",
         "this is the covariance of m1 + m2: the cross blocks come off": (
-            "- cross - cross.T",
-            "+ cross + cross.T",
+            "- cross - cross.T => + cross + cross.T"
         ),
-        "one cross block is not enough: both come off, one of them transposed": (" - cross.T", ""),
+        "one cross block is not enough: both come off, one of them transposed": " - cross.T => ",
         "the second cross block is the transpose of the first: P_21 = P_12^T": (
-            "- cross - cross.T",
-            "- 2 * cross",
+            "- cross - cross.T => - 2 * cross"
         ),
-        "variances of a difference add, they do not subtract": ("one + two", "one - two"),
+        "variances of a difference add, they do not subtract": "one + two => one - two",
         "the state starts with three numbers of the pose: m1 stands at 3 and 4": (
-            "P[3:5, 3:5], P[5:7, 5:7], P[3:5, 5:7]",
-            "P[2:4, 2:4], P[4:6, 4:6], P[2:4, 4:6]",
+            "P[3:5, 3:5], P[5:7, 5:7], P[3:5, 5:7] => P[2:4, 2:4], P[4:6, 4:6], P[2:4, 4:6]"
         ),
         "x and y of a landmark stand side by side: (x, y, theta, x1, y1, x2, y2)": _interleaved,
         "this is the covariance of pose and first landmark": lambda P: P[:2, :2] + P[3:5, 3:5],
@@ -110,47 +107,38 @@ check_predict_cov = Check(
         ),
     },
     {
-        "P_xm stayed as it was: it turns with the robot, F P_xm": ("F @ P[:3, 3:]", "P[:3, 3:]"),
+        "P_xm stayed as it was: it turns with the robot, F P_xm": "F @ P[:3, 3:] => P[:3, 3:]",
         "P_xm turned in the rows only: a covariance is symmetric, P_mx = P_xm^T": (
-            "predicted[3:, :3] = strip.T",
-            "pass",
+            "predicted[3:, :3] = strip.T => pass"
         ),
         "P_mx turned in the columns only: a covariance is symmetric, P_mx = P_xm^T": (
-            "predicted[:3, 3:] = strip",
-            "pass",
+            "predicted[:3, 3:] = strip => pass"
         ),
         "P_xm turned twice: one F from the side of the pose is due": (
-            "F @ P[:3, 3:]",
-            "F @ F @ P[:3, 3:]",
+            "F @ P[:3, 3:] => F @ F @ P[:3, 3:]"
         ),
-        "P_xm turned by the transposed F": ("F @ P[:3, 3:]", "F.T @ P[:3, 3:]"),
-        "the motion noise Q is missing": (" + Q", ""),
+        "P_xm turned by the transposed F": "F @ P[:3, 3:] => F.T @ P[:3, 3:]",
+        "the motion noise Q is missing": " + Q => ",
         "the motion noise went through F too: it is added after the motion": (
-            "F @ P[:3, :3] @ F.T + Q",
-            "F @ (P[:3, :3] + Q) @ F.T",
+            "F @ P[:3, :3] @ F.T + Q => F @ (P[:3, :3] + Q) @ F.T"
         ),
         "Q was added to the landmarks as well: they do not move": (
             lambda P, F, Q: _predict_cov(P, F, Q) + _noisy_map(P, Q)
         ),
         "this is F^T P F: F P F^T is due": (
-            "F @ P[:3, 3:]",
-            "F.T @ P[:3, 3:]",
-            "F @ P[:3, :3] @ F.T",
-            "F.T @ P[:3, :3] @ F",
+            "F @ P[:3, 3:] => F.T @ P[:3, 3:]",
+            "F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F",
         ),
         "the pose block is F^T P F: F P F^T is due": (
-            "F @ P[:3, :3] @ F.T",
-            "F.T @ P[:3, :3] @ F",
+            "F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F"
         ),
         "the pose block needs F from both sides: F P_xx F^T": (
-            "F @ P[:3, :3] @ F.T",
-            "F @ P[:3, :3]",
+            "F @ P[:3, :3] @ F.T => F @ P[:3, :3]"
         ),
-        "the second F of the pose block is not transposed: F P_xx F^T": ("@ F.T", "@ F"),
-        "P_xm became zero: pose and map stay correlated": ("strip = F", "strip = 0 * F"),
+        "the second F of the pose block is not transposed: F P_xx F^T": "@ F.T => @ F",
+        "P_xm became zero: pose and map stay correlated": "strip = F => strip = 0 * F",
         "only the block of the pose came: the whole covariance is due": (
-            "return predicted",
-            "return predicted[:3, :3]",
+            "return predicted => return predicted[:3, :3]"
         ),
     },
 )
@@ -196,38 +184,28 @@ check_accounts = Check(
     },
     {
         "Phi was changed before Psi and theta used it: they need the Phi from before": (
-            "G = H @ Phi",
-            "G = H @ (Phi - K @ H @ Phi)",
-            "K @ G",
-            "K @ H @ Phi",
+            "G = H @ Phi => G = H @ (Phi - K @ H @ Phi)",
+            "K @ G => K @ H @ Phi",
         ),
         "Phi is missing: H speaks of the region now, the accounts of the region as entered": (
-            "G = H @ Phi",
-            "G = H",
-            "K @ G",
-            "K @ H @ Phi",
+            "G = H @ Phi => G = H",
+            "K @ G => K @ H @ Phi",
         ),
-        "Phi is multiplied from the left: (I - K H) Phi": ("Phi - K @ G", "Phi - Phi @ K @ H"),
+        "Phi is multiplied from the left: (I - K H) Phi": "Phi - K @ G => Phi - Phi @ K @ H",
         "Phi lost its past: (I - K H) multiplies the old Phi": (
-            "Phi - K @ G",
-            "np.eye(len(Phi)) - K @ H",
+            "Phi - K @ G => np.eye(len(Phi)) - K @ H"
         ),
-        "Phi has the wrong sign: (I - K H) Phi": ("Phi - K @ G", "Phi + K @ G"),
-        "S must be inverted": ("np.linalg.inv(S)", "S"),
-        "S is missing: its inverse weighs the measurement": (
-            "np.linalg.inv(S)",
-            "np.eye(len(S))",
-        ),
-        "Psi is a sum over all updates: the old Psi is missing": ("Psi + G", "G"),
-        "Psi has the wrong sign: information adds up": ("Psi + G", "Psi - G"),
-        "theta is a sum over all updates: the old theta is missing": ("theta + G", "G"),
+        "Phi has the wrong sign: (I - K H) Phi": "Phi - K @ G => Phi + K @ G",
+        "S must be inverted": "np.linalg.inv(S) => S",
+        "S is missing: its inverse weighs the measurement": "np.linalg.inv(S) => np.eye(len(S))",
+        "Psi is a sum over all updates: the old Psi is missing": "Psi + G => G",
+        "Psi has the wrong sign: information adds up": "Psi + G => Psi - G",
+        "theta is a sum over all updates: the old theta is missing": "theta + G => G",
         "theta has the wrong sign: v is measured minus predicted and adds": (
-            "theta + G",
-            "theta - G",
+            "theta + G => theta - G"
         ),
         "theta took the state's correction K v: it gathers Phi^T H^T S^-1 v": (
-            "theta + G.T @ W @ v",
-            "theta + K @ v",
+            "theta + G.T @ W @ v => theta + K @ v"
         ),
         "Psi and theta are exchanged": (
             lambda *given: (_accounts(*given)[0], *_accounts(*given)[:0:-1])
@@ -300,55 +278,40 @@ check_update = Check(
     },
     {
         "H takes the landmark at its latest estimate: its first one is due, for ever": (
-            "first[k : k + 2] - first[:2]",
-            "mean[k : k + 2] - first[:2]",
+            "first[k : k + 2] - first[:2] => mean[k : k + 2] - first[:2]"
         ),
         "H takes the pose at its latest estimate: the predicted one in `first` is due": (
-            "first[k : k + 2] - first[:2]",
-            "first[k : k + 2] - mean[:2]",
+            "first[k : k + 2] - first[:2] => first[k : k + 2] - mean[:2]"
         ),
         "H is taken at the latest estimates: this is the usual EKF, which learns where north is": (
-            "first[k : k + 2] - first[:2]",
-            "mean[k : k + 2] - mean[:2]",
+            "first[k : k + 2] - first[:2] => mean[k : k + 2] - mean[:2]"
         ),
         "the innovation was taken at the first estimates: what is expected now is due": (
-            "mean[k : k + 2] - mean[:2]",
-            "first[k : k + 2] - first[:2]",
-            "np.arctan2(north, east) - mean[2]",
-            "np.arctan2(north, east) - first[2]",
+            "mean[k : k + 2] - mean[:2] => first[k : k + 2] - first[:2]",
+            "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
         ),
         "the innovation takes the pose from `first`: what is expected now is due": (
-            "mean[k : k + 2] - mean[:2]",
-            "mean[k : k + 2] - first[:2]",
-            "np.arctan2(north, east) - mean[2]",
-            "np.arctan2(north, east) - first[2]",
+            "mean[k : k + 2] - mean[:2] => mean[k : k + 2] - first[:2]",
+            "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
         ),
         "the innovation takes the landmark from `first`: what is expected now is due": (
-            "mean[k : k + 2] - mean[:2]",
-            "first[k : k + 2] - mean[:2]",
+            "mean[k : k + 2] - mean[:2] => first[k : k + 2] - mean[:2]"
         ),
         "the innovation takes the heading from `first`: what is expected now is due": (
-            "np.arctan2(north, east) - mean[2]",
-            "np.arctan2(north, east) - first[2]",
+            "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]"
         ),
         "the correction was added to the first estimates: they stay, the mean moves": (
-            "mean + K @ v",
-            "first + K @ v",
+            "mean + K @ v => first + K @ v"
         ),
-        "landmark i begins at 3 + 2 i: each takes two rows": ("3 + 2 * i", "3 + i"),
-        "the innovation is not wrapped": ("    v[1] = wrap_angle(v[1])\n", ""),
-        "the heading is not wrapped after the correction": (
-            "    new[2] = wrap_angle(new[2])\n",
-            "",
-        ),
-        "R is missing in S": ("H @ P @ H.T + R", "H @ P @ H.T"),
+        "landmark i begins at 3 + 2 i: each takes two rows": "3 + 2 * i => 3 + i",
+        "the innovation is not wrapped": "wrap_angle(v[1]) => v[1]",
+        "the heading is not wrapped after the correction": ("wrap_angle(new[2]) => new[2]"),
+        "R is missing in S": "H @ P @ H.T + R => H @ P @ H.T",
         "the covariance did not shrink: (I - K H) P is due": (
-            "(np.eye(len(mean)) - K @ H) @ P",
-            "P.copy()",
+            "(np.eye(len(mean)) - K @ H) @ P => P.copy()"
         ),
         "the innovation has the wrong sign: measured minus predicted": (
-            "mean + K @ v",
-            "mean - K @ v",
+            "mean + K @ v => mean - K @ v"
         ),
     },
     tolerance=1e-6,
@@ -411,55 +374,42 @@ check_slam = Check(
     },
     {
         "this is the usual EKF: F and H are taken at the latest estimates": (
-            "first[1] - mean[1], mean[0] - first[0]",
-            "-v * dt * s, v * dt * c",
-            "_update(mean, P, first, ",
-            "_update(mean, P, mean, ",
+            "first[1] - mean[1], mean[0] - first[0] => -v * dt * s, v * dt * c",
+            "_update(mean, P, first,  => _update(mean, P, mean, ",
         ),
         "H is taken at the latest estimates: landmarks in `first` stay where they were placed": (
-            "_update(mean, P, first, ",
-            "_update(mean, P, mean, ",
+            "_update(mean, P, first,  => _update(mean, P, mean, "
         ),
         "F runs from the corrected pose: it runs from the pose as predicted a step ago": (
-            "first[1] - mean[1], mean[0] - first[0]",
-            "-v * dt * s, v * dt * c",
+            "first[1] - mean[1], mean[0] - first[0] => -v * dt * s, v * dt * c"
         ),
         "the pose in `first` stayed at the start: it is the predicted one, step by step": (
-            "first[:3] = mean[:3]",
-            "pass",
+            "first[:3] = mean[:3] => pass"
         ),
-        "the start is in doubt: P begins as P0": ("P0.copy()", "np.zeros((3, 3))"),
+        "the start is in doubt: P begins as P0": "P0.copy() => np.zeros((3, 3))",
         "the noise of the motion is missing: add G V G^T to the block of the pose": (
-            "G @ V @ G.T)",
-            "np.zeros((3, 3)))",
+            "G @ V @ G.T) => np.zeros((3, 3)))"
         ),
         "nothing was predicted: the robot moves before it looks": (
-            "mean[:2] += v * dt * np.array([c, s])",
-            "mean[:2] += 0.0",
+            "mean[:2] += v * dt * np.array([c, s]) => mean[:2] += 0.0"
         ),
         "F is the identity here: a doubt of the heading becomes one of the place": (
-            "F[:2, 2] = first[1] - mean[1], mean[0] - first[0]",
-            "pass",
+            "F[:2, 2] = first[1] - mean[1], mean[0] - first[0] => pass"
         ),
         "the turn in F goes the wrong way: (-y, x) of the way is due": (
-            "first[1] - mean[1], mean[0] - first[0]",
-            "mean[1] - first[1], first[0] - mean[0]",
+            "first[1] - mean[1], mean[0] - first[0] => mean[1] - first[1], first[0] - mean[0]"
         ),
         "a new landmark has no cross-covariances: it was placed from the pose": (
-            "[[P, cross.T], [cross, ",
-            "[[P, 0 * cross.T], [0 * cross, ",
+            "[[P, cross.T], [cross,  => [[P, 0 * cross.T], [0 * cross, "
         ),
         "landmarks known already are not used: update with them": (
-            "mean, P = _update(mean, P, first, seen, known.index(name), R)",
-            "pass",
+            "mean, P = _update(mean, P, first, seen, known.index(name), R) => pass"
         ),
         "the heading is not wrapped after the motion": (
-            "wrap_angle(mean[2] + omega * dt)",
-            "mean[2] + omega * dt",
+            "wrap_angle(mean[2] + omega * dt) => mean[2] + omega * dt"
         ),
         "only the pose came: state and covariance of all landmarks are due": (
-            "return mean, P",
-            "return mean[:3], P[:3, :3]",
+            "return mean, P => return mean[:3], P[:3, :3]"
         ),
     },
     tolerance=1e-6,

@@ -49,22 +49,19 @@ check_gate = Check(
         "the range and the bearing are two numbers: this is the gate of one": (
             lambda share, pairs: float(chi2_quantile(share ** (1 / pairs), 1))
         ),
-        "the exponent is -c/2: the 2 is missing": ("-2 * np.log", "-np.log"),
-        "this is the gate of one pair: all of them must pass": ("share ** (1 / pairs)", "share"),
+        "the exponent is -c/2: the 2 is missing": "-2 * np.log => -np.log",
+        "this is the gate of one pair: all of them must pass": "share ** (1 / pairs) => share",
         "this is P(D^2 < c) = share to the power n: each pair must pass oftener, not less often": (
-            "share ** (1 / pairs)",
-            "share**pairs",
+            "share ** (1 / pairs) => share**pairs"
         ),
         "misses were added: that they are all avoided is a product": (
-            "1 - share ** (1 / pairs)",
-            "(1 - share) / pairs",
+            "1 - share ** (1 / pairs) => (1 - share) / pairs"
         ),
         "this is the distance: the gate is for its square": (
             lambda share, pairs: np.sqrt(_gate_for(share, pairs))
         ),
         "this many lie outside, and the rest inside: P(D^2 < c) = 1 - exp(-c/2)": (
-            "1 - share ** (1 / pairs)",
-            "share ** (1 / pairs)",
+            "1 - share ** (1 / pairs) => share ** (1 / pairs)"
         ),
         "this is the probability of one pair: its gate is due": (
             lambda share, pairs: share ** (1 / pairs)
@@ -146,8 +143,7 @@ check_nearest = Check(
             lambda y, S: (y**2).sum(1)
         ),
         "S was multiplied, not inverted: a large doubt must make the distance small": (
-            "np.linalg.inv(S)",
-            "S",
+            "np.linalg.inv(S) => S"
         ),
         "only the diagonal of S was used: range and bearing errors are correlated": _by(
             lambda y, S: (y**2 / np.diagonal(S, axis1=1, axis2=2)).sum(1)
@@ -156,21 +152,20 @@ check_nearest = Check(
             lambda y, S: np.sqrt(_squared(y, S))
         ),
         "the gate is that of the squared distance already: its root was taken": (
-            "< gate",
-            "< np.sqrt(gate)",
+            "< gate => < np.sqrt(gate)"
         ),
         "this takes the likeliest landmark, with ln det S: the nearest is asked for": _by(
             _by_likelihood
         ),
-        "the gate was not used: a landmark out of reach is no match": ("< gate", "< np.inf"),
-        "exactly on the gate is not inside": ("< gate", "<= gate"),
+        "the gate was not used: a landmark out of reach is no match": "< gate => < np.inf",
+        "exactly on the gate is not inside": "< gate => <= gate",
         "the first landmark inside the gate is not always the nearest": (
             lambda *given: int(_inside(*given)[0]) if len(_inside(*given)) else -1
         ),
         "the last landmark inside the gate is not always the nearest": (
             lambda *given: int(_inside(*given)[-1]) if len(_inside(*given)) else -1
         ),
-        "this is the farthest landmark": ("argmin", "argmax"),
+        "this is the farthest landmark": "argmin => argmax",
         "this is the number of landmarks inside the gate, not the row of one": (
             lambda *given: len(_inside(*given))
         ),
@@ -226,10 +221,9 @@ check_joint = Check(
         "the largest single distance says nothing about how the pairs fit together": (
             lambda y, S: float(_singles(y, S).max())
         ),
-        "S was multiplied, not inverted": ("np.linalg.solve(S, stacked)", "S @ stacked"),
+        "S was multiplied, not inverted": "np.linalg.solve(S, stacked) => S @ stacked",
         "S is missing: its inverse weighs the innovations": (
-            "np.linalg.solve(S, stacked)",
-            "stacked",
+            "np.linalg.solve(S, stacked) => stacked"
         ),
         "this is the square root of the distance": lambda y, S: np.sqrt(_joint_distance(y, S)),
         "half the distance: that is the exponent of the likelihood": (
@@ -242,8 +236,7 @@ check_joint = Check(
             lambda y, S: _joint_distance(y, S) / y.size
         ),
         "stacked in the wrong order: first pair's range and bearing, then the second pair's": (
-            "y.ravel()",
-            "y.T.ravel()",
+            "y.ravel() => y.T.ravel()"
         ),
         "only the diagonal of S was used": (
             lambda y, S: float(np.sum(y.ravel() ** 2 / S.diagonal()))
@@ -341,8 +334,8 @@ check_best_first = Check(
             _no_second_choice
         ),
         "both rivals were dropped: the nearer one keeps the landmark": _both_dropped,
-        "the gate was not used": ("distance < gate", "distance < np.inf"),
-        "exactly on the gate is not inside": ("distance < gate", "distance <= gate"),
+        "the gate was not used": "distance < gate => distance < np.inf",
+        "exactly on the gate is not inside": "distance < gate => distance <= gate",
         "this is the assignment of the smallest sum: the best pair of all goes first": _hungarian,
         "these are the measurements of the landmarks: the landmarks of the measurements are due": (
             lambda distance, gate: _best_first(distance.T, gate)
@@ -351,8 +344,7 @@ check_best_first = Check(
             lambda distance, gate: distance.min(1)
         ),
         "one pair only came: go on until nothing is inside the gate": (
-            "left[j, :] = np.inf",
-            "left[:] = np.inf",
+            "left[j, :] = np.inf => left[:] = np.inf"
         ),
     },
     draws=12,
@@ -394,35 +386,28 @@ check_stacked = Check(
     },
     {
         "R stands in every block: each measurement has a noise of its own": (
-            "np.kron(np.eye(len(H)), R)",
-            "np.tile(R, (len(H), len(H)))",
+            "np.kron(np.eye(len(H)), R) => np.tile(R, (len(H), len(H)))"
         ),
         "the blocks off the diagonal are empty: all pairs share the error of the state": (
             lambda H, P, R: np.kron(np.eye(len(H)), np.ones((2, 2))) * _stacked_cov(H, P, R)
         ),
-        "R is missing: the sensor has noise too": (" + np.kron(np.eye(len(H)), R)", ""),
+        "R is missing: the sensor has noise too": " + np.kron(np.eye(len(H)), R) => ",
         "R stands in the first block only: every measurement has noise": (
-            "np.eye(len(H))",
-            "np.diag([1.0] + [0.0] * (len(H) - 1))",
+            "np.eye(len(H)) => np.diag([1.0] + [0.0] * (len(H) - 1))"
         ),
         "only the diagonal of R was used: range and bearing may err together": (
-            "np.kron(np.eye(len(H)), R)",
-            "np.kron(np.eye(len(H)), np.diag(np.diag(R)))",
+            "np.kron(np.eye(len(H)), R) => np.kron(np.eye(len(H)), np.diag(np.diag(R)))"
         ),
         "P is missing: the innovations share the doubt of the state, A P A^T": (
-            "A @ P @ A.T",
-            "A @ A.T",
+            "A @ P @ A.T => A @ A.T"
         ),
-        "R counts twice": (", R)", ", 2 * R)"),
+        "R counts twice": ", R) => , 2 * R)",
         "R is spread the wrong way: the order is first range, first bearing, second range": (
-            "np.kron(np.eye(len(H)), R)",
-            "np.kron(R, np.eye(len(H)))",
+            "np.kron(np.eye(len(H)), R) => np.kron(R, np.eye(len(H)))"
         ),
         "stacked in the wrong order: first pair's range and bearing, then the second pair's": (
-            "H.reshape(-1, H.shape[2])",
-            "H.transpose(1, 0, 2).reshape(-1, H.shape[2])",
-            "np.kron(np.eye(len(H)), R)",
-            "np.kron(R, np.eye(len(H)))",
+            "H.reshape(-1, H.shape[2]) => H.transpose(1, 0, 2).reshape(-1, H.shape[2])",
+            "np.kron(np.eye(len(H)), R) => np.kron(R, np.eye(len(H)))",
         ),
     },
 )
@@ -584,33 +569,28 @@ check_together = Check(
         ),
         "the best pair was taken first and never given back: try other sets too": _greedy,
         "the pairs were only tried one by one: the whole set must be inside its gate": (
-            "longer < gates[len(more) - 1]",
-            "_joint_distance(y[[j], [i]], _stacked_cov(H[[i]], P, R)) < gates[0]",
+            "longer < gates[len(more) - 1]"
+            " => _joint_distance(y[[j], [i]], _stacked_cov(H[[i]], P, R)) < gates[0]"
         ),
         "the gate of a single pair was used for all: m pairs have the gate number m": (
-            "gates[len(more) - 1]",
-            "gates[0]",
+            "gates[len(more) - 1] => gates[0]"
         ),
         "the gate of all measurements was used for every set: m pairs have the gate number m": (
-            "gates[len(more) - 1]",
-            "gates[-1]",
+            "gates[len(more) - 1] => gates[-1]"
         ),
-        "no gate was used": ("if longer < gates[len(more) - 1]:", "if True:"),
+        "no gate was used": "if longer < gates[len(more) - 1]: => if True:",
         "a tree was given to two measurements": (
-            "if i not in [row for _, row in pairs]:",
-            "if True:",
+            "if i not in [row for _, row in pairs]: => if True:"
         ),
         "a measurement may also be of no tree: try that as well": (
-            "        search(j + 1, pairs, distance)\n",
-            "",
+            "        search(j + 1, pairs, distance) =>         pass"
         ),
         "the first of the largest sets came: of equally large ones the nearest is due": (
-            "(len(pairs), -distance) > (best[0], -best[1])",
-            "len(pairs) > best[0]",
+            "(len(pairs), -distance) > (best[0], -best[1]) => len(pairs) > best[0]"
         ),
         "the farthest of the largest sets came": (
-            "(len(pairs), -distance) > (best[0], -best[1])",
-            "(len(pairs), distance) > (best[0], best[1])",
+            "(len(pairs), -distance) > (best[0], -best[1])"
+            " => (len(pairs), distance) > (best[0], best[1])"
         ),
         "nothing was paired: the largest set is due": (
             lambda y, H, P, R, gates: np.full(len(y), -1)

@@ -51,42 +51,36 @@ check_weight = Check(
         ),
     },
     {
-        "R alone: the landmark is uncertain too, add H S H^T": ("H @ S @ H.T + R", "R"),
+        "R alone: the landmark is uncertain too, add H S H^T": "H @ S @ H.T + R => R",
         "S and R live in different spaces: turn S by H before they are added": (
-            "H @ S @ H.T + R",
-            "S + R",
+            "H @ S @ H.T + R => S + R"
         ),
-        "this is H^T S H: the Jacobian stands the other way round": ("H @ S @ H.T", "H.T @ S @ H"),
-        "the second H is not transposed: H S H^T": ("@ H.T", "@ H"),
-        "R is missing: the sensor has noise too": (" + R", ""),
-        "R counts twice": ("+ R", "+ 2 * R"),
-        "R is a covariance already: it is not squared": ("+ R", "+ R @ R"),
+        "this is H^T S H: the Jacobian stands the other way round": "H @ S @ H.T => H.T @ S @ H",
+        "the second H is not transposed: H S H^T": "@ H.T => @ H",
+        "R is missing: the sensor has noise too": " + R => ",
+        "R counts twice": "+ R => + 2 * R",
+        "R is a covariance already: it is not squared": "+ R => + R @ R",
         "the determinant is missing: it tells an uncertain landmark from a certain one": (
-            _DETERMINANT,
-            "",
+            f"{_DETERMINANT} => "
         ),
         "the root of the determinant is due: its logarithm counts half": (
-            _DETERMINANT,
-            " - np.log(np.linalg.det(Z))",
+            f"{_DETERMINANT} =>  - np.log(np.linalg.det(Z))"
         ),
         "the determinant has the wrong sign: an uncertain landmark spreads its likelihood": (
-            _DETERMINANT,
-            " + 0.5 * np.log(np.linalg.det(Z))",
+            f"{_DETERMINANT} =>  + 0.5 * np.log(np.linalg.det(Z))"
         ),
         "the 2 pi is missing: new landmarks and known ones are compared by their likelihood": (
-            " - np.log(2 * np.pi)",
-            "",
+            " - np.log(2 * np.pi) => "
         ),
         "the 2 pi stands there for one dimension: two numbers were measured": (
-            "- np.log(2 * np.pi)",
-            "- 0.5 * np.log(2 * np.pi)",
+            "- np.log(2 * np.pi) => - 0.5 * np.log(2 * np.pi)"
         ),
         "this is the density: its logarithm is due": lambda *given: np.exp(_log_weight(*given)),
         "this is the logarithm of the density after it underflowed": (
             lambda *given: np.log(np.exp(_log_weight(*given)))
         ),
-        "one half is missing in front of the quadratic form": ("-0.5 * quadratic", "-quadratic"),
-        "Z was multiplied, not inverted": ("np.linalg.solve(Z, y)", "Z @ y"),
+        "one half is missing in front of the quadratic form": "-0.5 * quadratic => -quadratic",
+        "Z was multiplied, not inverted": "np.linalg.solve(Z, y) => Z @ y",
         "the sign is turned: a large innovation makes a small weight": (
             lambda *given: -_log_weight(*given)
         ),
@@ -129,32 +123,25 @@ check_proposal = Check(
         "this is the motion model, version 1.0: the measurement was not used": (
             lambda x, Q, H, Z, y: (x.copy(), Q.copy())
         ),
-        "the covariance shrinks, but the mean must move too": (
-            "x + P @ H.T @ W @ y",
-            "x.copy()",
-        ),
+        "the covariance shrinks, but the mean must move too": "x + P @ H.T @ W @ y => x.copy()",
         "the mean moves the wrong way: y is the measurement minus its prediction": (
-            "x + P",
-            "x - P",
+            "x + P => x - P"
         ),
-        "this is the information matrix: invert it": ("W @ y, P", "W @ y, np.linalg.inv(P)"),
-        "the pull uses Q: it must be the new covariance P": ("x + P", "x + Q"),
-        "Z must be inverted: a noisy measurement pulls less": ("W = np.linalg.inv(Z)", "W = Z"),
+        "this is the information matrix: invert it": "W @ y, P => W @ y, np.linalg.inv(P)",
+        "the pull uses Q: it must be the new covariance P": "x + P => x + Q",
+        "Z must be inverted: a noisy measurement pulls less": "W = np.linalg.inv(Z) => W = Z",
         "Z is missing: its inverse weighs the measurement": (
-            "W = np.linalg.inv(Z)",
-            "W = np.eye(2)",
+            "W = np.linalg.inv(Z) => W = np.eye(2)"
         ),
-        "Z is missing in the mean: its inverse weighs the innovation": ("H.T @ W @ y", "H.T @ y"),
-        "Q must be inverted: what each source knows adds up": ("np.linalg.inv(Q) +", "Q +"),
+        "Z is missing in the mean: its inverse weighs the innovation": "H.T @ W @ y => H.T @ y",
+        "Q must be inverted: what each source knows adds up": "np.linalg.inv(Q) + => Q +",
         "Q was left out: odometry and measurement speak together": (
-            "np.linalg.inv(np.linalg.inv(Q) + H.T @ W @ H)",
-            "np.linalg.pinv(H.T @ W @ H)",
+            "np.linalg.inv(np.linalg.inv(Q) + H.T @ W @ H) => np.linalg.pinv(H.T @ W @ H)"
         ),
         "covariances were added: their inverses add up": (
-            "np.linalg.inv(np.linalg.inv(Q) + H.T @ W @ H)",
-            "Q + H.T @ Z @ H",
+            "np.linalg.inv(np.linalg.inv(Q) + H.T @ W @ H) => Q + H.T @ Z @ H"
         ),
-        "the step alone came: add it to x": ("x + P @ H", "P @ H"),
+        "the step alone came: add it to x": "x + P @ H => P @ H",
     },
     tolerance=1e-8,
 )
@@ -210,8 +197,7 @@ check_copies = Check(
     },
     {
         "nothing was copied: these are the old arrays, and copies of one particle are one array": (
-            "maps[i].copy()",
-            "maps[i]",
+            "maps[i].copy() => maps[i]"
         ),
         "copies of the same particle share one array: each needs its own": _shared,
         "the first copy of each particle is the old array itself: copy that one too": (
@@ -225,21 +211,18 @@ check_copies = Check(
         ),
         "`chosen` holds indices, not numbers of copies": _counts,
         "each chosen particle came once: one chosen twice must come twice": (
-            "for i in chosen",
-            "for i in sorted(set(chosen.tolist()))",
+            "for i in chosen => for i in sorted(set(chosen.tolist()))"
         ),
         "the order is lost: copy number i comes from particle chosen[i]": (
-            "for i in chosen",
-            "for i in chosen[::-1]",
+            "for i in chosen => for i in chosen[::-1]"
         ),
         "the copies were sorted: copy number i comes from particle chosen[i]": (
-            "for i in chosen",
-            "for i in sorted(chosen)",
+            "for i in chosen => for i in sorted(chosen)"
         ),
         "the old maps were overwritten: the new set is made of new arrays": (
             lambda maps, chosen: _overwritten(maps, chosen)
         ),
-        "counted from one: particle 0 is the first": ("maps[i]", "maps[i - 1]"),
+        "counted from one: particle 0 is the first": "maps[i] => maps[i - 1]",
     },
     use=_written,
 )
@@ -288,21 +271,17 @@ check_ancestors = Check(
             lambda parents: np.array([len(np.unique(one)) for one in parents])
         ),
         "this counts living lines of the first step: walk back from the end": (
-            "in parents[::-1]",
-            "in parents",
-            "rows = one[rows]",
-            "rows = rows[one]",
-            "counts[::-1]",
-            "counts",
+            "in parents[::-1] => in parents",
+            "rows = one[rows] => rows = rows[one]",
+            "counts[::-1] => counts",
         ),
         "composed the wrong way round: the parent of row i is parents[t][i]": (
-            "one[rows]",
-            "rows[one]",
+            "one[rows] => rows[one]"
         ),
         "off by one step: resampling t is counted before it is followed": (
             lambda parents: np.append(_distinct_ancestors(parents)[1:], parents.shape[1])
         ),
-        "the steps came in reverse order": ("counts[::-1]", "counts"),
+        "the steps came in reverse order": "counts[::-1] => counts",
         "these are shares: the numbers themselves are due": (
             lambda parents: _distinct_ancestors(parents) / parents.shape[1]
         ),
@@ -383,55 +362,40 @@ check_look = Check(
     },
     {
         "the weight was computed with R alone: the landmark is in doubt too, S = H P H^T + R": (
-            'np.einsum("mi,mij,mj->m", v, W, v) - 0.5 * np.log(np.linalg.det(S))',
-            'np.einsum("mi,ij,mj->m", v, np.linalg.inv(R), v)',
+            'np.einsum("mi,mij,mj->m", v, W, v) - 0.5 * np.log(np.linalg.det(S))'
+            ' => np.einsum("mi,ij,mj->m", v, np.linalg.inv(R), v)'
         ),
         "the determinant is missing: a particle that knows little is not surprised by anything": (
-            " - 0.5 * np.log(np.linalg.det(S))",
-            "",
+            " - 0.5 * np.log(np.linalg.det(S)) => "
         ),
         "the determinant stands without its root: -1/2 log det S": (
-            "- 0.5 * np.log(np.linalg.det",
-            "- np.log(np.linalg.det",
+            "- 0.5 * np.log(np.linalg.det => - np.log(np.linalg.det"
         ),
         "the determinant has the wrong sign": (
-            "- 0.5 * np.log(np.linalg.det",
-            "+ 0.5 * np.log(np.linalg.det",
+            "- 0.5 * np.log(np.linalg.det => + 0.5 * np.log(np.linalg.det"
         ),
         "the half in the exponent is missing": (
-            "log = -0.5 * np.einsum",
-            "log = -1.0 * np.einsum",
+            "log = -0.5 * np.einsum => log = -1.0 * np.einsum"
         ),
         "the densities underflow: subtract the largest logarithm before the exponential": (
-            "np.exp(log - log.max())",
-            "np.exp(log)",
+            "np.exp(log - log.max()) => np.exp(log)"
         ),
-        "the old weights are forgotten": ("new = weights * np.exp", "new = np.exp"),
-        "the weights do not sum to one: divide by their sum": (
-            "new / new.sum(),",
-            "new,",
-        ),
+        "the old weights are forgotten": "new = weights * np.exp => new = np.exp",
+        "the weights do not sum to one: divide by their sum": "new / new.sum(), => new,",
         "divided by the largest weight: they must sum to one": (
-            "new / new.sum()",
-            "new / new.max()",
+            "new / new.sum() => new / new.max()"
         ),
-        "the bearing is not wrapped": ("wrap_angle(z[1] - bearing)", "z[1] - bearing"),
+        "the bearing is not wrapped": "wrap_angle(z[1] - bearing) => z[1] - bearing",
         "the heading of each particle must be taken off the bearing": (
-            "np.arctan2(d[:, 1], d[:, 0]) - poses[:, 2]",
-            "np.arctan2(d[:, 1], d[:, 0])",
+            "np.arctan2(d[:, 1], d[:, 0]) - poses[:, 2] => np.arctan2(d[:, 1], d[:, 0])"
         ),
-        "R is missing in S": ("H.transpose(0, 2, 1) + R", "H.transpose(0, 2, 1)"),
+        "R is missing in S": "H.transpose(0, 2, 1) + R => H.transpose(0, 2, 1)",
         "the covariances did not shrink: P - K S K^T is due": (
-            "covs - K @ S @ K.transpose(0, 2, 1)",
-            "covs.copy()",
+            "covs - K @ S @ K.transpose(0, 2, 1) => covs.copy()"
         ),
-        "the means did not move": (
-            'means + np.einsum("mij,mj->mi", K, v)',
-            "means.copy()",
-        ),
+        "the means did not move": 'means + np.einsum("mij,mj->mi", K, v) => means.copy()',
         "the innovation has the wrong sign: measured minus predicted": (
-            'means + np.einsum("mij,mj->mi", K, v)',
-            'means - np.einsum("mij,mj->mi", K, v)',
+            'means + np.einsum("mij,mj->mi", K, v) => means - np.einsum("mij,mj->mi", K, v)'
         ),
         "all particles look from the pose of the first: each has its own": (
             lambda poses, *rest: _look(np.repeat(poses[:1], len(poses), 0), *rest)

@@ -46,21 +46,16 @@ check_line_jacobian = Check(
             [*n, n[1] * s[0] - n[0] * s[1]]
         ),
         "the lever has the wrong sign: a left turn moves a point ahead to the left": (
-            "normal[1] * x - normal[0] * y",
-            "normal[0] * y - normal[1] * x",
+            "normal[1] * x - normal[0] * y => normal[0] * y - normal[1] * x"
         ),
         "the lever lies along the point: the derivative of R turns it by a quarter": (
-            "normal[1] * x - normal[0] * y",
-            "normal[0] * x + normal[1] * y",
+            "normal[1] * x - normal[0] * y => normal[0] * x + normal[1] * y"
         ),
-        "the lever is missing: a turn moves every point": (
-            "normal[1] * x - normal[0] * y",
-            "0.0",
-        ),
-        "the scan was turned backwards": ("np.sin(pose[2])", "-np.sin(pose[2])"),
+        "the lever is missing: a turn moves every point": "normal[1] * x - normal[0] * y => 0.0",
+        "the scan was turned backwards": "np.sin(pose[2]) => -np.sin(pose[2])",
         "the lever begins at the robot: p falls out of the derivative": (
-            "normal[1] * x - normal[0] * y",
-            "normal[1] * (x + pose[0]) - normal[0] * (y + pose[1])",
+            "normal[1] * x - normal[0] * y"
+            " => normal[1] * (x + pose[0]) - normal[0] * (y + pose[1])"
         ),
     },
 )
@@ -113,7 +108,7 @@ def _slope(cells: Array, x: float, y: float) -> Array:
     return np.array([dx, dy])
 
 
-_SWAPPED = ("a, b = x - 0.5 - column, y - 0.5 - row", "b, a = x - 0.5 - column, y - 0.5 - row")
+_SWAPPED = "a, b = x - 0.5 - column, y - 0.5 - row => b, a = x - 0.5 - column, y - 0.5 - row"
 
 
 def _cells(rng: np.random.Generator) -> Any:
@@ -143,8 +138,8 @@ check_slope = Check(
             -_slope(c, x, y)
         ),
         "the fractions count from the other side: at a = 0 the left column counts": (
-            "a, b = x - 0.5 - column, y - 0.5 - row",
-            "a, b = 1 - (x - 0.5 - column), 1 - (y - 0.5 - row)",
+            "a, b = x - 0.5 - column, y - 0.5 - row"
+            " => a, b = 1 - (x - 0.5 - column), 1 - (y - 0.5 - row)"
         ),
     },
     draws=12,
@@ -179,23 +174,19 @@ check_block_bound = Check(
         "any cells, any width": _grid,
     },
     {
-        "a mean is no bound: one good cell may still win": ("max()", "mean()"),
-        "this is the worst of the block: the best is what it can promise": ("max()", "min()"),
+        "a mean is no bound: one good cell may still win": "max() => mean()",
+        "this is the worst of the block: the best is what it can promise": "max() => min()",
         "the block begins in its cell: this one ends there": lambda m, w: _block_bound(
             m[::-1, ::-1], w
         )[::-1, ::-1],
         "the block has one cell too many on each side": (
-            "cells[r : r + width, c : c + width]",
-            "cells[r : r + width + 1, c : c + width + 1]",
+            "cells[r : r + width, c : c + width] => cells[r : r + width + 1, c : c + width + 1]"
         ),
         "the block has one cell too few on each side": (
-            "cells[r : r + width, c : c + width]",
-            "cells[r : r + max(width - 1, 1), c : c + max(width - 1, 1)]",
+            "cells[r : r + width, c : c + width]"
+            " => cells[r : r + max(width - 1, 1), c : c + max(width - 1, 1)]"
         ),
-        "the block is square: it reaches across columns as well": (
-            "c : c + width",
-            "c : c + 1",
-        ),
+        "the block is square: it reaches across columns as well": "c : c + width => c : c + 1",
     },
     draws=10,
 )
@@ -275,21 +266,18 @@ check_icp = Check(
         ),
     },
     {
-        "it ran away: the step goes against the error": ("-e", "e"),
+        "it ran away: the step goes against the error": "-e => e",
         "two points on a passer-by outweigh the walls: keep near pairs only": (
-            "gaps.min(axis=1) < 0.6",
-            "gaps.min(axis=1) < 1e9",
+            "gaps.min(axis=1) < 0.6 => gaps.min(axis=1) < 1e9"
         ),
         "one round is not enough: the pairs were guesses, find them anew": (
-            "range(30)",
-            "range(1)",
+            "range(30) => range(1)"
         ),
         "the heading never changes: its column of J is missing": (
-            "n[:, 1] * arm[:, 0] - n[:, 0] * arm[:, 1]",
-            "0 * n[:, 0]",
+            "n[:, 1] * arm[:, 0] - n[:, 0] * arm[:, 1] => 0 * n[:, 0]"
         ),
-        "it began at zero: begin at the guess": ("guess.copy()", "np.zeros(3)"),
-        "the scan was turned backwards": ("[[c, s], [-s, c]]", "[[c, -s], [s, c]]"),
+        "it began at zero: begin at the guess": "guess.copy() => np.zeros(3)",
+        "the scan was turned backwards": "[[c, s], [-s, c]] => [[c, -s], [s, c]]",
     },
     tolerance=2e-3,
     draws=3,

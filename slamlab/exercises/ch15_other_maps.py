@@ -41,9 +41,9 @@ check_gamma_update = Check(
         ),
     },
     {
-        "the mean costs one degree of freedom: nu = n - 1": ("len(heights) - 1", "len(heights)"),
-        "alpha grows by half of nu": ("alpha + nu / 2", "alpha + nu"),
-        "beta grows by half of the sum of squares": ("** 2) / 2", "** 2)"),
+        "the mean costs one degree of freedom: nu = n - 1": "len(heights) - 1 => len(heights)",
+        "alpha grows by half of nu": "alpha + nu / 2 => alpha + nu",
+        "beta grows by half of the sum of squares": "** 2) / 2 => ** 2)",
         "beta grows by nu s^2 / 2, not by s^2 / 2": lambda a, b, z: (
             a + (len(z) - 1) / 2,
             b + (np.var(z, ddof=1) / 2 if len(z) > 1 else 0.0),
@@ -53,10 +53,9 @@ check_gamma_update = Check(
             b + (len(z) - 1) * np.var(z) / 2,
         ),
         "heights scatter about their mean, not about zero": (
-            "heights - heights.mean()",
-            "heights",
+            "heights - heights.mean() => heights"
         ),
-        "the squares are missing": (") ** 2) / 2", ")) / 2"),
+        "the squares are missing": ") ** 2) / 2 => )) / 2",
     },
 )
 
@@ -86,30 +85,24 @@ check_beam_ends = Check(
     },
     {
         "it must come to the cell first: multiply by the chance to pass all cells before": (
-            "comes * stop",
-            "stop",
+            "comes * stop => stop"
         ),
         "to end in a cell it need not pass that cell: the product runs over the cells before": (
-            "np.cumprod(np.append(1.0, 1 - stop))[:-1]",
-            "np.cumprod(1 - stop)",
+            "np.cumprod(np.append(1.0, 1 - stop))[:-1] => np.cumprod(1 - stop)"
         ),
         "this is the chance to come to the cell; it must stop there too": (
-            "comes * stop",
-            "comes",
+            "comes * stop => comes"
         ),
-        "the length of the way in a cell is missing": (" * side", ""),
-        "hits a metre: divide by the metres": ("hits / metres", "hits"),
+        "the length of the way in a cell is missing": " * side => ",
+        "hits a metre: divide by the metres": "hits / metres => hits",
         "this is metres a hit: hits over metres": (
-            "hits / metres",
-            "metres / np.maximum(hits, 1e-12)",
+            "hits / metres => metres / np.maximum(hits, 1e-12)"
         ),
         "1 - exp(-x), not x: a cell cannot stop more than all": (
-            "1 - np.exp(-hits / metres * side)",
-            "hits / metres * side",
+            "1 - np.exp(-hits / metres * side) => hits / metres * side"
         ),
         "this is the chance to pass a cell: 1 minus it": (
-            "stop = 1 - np.exp(-hits / metres * side)",
-            "stop = np.exp(-hits / metres * side)",
+            "stop = 1 - np.exp(-hits / metres * side) => stop = np.exp(-hits / metres * side)"
         ),
     },
 )
@@ -149,28 +142,24 @@ check_look_up = Check(
     },
     {
         "the root is never asked: its parent is -1, but it may have an entry": (
-            "while node >= 0",
-            "while parents[node] >= 0",
+            "while node >= 0 => while parents[node] >= 0"
         ),
         "the parent is parents[node], not the node before": (
-            "min(parents[node], node - 1)",
-            "node - 1",
+            "min(parents[node], node - 1) => node - 1"
         ),
         "ask the node itself first, then its parent": (
-            "while node >= 0:",
-            "node = parents[node]\n    while node >= 0:",
+            "while node >= 0: => node = parents[node]\n    while node >= 0:"
         ),
         "the youngest entry wins: this is the oldest": lambda p, e, node, c: _oldest(
             p, e, node, c
         ),
         "0 is a number that somebody wrote; NaN is no entry": (
-            "if not np.isnan(entries[node, cell]):",
-            "if not np.isnan(entries[node, cell]) and entries[node, cell]:",
+            "if not np.isnan(entries[node, cell]):"
+            " => if not np.isnan(entries[node, cell]) and entries[node, cell]:"
         ),
-        "what nobody has seen is NaN": ('float("nan")', "0.0"),
+        "what nobody has seen is NaN": 'float("nan") => 0.0',
         "one step up is not enough: go on to the root": (
-            "while node >= 0",
-            "for node in [n for n in (node, parents[node]) if n >= 0]",
+            "while node >= 0 => for node in [n for n in (node, parents[node]) if n >= 0]"
         ),
     },
     draws=20,
@@ -221,22 +210,19 @@ check_survivors = Check(
     },
     {
         "a node with one living child is merged with it: two branches or more are due": (
-            "branches >= 2",
-            "branches >= 1",
+            "branches >= 2 => branches >= 1"
         ),
         "prune first: a child without particles below it does not count": (
             "if leads[node]:\n            leads[parents[node]] = True\n"
-            "            branches[parents[node]] += 1",
-            "leads[parents[node]] |= leads[node]\n        branches[parents[node]] += 1",
+            "            branches[parents[node]] += 1"
+            " => leads[parents[node]] |= leads[node]\n        branches[parents[node]] += 1"
         ),
-        "a fork may have more than two branches": ("branches >= 2", "branches == 2"),
+        "a fork may have more than two branches": "branches >= 2 => branches == 2",
         "particles stay, though they have no children": (
-            "left[particles] = True",
-            "left[particles] = False",
+            "left[particles] = True => left[particles] = False"
         ),
         "the root may be merged too": (
-            "left = branches >= 2",
-            "left = branches >= 2; left[0] = 1",
+            "left = branches >= 2 => left = branches >= 2; left[0] = 1"
         ),
     },
     draws=20,
@@ -319,34 +305,27 @@ check_weights = Check(
         "these are densities of sample variances, (E): each particle has other ones. Weigh by the "
         "heights, (F)": _variances,
         "how many heights fell into a cell counts too: the term - ln(n) / 2 is missing": (
-            " + np.log(len(z)) / 2",
-            "",
+            " + np.log(len(z)) / 2 => "
         ),
         "the normal density has 2 pi: - nu / 2 ln(2 pi) is missing, and nu differs": (
-            "half * np.log(2 * np.pi) + ",
-            "",
+            "half * np.log(2 * np.pi) +  => "
         ),
-        "the mean costs one degree of freedom: nu = n - 1": ("(len(z) - 1) / 2", "len(z) / 2"),
+        "the mean costs one degree of freedom: nu = n - 1": "(len(z) - 1) / 2 => len(z) / 2",
         "the heights of a cell scatter about the mean of that cell": (
-            "z.mean()",
-            "heights.mean()",
+            "z.mean() => heights.mean()"
         ),
         "a alone, where a + nu / 2 is due": (
-            "(a + half) * np.log(b + squares / 2)",
-            "a * np.log(b + squares / 2)",
+            "(a + half) * np.log(b + squares / 2) => a * np.log(b + squares / 2)"
         ),
         "the logarithms are too small for exp: take the largest off first": (
-            "np.exp(log_weights - log_weights.max())",
-            "np.exp(log_weights)",
+            "np.exp(log_weights - log_weights.max()) => np.exp(log_weights)"
         ),
-        "weights sum to 1": ("weights / weights.sum()", "weights"),
+        "weights sum to 1": "weights / weights.sum() => weights",
         "alpha and beta were exchanged: the first belongs to lnGamma": (
-            "alpha[i, c], beta[i, c]",
-            "beta[i, c], alpha[i, c]",
+            "alpha[i, c], beta[i, c] => beta[i, c], alpha[i, c]"
         ),
         "each particle has its own map: these are all weighed on the first": (
-            "alpha[i, c], beta[i, c]",
-            "alpha[0, c], beta[0, c]",
+            "alpha[i, c], beta[i, c] => alpha[0, c], beta[0, c]"
         ),
     },
     tolerance=1e-7,

@@ -109,12 +109,10 @@ check_next_range = Check(
     },
     {
         "landmarks grow with the area, not with the range: a square root is missing": (
-            "np.sqrt(wanted / n_seen)",
-            "(wanted / n_seen)",
+            "np.sqrt(wanted / n_seen) => (wanted / n_seen)"
         ),
         "who sees too many should look less far: the ratio is upside down": (
-            "wanted / n_seen",
-            "n_seen / wanted",
+            "wanted / n_seen => n_seen / wanted"
         ),
         "who sees nothing should look as far as it can": lambda r, n, w, a, b: (
             a if n == 0 else _next_range(r, n, w, a, b)
@@ -186,25 +184,19 @@ check_note_update = Check(
             *_note_update(*a)[:2],
             _phi_first(*a)[1],
         ),
-        "what is told stands in the frame of the entry: Phi^T is missing": (
-            "Phi.T @ H.T",
-            "H.T",
-        ),
+        "what is told stands in the frame of the entry: Phi^T is missing": "Phi.T @ H.T => H.T",
         "the accounts add up: what was booked before is gone": lambda *a: _note_update(
             a[0], 0 * a[1], 0 * a[2], *a[3:]
         ),
         "Phi <- (I - K H) Phi: here Phi stands on the other side": (
-            "Phi = Phi - K @ H @ Phi",
-            "Phi = Phi - Phi @ K @ H",
+            "Phi = Phi - K @ H @ Phi => Phi = Phi - Phi @ K @ H"
         ),
-        "S must be inverted": ("np.linalg.inv(S)", "S"),
+        "S must be inverted": "np.linalg.inv(S) => S",
         "S is missing: what a look tells counts as much as the inverse of S": (
-            " @ np.linalg.inv(S)",
-            "",
+            " @ np.linalg.inv(S) => "
         ),
         "Phi starts anew here: what happened before this update is lost": (
-            "Phi = Phi - K @ H @ Phi",
-            "Phi = np.eye(len(Phi)) - K @ H",
+            "Phi = Phi - K @ H @ Phi => Phi = np.eye(len(Phi)) - K @ H"
         ),
     },
     tolerance=1e-8,
@@ -249,42 +241,34 @@ check_region_cost = Check(
     },
     {
         "a region is left after R - r, not after R": (
-            "settle * stride / drive",
-            "settle * stride / R",
+            "settle * stride / drive => settle * stride / R"
         ),
         "a settlement comes every D / s steps: divide by D / s": (
-            "settle * stride / drive",
-            "settle * drive / stride",
+            "settle * stride / drive => settle * drive / stride"
         ),
-        "settlements are paid at every step here": ("settle * stride / drive", "settle"),
+        "settlements are paid at every step here": "settle * stride / drive => settle",
         "a landmark has two numbers": (
-            "N, m, drive = 2 * n, 2 * density",
-            "N, m, drive = n, density",
-            "np.minimum(2 * density * np.pi",
-            "np.minimum(density * np.pi",
-            "np.minimum(2 * density * (2",
-            "np.minimum(density * (2",
+            "N, m, drive = 2 * n, 2 * density => N, m, drive = n, density",
+            "np.minimum(2 * density * np.pi => np.minimum(density * np.pi",
+            "np.minimum(2 * density * (2 => np.minimum(density * (2",
         ),
-        "this is the dearest radius": ("argmin", "argmax"),
+        "this is the dearest radius": "argmin => argmax",
         "this is the place of the best radius in the list: the radius itself is due": (
-            "R[np.argmin(cost)]",
-            "np.argmin(cost)",
+            "R[np.argmin(cost)] => np.argmin(cost)"
         ),
-        "this is the smallest cost: its radius is due": ("R[np.argmin(cost)]", "cost.min()"),
+        "this is the smallest cost: its radius is due": "R[np.argmin(cost)] => cost.min()",
         "settling costs nothing here": (
-            "settle = 0.5 * told * N**2 + inside**2 * N",
-            "settle = 0 * told",
+            "settle = 0.5 * told * N**2 + inside**2 * N => settle = 0 * told"
         ),
-        "only P_bb was settled: P_ab takes N_a^2 N": (" + inside**2 * N", ""),
-        "only P_ab was settled: P_bb takes k N^2 / 2": ("0.5 * told * N**2 + ", ""),
-        "a local step costs something too": ("3 * m * inside**2 + ", ""),
+        "only P_bb was settled: P_ab takes N_a^2 N": " + inside**2 * N => ",
+        "only P_ab was settled: P_bb takes k N^2 / 2": "0.5 * told * N**2 +  => ",
+        "a local step costs something too": "3 * m * inside**2 +  => ",
         "a region tells of no more numbers than it holds": (
-            "np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)",
-            "2 * density * (2 * reach * drive + np.pi * reach**2)",
+            "np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)"
+            " => 2 * density * (2 * reach * drive + np.pi * reach**2)"
         ),
         "a region holds no more numbers than the map": (
-            "np.minimum(2 * density * np.pi * R**2, N)",
-            "2 * density * np.pi * R**2",
+            "np.minimum(2 * density * np.pi * R**2, N) => 2 * density * np.pi * R**2"
         ),
     },
 )
@@ -355,22 +339,22 @@ check_fundamental = Check(
     },
     {
         "the points were not normalised": _plain,
-        "the normalisation was not undone: T'^T F T": ("T_there.T @ U", "U", "@ Vt @ T", "@ Vt"),
+        "the normalisation was not undone: T'^T F T": (
+            "T_there.T @ U => U",
+            "@ Vt @ T => @ Vt",
+        ),
         "T'^T F T: the two transforms have changed places": (
-            "T_there.T @ U",
-            "T.T @ U",
-            "@ Vt @ T",
-            "@ Vt @ T_there",
+            "T_there.T @ U => T.T @ U",
+            "@ Vt @ T => @ Vt @ T_there",
         ),
         "F must have rank 2: set its smallest singular value to zero": (
-            "np.diag([s[0], s[1], 0])",
-            "np.diag(s)",
+            "np.diag([s[0], s[1], 0]) => np.diag(s)"
         ),
         "this F takes the second picture to the first: transpose it": lambda first, second: (
             _fundamental(second, first)
         ),
-        "the smallest |A f| has the last singular vector, not the first": ("[2][-1]", "[2][0]"),
-        "a mean distance of sqrt 2, not of 2": ("np.sqrt(2)", "2"),
+        "the smallest |A f| has the last singular vector, not the first": "[2][-1] => [2][0]",
+        "a mean distance of sqrt 2, not of 2": "np.sqrt(2) => 2",
     },
     tolerance=1e-6,
     draws=4,

@@ -92,23 +92,19 @@ check_fit = Check(
             _divided
         ),
         "one shape only: tau (1 - tau) and tau^2 (1 - tau) are both free": (
-            "np.stack([bulge, tau * bulge], 1)",
-            "np.stack([bulge, 0 * bulge], 1)",
+            "np.stack([bulge, tau * bulge], 1) => np.stack([bulge, 0 * bulge], 1)"
         ),
         "the sign of beta was lost in multiplying out: tau^2 (1 - tau) has -tau^3": (
-            "-beta])",
-            "beta])",
+            "-beta]) => beta])"
         ),
         "the sign of alpha was lost in multiplying out: tau (1 - tau) has -tau^2": (
-            "beta - alpha",
-            "beta + alpha",
+            "beta - alpha => beta + alpha"
         ),
         "these are powers of t - t0: tau = (t - t0) / (t1 - t0)": (
             lambda t, points: _fit_between(t, points) / (t[-1] - t[0]) ** np.arange(4)[:, None]
         ),
         "tau must grow with t, not with the number of the point": (
-            "tau = (t - t[0]) / (t[-1] - t[0])",
-            "tau = np.linspace(0, 1, len(t))",
+            "tau = (t - t[0]) / (t[-1] - t[0]) => tau = np.linspace(0, 1, len(t))"
         ),
         "highest power first: row 0 is the constant": (
             lambda t, points: _fit_between(t, points)[::-1]
@@ -117,8 +113,7 @@ check_fit = Check(
             lambda t, points: _fit_between(t, points).T
         ),
         "the line alone came: the bulges are missing": (
-            "np.linalg.lstsq(shapes, points - line, rcond=None)[0]",
-            "np.zeros((2, 2))",
+            "np.linalg.lstsq(shapes, points - line, rcond=None)[0] => np.zeros((2, 2))"
         ),
     },
     tolerance=1e-7,
@@ -177,36 +172,30 @@ check_loop = Check(
         "a parabola": ([[0, 0], [1, 0], [0, 1], [0, 0]],),
     },
     {
-        "the right side lost its minus: a_2 sigma + a_3 w = -a_1": ("-c[1]", "c[1]"),
+        "the right side lost its minus: a_2 sigma + a_3 w = -a_1": "-c[1] => c[1]",
         "no loop was found at all: w is sigma^2 - t_a t_b, the root is of 4 w - 3 sigma^2": (
-            "np.sqrt(4 * w - 3 * sigma**2) if 4 * w > 3 * sigma**2",
-            "np.sqrt(sigma**2 - 4 * w) if sigma**2 > 4 * w",
+            "np.sqrt(4 * w - 3 * sigma**2) if 4 * w > 3 * sigma**2"
+            " => np.sqrt(sigma**2 - 4 * w) if sigma**2 > 4 * w"
         ),
         "twice too large: t = (sigma -+ root) / 2": (
-            "0.5 * (sigma - root), 0.5 * (sigma + root)",
-            "sigma - root, sigma + root",
-            "t_a >= 0 and t_b <= 1",
-            "t_a >= 0 and t_b <= 2",
+            "0.5 * (sigma - root), 0.5 * (sigma + root) => sigma - root, sigma + root",
+            "t_a >= 0 and t_b <= 1 => t_a >= 0 and t_b <= 2",
         ),
         "a loop outside [0, 1] is no loop of this segment: return NaN twice": (
-            "t_a >= 0 and t_b <= 1",
-            "True",
+            "t_a >= 0 and t_b <= 1 => True"
         ),
         "a loop that begins before the segment does not close in it: t_a must not be negative": (
-            "t_a >= 0 and t_b <= 1",
-            "t_b <= 1",
+            "t_a >= 0 and t_b <= 1 => t_b <= 1"
         ),
         "a loop that ends after the segment does not close in it: t_b is at most 1": (
-            "t_a >= 0 and t_b <= 1",
-            "t_a >= 0",
+            "t_a >= 0 and t_b <= 1 => t_a >= 0"
         ),
         "t_a is the earlier of the two": lambda c: _find_loop(c)[::-1],
         "these are sigma and w: the two parameters are due": (
             lambda c: np.linalg.solve(c[2:].T, -c[1])
         ),
         "t_a and t_b differ: this is their mean twice": (
-            "0.5 * (sigma - root), 0.5 * (sigma + root)",
-            "0.5 * sigma, 0.5 * sigma",
+            "0.5 * (sigma - root), 0.5 * (sigma + root) => 0.5 * sigma, 0.5 * sigma"
         ),
     },
     tolerance=1e-7,
@@ -263,37 +252,30 @@ check_steer = Check(
     },
     {
         "the angle is not wrapped: a robot that looks to the west turns the long way round": (
-            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
-            "np.arctan2(dy, dx) - pose[2]",
+            "wrap_angle(np.arctan2(dy, dx) - pose[2]) => np.arctan2(dy, dx) - pose[2]"
         ),
         "the turn rate was limited to the left only: a turn to the right has a limit too": (
-            "min(max(gains[1] * alpha, -limits[1]), limits[1])",
-            "min(gains[1] * alpha, limits[1])",
+            "min(max(gains[1] * alpha, -limits[1]), limits[1]) => min(gains[1] * alpha, limits[1])"
         ),
         "the turn rate was limited to the right only: a turn to the left has a limit too": (
-            "min(max(gains[1] * alpha, -limits[1]), limits[1])",
-            "max(gains[1] * alpha, -limits[1])",
+            "min(max(gains[1] * alpha, -limits[1]), limits[1])"
+            " => max(gains[1] * alpha, -limits[1])"
         ),
         "the turn rate was not limited": (
-            "min(max(gains[1] * alpha, -limits[1]), limits[1])",
-            "gains[1] * alpha",
+            "min(max(gains[1] * alpha, -limits[1]), limits[1]) => gains[1] * alpha"
         ),
         "the speed was not limited": (
-            "min(gains[0] * np.hypot(dx, dy), limits[0])",
-            "gains[0] * np.hypot(dx, dy)",
+            "min(gains[0] * np.hypot(dx, dy), limits[0]) => gains[0] * np.hypot(dx, dy)"
         ),
         "the robot turns away from the point: alpha is the direction less the heading": (
-            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
-            "-wrap_angle(np.arctan2(dy, dx) - pose[2])",
+            "wrap_angle(np.arctan2(dy, dx) - pose[2]) => -wrap_angle(np.arctan2(dy, dx) - pose[2])"
         ),
         "the heading is missing: alpha is seen from the front of the robot": (
-            "wrap_angle(np.arctan2(dy, dx) - pose[2])",
-            "np.arctan2(dy, dx)",
+            "wrap_angle(np.arctan2(dy, dx) - pose[2]) => np.arctan2(dy, dx)"
         ),
-        "the arctangent takes y first, then x": ("np.arctan2(dy, dx)", "np.arctan2(dx, dy)"),
+        "the arctangent takes y first, then x": "np.arctan2(dy, dx) => np.arctan2(dx, dy)",
         "the arctangent of dy / dx forgets on which side the point lies: arctan2(dy, dx)": (
-            "np.arctan2(dy, dx)",
-            "np.arctan(dy / dx)",
+            "np.arctan2(dy, dx) => np.arctan(dy / dx)"
         ),
         "the gains are exchanged: the first is that of the speed": (
             lambda pose, point, gains, limits: _steer(pose, point, gains[::-1], limits)
@@ -301,10 +283,10 @@ check_steer = Check(
         "the limits are exchanged: the first is that of the speed": (
             lambda pose, point, gains, limits: _steer(pose, point, gains, limits[::-1])
         ),
-        "the distance along x alone was taken": ("np.hypot(dx, dy)", "abs(dx)"),
+        "the distance along x alone was taken": "np.hypot(dx, dy) => abs(dx)",
         "the angle is limited, not the rate: multiply by the gain first": (
-            "min(max(gains[1] * alpha, -limits[1]), limits[1])",
-            "gains[1] * min(max(alpha, -limits[1]), limits[1])",
+            "min(max(gains[1] * alpha, -limits[1]), limits[1])"
+            " => gains[1] * min(max(alpha, -limits[1]), limits[1])"
         ),
     },
 )
@@ -503,32 +485,28 @@ check_remember = Check(
             lambda points, tolerance: _remember(points, tolerance)[:-1]
         ),
         "the cubic that left the tolerance was stored: the one before it is due": (
-            "_fit_between(t[first : last + 1], points[first : last + 1])",
-            "_fit_between(t[first : last + 2], points[first : last + 2])",
+            "_fit_between(t[first : last + 1], points[first : last + 1])"
+            " => _fit_between(t[first : last + 2], points[first : last + 2])"
         ),
         "the next cubic begins one point too late: it begins where the last one ends": (
-            "first = last",
-            "first = last + 1",
+            "first = last => first = last + 1"
         ),
         "only the newest point was tested: a longer cubic moves away from the old ones too": (
-            ".max() > tolerance",
-            "[-2] > tolerance",
+            ".max() > tolerance => [-2] > tolerance"
         ),
         "the mean distance was tested: every point must lie within the tolerance": (
-            ".max() > tolerance",
-            ".mean() > tolerance",
+            ".max() > tolerance => .mean() > tolerance"
         ),
         "squared distances were compared with the tolerance": (
-            ".max() > tolerance",
-            ".max() ** 2 > tolerance",
+            ".max() > tolerance => .max() ** 2 > tolerance"
         ),
         "x and y were tested one by one: the distance in the plane counts": (
-            "_gaps(t[first : last + 2], points[first : last + 2])",
-            "np.abs(_misses(t[first : last + 2], points[first : last + 2]))",
+            "_gaps(t[first : last + 2], points[first : last + 2])"
+            " => np.abs(_misses(t[first : last + 2], points[first : last + 2]))"
         ),
         "the parameter is the number of the point: let it grow with the way": (
-            "np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))",
-            "1.0 * np.arange(len(points))",
+            "np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))"
+            " => 1.0 * np.arange(len(points))"
         ),
         "one cubic for the whole way: begin a new one where the tolerance is left": (
             lambda points, tolerance: _remember(points, np.inf)
@@ -539,7 +517,7 @@ check_remember = Check(
         "the cubics came in the wrong order: the first begins at the first point": (
             lambda points, tolerance: _remember(points, tolerance)[::-1]
         ),
-        "exactly at the tolerance is still within": ("> tolerance", ">= tolerance"),
+        "exactly at the tolerance is still within": "> tolerance => >= tolerance",
     },
     tolerance=1e-6,
     use=_memory_of,

@@ -79,26 +79,22 @@ check_free_turn = Check(
     },
     {
         "left and right are exchanged: when the robot turns left, the point moves right": (
-            "left, right = gap + bearing, gap - bearing",
-            "left, right = gap - bearing, gap + bearing",
+            "left, right = gap + bearing, gap - bearing"
+            " => left, right = gap - bearing, gap + bearing"
         ),
         "both ways are the gap: that holds in its middle only": (
-            "left, right = gap + bearing, gap - bearing",
-            "left, right = gap, gap",
+            "left, right = gap + bearing, gap - bearing => left, right = gap, gap"
         ),
         "the direction is counted from the front: count it from the nearest side": _unreduced,
-        "the gap has the half angle arccos(h / d), not arcsin": ("np.arccos", "np.arcsin"),
+        "the gap has the half angle arccos(h / d), not arcsin": "np.arccos => np.arcsin",
         "this is the whole gap: half of it lies on either side of the middle": (
-            "np.arccos(half / max(distance, half))",
-            "2 * np.arccos(half / max(distance, half))",
+            "np.arccos(half / max(distance, half)) => 2 * np.arccos(half / max(distance, half))"
         ),
         "where the corners do not reach it may turn as it likes": (
-            "        return np.inf, np.inf\n",
-            "        return np.pi / 4, np.pi / 4\n",
+            "return np.inf, np.inf => return np.pi / 4, np.pi / 4"
         ),
         "the corners reach half sqrt(2), not half": (
-            "distance >= half * np.sqrt(2)",
-            "distance >= half",
+            "distance >= half * np.sqrt(2) => distance >= half"
         ),
         "a point that the corners can reach may still leave some room: how much is due": (
             lambda point, half: (
@@ -106,8 +102,8 @@ check_free_turn = Check(
             )
         ),
         "inside the body there is no room to turn": (
-            "if min(left, right) > 0 else (0.0, 0.0)",
-            "if min(left, right) > -np.inf else (0.0, 0.0)",
+            "if min(left, right) > 0 else (0.0, 0.0)"
+            " => if min(left, right) > -np.inf else (0.0, 0.0)"
         ),
     },
 )
@@ -164,40 +160,31 @@ check_swept = Check(
             lambda p, h, w: np.hypot(p[:, 0] - np.clip(p[:, 0], 0, w), p[:, 1]) < h
         ),
         "the front is half a side ahead of the centre: the way ends at half + step": (
-            "x < half + step",
-            "x < step",
+            "x < half + step => x < step"
         ),
-        "one flank was forgotten: take the absolute value of y": ("np.abs(y) < half", "y < half"),
+        "one flank was forgotten: take the absolute value of y": "np.abs(y) < half => y < half",
         "the other flank was forgotten: take the absolute value of y": (
-            "np.abs(y) < half",
-            "y > -half",
+            "np.abs(y) < half => y > -half"
         ),
         "the body reaches half a side behind its centre too: begin at -half": (
-            "x > -half",
-            "x > 0",
+            "x > -half => x > 0"
         ),
         "the body that stands at the start counts as well: begin at -half, not at half": (
-            "x > -half",
-            "x > half",
+            "x > -half => x > half"
         ),
         "everything behind the robot was hit as well: the area begins at -half": (
-            " & (x > -half)",
-            "",
+            " & (x > -half) => "
         ),
         "everything ahead was hit as well: the way ends at half + step": (
-            " & (x < half + step)",
-            "",
+            " & (x < half + step) => "
         ),
         "the whole side was taken for half of it": lambda p, h, w: _swept(p, 2 * h, w),
         "half was halved: it is half the side already": lambda p, h, w: _swept(p, h / 2, w),
-        "x and y were exchanged: x points ahead, y to the left": ("x, y =", "y, x ="),
+        "x and y were exchanged: x points ahead, y to the left": "x, y = => y, x =",
         "a point on the border is only touched: use < and not <=": (
-            "np.abs(y) < half",
-            "np.abs(y) <= half",
-            "x > -half",
-            "x >= -half",
-            "x < half",
-            "x <= half",
+            "np.abs(y) < half => np.abs(y) <= half",
+            "x > -half => x >= -half",
+            "x < half => x <= half",
         ),
         "these are the points that stay free: return those that are hit": (
             lambda p, h, w: ~_swept(p, h, w)
@@ -292,28 +279,24 @@ check_quarter_beams = Check(
     },
     {
         "the third quarter begins at 180 degrees; 160, as P5 prints it, counts beams twice": (
-            "degrees >= low)",
-            "degrees >= (160 if low == 180 else low))",
+            "degrees >= low) => degrees >= (160 if low == 180 else low))"
         ),
-        "the way back was kept: drop beams within 45 degrees of it": ("> 45", "> -1"),
+        "the way back was kept: drop beams within 45 degrees of it": "> 45 => > -1",
         "350 and 10 degrees are 20 apart: wrap the difference of directions": (
-            "abs((degrees[beam] - back + 180) % 360 - 180)",
-            "abs(degrees[beam] - back)",
+            "abs((degrees[beam] - back + 180) % 360 - 180) => abs(degrees[beam] - back)"
         ),
         "the beams near the way back were dropped before the longest was taken: take the longest "
         "of each quarter first": _dropped_before,
-        "exactly 45 degrees is within 45 degrees": ("> 45", ">= 45"),
-        "45 degrees to either side, not in all": ("> 45", "> 22.5"),
-        "45 degrees, not 90": ("> 45", "> 90"),
+        "exactly 45 degrees is within 45 degrees": "> 45 => >= 45",
+        "45 degrees to either side, not in all": "> 45 => > 22.5",
+        "45 degrees, not 90": "> 45 => > 90",
         "a beam on a border belongs to the quarter that begins there": (
-            "degrees >= low",
-            "degrees > low",
-            "degrees < low + 90",
-            "degrees <= low + 90",
+            "degrees >= low => degrees > low",
+            "degrees < low + 90 => degrees <= low + 90",
         ),
         "count beams from the first of the scan, not of the quarter": _inside_the_quarter,
-        "these are the shortest beams": ("argmax", "argmin"),
-        "these lead back: the others are due": ("> 45", "<= 45"),
+        "these are the shortest beams": "argmax => argmin",
+        "these lead back: the others are due": "> 45 => <= 45",
         "one beam came: the longest of each quarter is due": (
             lambda r, a, b: np.array([int(np.argmax(r))])
         ),
@@ -368,33 +351,29 @@ check_free_step = Check(
     },
     {
         "the margin is missing beside the body: the flanks need room as well as the front": (
-            _FLANK,
-            "np.abs(y) < half",
+            f"{_FLANK} => np.abs(y) < half"
         ),
-        "the margin is missing ahead": (_SPARE, "ahead.min() - half"),
+        "the margin is missing ahead": f"{_SPARE} => ahead.min() - half",
         "the front stands half a side ahead of the centre: take it off": (
-            _SPARE,
-            "ahead.min() - margin",
+            f"{_SPARE} => ahead.min() - margin"
         ),
         "this is how far the centre may go: take off half a side and the margin": (
-            _SPARE,
-            "ahead.min()",
+            f"{_SPARE} => ahead.min()"
         ),
         "every point ahead counts, though the body passes beside it": (
-            _FLANK,
-            "np.abs(y) < np.inf",
+            f"{_FLANK} => np.abs(y) < np.inf"
         ),
-        "points behind the robot count: it drives ahead": (" & (x > 0)", ""),
-        "one flank was forgotten: take the absolute value of y": (_FLANK, "y < half + margin"),
+        "points behind the robot count: it drives ahead": " & (x > 0) => ",
+        "one flank was forgotten: take the absolute value of y": (
+            f"{_FLANK} => y < half + margin"
+        ),
         "the other flank was forgotten: take the absolute value of y": (
-            _FLANK,
-            "y > -half - margin",
+            f"{_FLANK} => y > -half - margin"
         ),
         "a step is never negative: a robot that is too near stays": (
-            "max(ahead.min() - half - margin, 0.0)",
-            "(ahead.min() - half - margin)",
+            "max(ahead.min() - half - margin, 0.0) => (ahead.min() - half - margin)"
         ),
-        "where nothing is in the way it may go on for ever": ("else np.inf", "else 0.0"),
+        "where nothing is in the way it may go on for ever": "else np.inf => else 0.0",
         "this is the distance of the nearest point: how far it is ahead counts": (
             lambda p, h, m: (
                 max(np.hypot(*p[(np.abs(p[:, 1]) < h + m) & (p[:, 0] > 0)].T).min() - h - m, 0.0)
@@ -403,8 +382,7 @@ check_free_step = Check(
             )
         ),
         "the farthest point ahead was taken: the nearest stops the robot": (
-            "ahead.min()",
-            "ahead.max()",
+            "ahead.min() => ahead.max()"
         ),
     },
     edges=("no points",),
@@ -648,23 +626,19 @@ check_way = Check(
             lambda edges, cell: np.arange(len(edges))
         ),
         "the way leads through unknown cells: free ones only": (
-            "if state[there] == 1 and there not in before:",
-            "if state[there] != 2 and there not in before:",
-            "if edge[here]:",
-            "if state[here] == 0:",
+            "if state[there] == 1 and there not in before:"
+            " => if state[there] != 2 and there not in before:",
+            "if edge[here]: => if state[here] == 0:",
         ),
-        "the way begins at the frontier: it must begin at the robot": ("way[::-1]", "way"),
+        "the way begins at the frontier: it must begin at the robot": "way[::-1] => way",
         "the robot's own cell is missing: the way begins there": (
-            "way[::-1])",
-            "way[::-1][1:]).reshape(-1, 2)",
+            "way[::-1]) => way[::-1][1:]).reshape(-1, 2)"
         ),
         "this goes deep first: the first way found is not the shortest": (
-            "for here in queue:",
-            "while queue:\n        here = queue.pop()",
+            "for here in queue: => while queue:\n        here = queue.pop()"
         ),
         "it walks through walls": (
-            "if state[there] == 1 and there not in before:",
-            "if there not in before:",
+            "if state[there] == 1 and there not in before: => if there not in before:"
         ),
     },
     use=_explored,

@@ -60,20 +60,19 @@ check_beams = Check(
             lambda sigma: int(np.ceil(2 * np.pi / (12 * sigma)))
         ),
         "rounded down: with so few beams the error is larger than allowed": (
-            "np.ceil",
-            "np.floor",
+            "np.ceil => np.floor"
         ),
         "rounded to the nearest number: with fewer beams the error is larger than allowed": (
             lambda sigma: int(np.rint(2 * np.pi / (np.sqrt(12) * sigma)))
         ),
-        "the circle has 2 pi": ("2 * np.pi", "np.pi"),
+        "the circle has 2 pi": "2 * np.pi => np.pi",
         "this takes the mean size of the error, a quarter of a beam: the rms is due": (
             lambda sigma: int(np.ceil(2 * np.pi / (4 * sigma)))
         ),
         "the error runs over one beam, half to either side, not over two": (
             lambda sigma: int(np.ceil(2 * np.pi / (np.sqrt(3) * sigma)))
         ),
-        "the circle in degrees, the error in radians": ("2 * np.pi", "360"),
+        "the circle in degrees, the error in radians": "2 * np.pi => 360",
     },
     draws=20,
 )
@@ -110,8 +109,7 @@ check_autocorrelation = Check(
             lambda scan: np.fft.irfft(np.fft.rfft(scan) ** 2, len(scan))
         ),
         "N + 1 values: the last repeats the first, as P5's `i <= Count` does": (
-            "range(len(scan))",
-            "range(len(scan) + 1)",
+            "range(len(scan)) => range(len(scan) + 1)"
         ),
         "the transform of R is the square of the amplitudes: the square is missing": (
             lambda scan: np.fft.irfft(_spectrum(scan), len(scan))
@@ -133,12 +131,10 @@ check_autocorrelation = Check(
             lambda scan: _autocorrelation(scan)[: len(scan) // 2 + 1]
         ),
         "the shifts begin at 1: R[0] is the sum of the squares": (
-            "range(len(scan))",
-            "range(1, len(scan) + 1)",
+            "range(len(scan)) => range(1, len(scan) + 1)"
         ),
         "this is the sum of the differences, not of the products": (
-            "scan @ np.roll(scan, tau)",
-            "np.sum(np.abs(scan - np.roll(scan, tau)))",
+            "scan @ np.roll(scan, tau) => np.sum(np.abs(scan - np.roll(scan, tau)))"
         ),
     },
     tolerance=1e-8,
@@ -193,19 +189,16 @@ check_turn = Check(
             lambda before, after: _turn(before, after) * len(before) / (2 * np.pi)
         ),
         "this is a number of beams, and not wrapped: a turn to the right is negative": (
-            "int(np.argmax(fit)) * 2 * np.pi / n",
-            "int(np.argmax(fit))",
-            "angle if angle <= np.pi else angle - 2 * np.pi",
-            "angle",
+            "int(np.argmax(fit)) * 2 * np.pi / n => int(np.argmax(fit))",
+            "angle if angle <= np.pi else angle - 2 * np.pi => angle",
         ),
         "these are degrees: radians are due": (
             lambda before, after: np.rad2deg(_turn(before, after))
         ),
         "not wrapped: a turn to the right is negative, in (-pi, pi]": (
-            "angle if angle <= np.pi else angle - 2 * np.pi",
-            "angle",
+            "angle if angle <= np.pi else angle - 2 * np.pi => angle"
         ),
-        "half a turn is pi, not -pi": ("<= np.pi", "< np.pi"),
+        "half a turn is pi, not -pi": "<= np.pi => < np.pi",
         "N beams share the full circle: their distance is 2 pi / N, not 2 pi / (N - 1)": (
             lambda before, after: _turn(before, after) * len(before) / (len(before) - 1)
         ),
@@ -215,14 +208,11 @@ check_turn = Check(
             )
         ),
         "this is the worst alignment: the correlation is largest where the scans agree": (
-            "argmax",
-            "argmin",
+            "argmax => argmin"
         ),
         "the difference at the best shift came: the shift itself is due": (
-            "int(np.argmax(fit)) * 2 * np.pi / n",
-            "float(np.max(fit))",
-            "angle if angle <= np.pi else angle - 2 * np.pi",
-            "angle",
+            "int(np.argmax(fit)) * 2 * np.pi / n => float(np.max(fit))",
+            "angle if angle <= np.pi else angle - 2 * np.pi => angle",
         ),
     },
 )
@@ -271,31 +261,25 @@ check_refined = Check(
     },
     {
         "the neighbour was cut off at the end of the list: after the last beam comes the first": (
-            _NEXT,
-            "R[max(m - 1, 0)], R[m], R[min(m + 1, n - 1)]",
+            f"{_NEXT} => R[max(m - 1, 0)], R[m], R[min(m + 1, n - 1)]"
         ),
         "the neighbour before the first beam was cut off: it is the last one": (
-            _NEXT,
-            "R[max(m - 1, 0)], R[m], R[(m + 1) % n]",
+            f"{_NEXT} => R[max(m - 1, 0)], R[m], R[(m + 1) % n]"
         ),
         "the neighbour after the last beam was cut off: it is the first one": (
-            _NEXT,
-            "R[m - 1], R[m], R[min(m + 1, n - 1)]",
+            f"{_NEXT} => R[m - 1], R[m], R[min(m + 1, n - 1)]"
         ),
         "at the ends of the list the top was not refined: the ring has no ends": (
-            "shift = 0.5 *",
-            "shift = (0 < m < n - 1) * 0.5 *",
+            "shift = 0.5 * => shift = (0 < m < n - 1) * 0.5 *"
         ),
         "the top was not refined: this is a whole number of beams": (
-            "0.5 * (before - after) / (before - 2 * top + after)",
-            "0.0",
+            "0.5 * (before - after) / (before - 2 * top + after) => 0.0"
         ),
         "the shift has the wrong sign: the top lies towards the larger neighbour": (
-            "(m + shift)",
-            "(m - shift)",
+            "(m + shift) => (m - shift)"
         ),
-        "the half in front of the fraction is missing": ("0.5 * (before", "(before"),
-        "the curvature is before - 2 top + after": ("2 * top", "top"),
+        "the half in front of the fraction is missing": "0.5 * (before => (before",
+        "the curvature is before - 2 top + after": "2 * top => top",
         "this is a number of beams: multiply by 2 pi / N": (
             lambda R: (
                 np.argmax(R)
@@ -306,8 +290,8 @@ check_refined = Check(
         ),
         "these are degrees: radians are due": lambda R: np.rad2deg(_refined(R)),
         "not wrapped: a turn to the right is negative, in (-pi, pi]": (
-            "np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)",
-            "(m + shift) * 2 * np.pi / n",
+            "np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)"
+            " => (m + shift) * 2 * np.pi / n"
         ),
         "this is the height of the top: its place is due": (lambda R: float(R.max())),
     },
@@ -400,29 +384,25 @@ check_second_best = Check(
         "distances were taken from the origin: take them from the best place": (
             _with_far(lambda p, best, separation: np.linalg.norm(p, axis=1) > separation)
         ),
-        "exactly at the separation is not farther": ("> separation", ">= separation"),
+        "exactly at the separation is not farther": "> separation => >= separation",
         "this is the farthest place: of those far enough the best fit is due": (
-            "np.argmin(np.where(far, misfits, np.inf))",
-            "np.argmax(np.linalg.norm(places - places[best], axis=1))",
+            "np.argmin(np.where(far, misfits, np.inf))"
+            " => np.argmax(np.linalg.norm(places - places[best], axis=1))"
         ),
         "this is the first place far enough: of those the best fit is due": (
-            "np.argmin(np.where(far, misfits, np.inf))",
-            "np.argmax(far)",
+            "np.argmin(np.where(far, misfits, np.inf)) => np.argmax(far)"
         ),
         "the margin is a difference of misfits (m), not a ratio": (
-            "misfits[second] - misfits[best]",
-            "misfits[second] / misfits[best]",
+            "misfits[second] - misfits[best] => misfits[second] / misfits[best]"
         ),
         "the margin was taken from the neighbour: take it from the best place": (
             _from_the_neighbour
         ),
         "this is the misfit of the second place: the margin is a difference": (
-            "misfits[second] - misfits[best]",
-            "misfits[second]",
+            "misfits[second] - misfits[best] => misfits[second]"
         ),
         "the margin has the wrong sign: the second place fits worse, so it is not negative": (
-            "misfits[second] - misfits[best]",
-            "misfits[best] - misfits[second]",
+            "misfits[second] - misfits[best] => misfits[best] - misfits[second]"
         ),
         "the row was counted among the places left over: rows of `places` are due": (
             _row_among_the_rest
@@ -557,62 +537,50 @@ check_locate = Check(
     },
     {
         "the scans were compared as they are: turn each candidate to fit first": (
-            "turns = [_turn(scans[row], scan) for row in rows]",
-            "turns = [0.0 for row in rows]",
+            "turns = [_turn(scans[row], scan) for row in rows] => turns = [0.0 for row in rows]"
         ),
         "the place is that of the nearest signature: the signature proposes, the scan decides": (
-            "best = int(np.argmin(misfits))",
-            "best = 0",
+            "best = int(np.argmin(misfits)) => best = 0"
         ),
         "all places were compared: only the nearest by signature are candidates": (
-            "[:nearest]",
-            "[:]",
+            "[:nearest] => [:]"
         ),
         "the heading has the wrong sign: the map looks along 0, the robot has turned left": (
-            "turns[best])",
-            "-turns[best])",
+            "turns[best]) => -turns[best])"
         ),
         "the candidates were turned the wrong way": (
-            "np.roll(scans[r], -m)",
-            "np.roll(scans[r], m)",
+            "np.roll(scans[r], -m) => np.roll(scans[r], m)"
         ),
         "the row among the candidates was taken for a row of the map": (
-            "np.append(places[rows[best]], turns[best])",
-            "np.append(places[best], turns[best])",
+            "np.append(places[rows[best]], turns[best]) => np.append(places[best], turns[best])"
         ),
         "the margin was taken from the next candidate: it must be farther than the separation": (
-            "misfits[far].min() - misfits[best] if far.any()",
-            "np.sort(misfits)[1] - misfits[best] if len(misfits) > 1",
+            "misfits[far].min() - misfits[best] if far.any()"
+            " => np.sort(misfits)[1] - misfits[best] if len(misfits) > 1"
         ),
         "this is the misfit of the second place: the margin is a difference": (
-            "misfits[far].min() - misfits[best]",
-            "misfits[far].min()",
+            "misfits[far].min() - misfits[best] => misfits[far].min()"
         ),
         "without a distinct candidate there is nothing to doubt: the margin is infinite": (
-            "else np.inf",
-            "else 0.0",
+            "else np.inf => else 0.0"
         ),
         "the signatures were compared with their phases: the modulus forgets the turn": (
-            "np.abs(np.fft.rfft(scans))[:, :8]",
-            "np.fft.rfft(scans)[:, :8]",
-            "np.abs(np.fft.rfft(scan))[:8]",
-            "np.fft.rfft(scan)[:8]",
+            "np.abs(np.fft.rfft(scans))[:, :8] => np.fft.rfft(scans)[:, :8]",
+            "np.abs(np.fft.rfft(scan))[:8] => np.fft.rfft(scan)[:8]",
         ),
         "the harmonic 0 was left out: it is the mean of the scan, and belongs to 0 to 7": (
-            "[:, :8]",
-            "[:, 1:8]",
-            "[:8]",
-            "[1:8]",
+            "[:, :8] => [:, 1:8]",
+            "[:8] => [1:8]",
         ),
         "the squared difference was taken: the misfit is the mean absolute one": (
-            "np.mean(np.abs(np.roll(scans[r], -m) - scan))",
-            "np.mean((np.roll(scans[r], -m) - scan) ** 2)",
+            "np.mean(np.abs(np.roll(scans[r], -m) - scan))"
+            " => np.mean((np.roll(scans[r], -m) - scan) ** 2)"
         ),
         "the sum of the differences was taken: the misfit is their mean": (
-            "np.mean(np.abs(np.roll(scans[r], -m) - scan))",
-            "np.sum(np.abs(np.roll(scans[r], -m) - scan))",
+            "np.mean(np.abs(np.roll(scans[r], -m) - scan))"
+            " => np.sum(np.abs(np.roll(scans[r], -m) - scan))"
         ),
-        "exactly at the separation is not farther": ("> separation", ">= separation"),
+        "exactly at the separation is not farther": "> separation => >= separation",
     },
     tolerance=1e-8,
     use=_located,

@@ -48,10 +48,9 @@ check_retraced = Check(
             -p[::-1]
         ),
         "the displacement is turned the wrong way: it is seen from the end of the motion": (
-            "-c * x - s * y, s * x - c * y",
-            "-c * x + s * y, -s * x - c * y",
+            "-c * x - s * y, s * x - c * y => -c * x + s * y, -s * x - c * y"
         ),
-        "these are motions back tail first with the nose turning on": ("-turn", "turn"),
+        "these are motions back tail first with the nose turning on": "-turn => turn",
         "these are the motions of the way out, in another order": lambda p: p[::-1],
     },
 )
@@ -81,17 +80,15 @@ check_turn_back = Check(
     },
     {
         "the reserve belongs to the way home alone": (
-            "driven + reserve * home",
-            "reserve * (driven + home)",
+            "driven + reserve * home => reserve * (driven + home)"
         ),
-        "without the reserve the first closed door is the end": ("reserve * home", "home"),
-        "exactly enough is the last moment": (">=", ">"),
-        "this says when it may drive on": (">=", "<"),
+        "without the reserve the first closed door is the end": "reserve * home => home",
+        "exactly enough is the last moment": ">= => >",
+        "this says when it may drive on": ">= => <",
         "it turns round whatever the numbers say": lambda driven, home, budget, reserve: True,
         "it never turns round": lambda driven, home, budget, reserve: False,
         "what is driven already is gone from the budget too": (
-            "driven + reserve * home",
-            "reserve * home",
+            "driven + reserve * home => reserve * home"
         ),
     },
     draws=30,
@@ -132,8 +129,7 @@ check_relaid = Check(
             p, np.full(len(n), len(b) - 1), b, a
         ),
         "the old pose must be undone: inverse(before)": (
-            "inverse(before[nodes])",
-            "before[nodes]",
+            "inverse(before[nodes]) => before[nodes]"
         ),
         "from the new poses to the old ones": lambda p, n, b, a: _relaid(p, n, a, b),
         "the points were taken for points in the frame of their node": lambda p, n, b, a: (
@@ -169,23 +165,19 @@ check_inside = Check(
     },
     {
         "1.96 sigma is a gate of one dimension: in the plane 5.99 bounds the square": (
-            "-2 * np.log(0.05)",
-            "1.96**2",
+            "-2 * np.log(0.05) => 1.96**2"
         ),
         "the square was compared with the root of the bound": (
-            "-2 * np.log(0.05)",
-            "np.sqrt(-2 * np.log(0.05))",
+            "-2 * np.log(0.05) => np.sqrt(-2 * np.log(0.05))"
         ),
         "the covariance was multiplied, not divided by": (
-            "np.linalg.solve(covs, errors[..., None])",
-            "(covs @ errors[..., None])",
+            "np.linalg.solve(covs, errors[..., None]) => (covs @ errors[..., None])"
         ),
         "each axis for itself: the correlation is missing": lambda e, P: float(
             np.mean((e**2 / np.diagonal(P, axis1=1, axis2=2)).sum(-1) < -2 * np.log(0.05))
         ),
         "95 % lie inside: 1 - exp(-c / 2) is 0.95, so exp(-c / 2) is 0.05": (
-            "np.log(0.05)",
-            "np.log(0.95)",
+            "np.log(0.05) => np.log(0.95)"
         ),
         "this is the share outside": lambda e, P: 1 - _inside(e, P),
     },
@@ -219,13 +211,13 @@ check_least_share = Check(
         "any count": _trials,
     },
     {
-        "this is the share itself": ("(middle - spread) / (1 + z**2 / runs)", "p"),
-        "this is the upper end": ("middle - spread", "middle + spread"),
+        "this is the share itself": "(middle - spread) / (1 + z**2 / runs) => p",
+        "this is the upper end": "middle - spread => middle + spread",
         "p - z sqrt(p (1 - p) / n) says that three of three prove everything": lambda k, n: float(
             k / n - 1.96 * np.sqrt(k / n * (1 - k / n) / n)
         ),
-        "the last division is missing": (" / (1 + z**2 / runs)", ""),
-        "the root needs z^2 / (4 n^2), not z^2 / (4 n)": ("(4 * runs**2)", "(4 * runs)"),
+        "the last division is missing": " / (1 + z**2 / runs) => ",
+        "the root needs z^2 / (4 n^2), not z^2 / (4 n)": "(4 * runs**2) => (4 * runs)",
     },
     draws=12,
 )

@@ -115,11 +115,11 @@ WRONG = [
     ("ch02.check_predict", lambda m, P, F, Q: F @ m, "only `mean` came"),
     (
         "ch02.check_predict",
-        answer("ch02.check_predict", "F @ cov", "F @ (2 * cov)"),
+        answer("ch02.check_predict", "F @ cov => F @ (2 * cov)"),
         "`cov` counts twice",
     ),
-    ("ch02.check_update", answer("ch02.check_update", "np.eye(len(mean))", "np.eye(len(z))"), ""),
-    ("ch02.check_update", answer("ch02.check_update", "+ R", "+ R / 2"), "counted twice"),
+    ("ch02.check_update", answer("ch02.check_update", "np.eye(len(mean)) => np.eye(len(z))"), ""),
+    ("ch02.check_update", answer("ch02.check_update", "+ R => + R / 2"), "counted twice"),
     ("ch02.check_joseph", lambda P, K, H, R: np.linalg.inv(P), ""),
     ("ch03.check_range_bearing", lambda p, m: [1, 2, 3], "shape"),
     ("ch03.check_innovation", lambda z, p: z + p, ""),
@@ -136,7 +136,7 @@ WRONG = [
     ("ch09.check_add_landmark", lambda P, *a: answer("ch09.check_add_landmark")(P, *a)[:-1], ""),
     (
         "ch10.check_predict_cov",
-        answer("ch10.check_predict_cov", "F.T + Q", "F.T - Q"),
+        answer("ch10.check_predict_cov", "F.T + Q => F.T - Q"),
         "`Q` counts with the wrong sign",
     ),
     ("ch11.check_joint", lambda y, S: -answer("ch11.check_joint")(y, S), "sign"),

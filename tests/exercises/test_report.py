@@ -22,7 +22,7 @@ check = Check(
         "zero changes nothing": ([1.0, 2.0], [0.0, 0.0]),
         "vectors of any length": lambda rng: rng.normal(size=(2, rng.integers(1, 6))),
     },
-    {"this is the difference": ("a + b", "a - b")},
+    {"this is the difference": "a + b => a - b"},
 )
 
 
