@@ -169,11 +169,15 @@ class Optimization:
             self.converged, message = self.levenberg_marquardt()
         return message
 
-    def stepped(self, step: Array) -> Array:
+    def move_by(self, step: Array) -> float:
+        """Move the free poses by `step`; return the cost there, inf where that overflows."""
         poses = self.poses.copy()
-        poses[self.equations.free] += step
+        with np.errstate(over="ignore"):
+            poses[self.equations.free] += step
+        if not np.isfinite(poses).all():
+            return np.inf
         poses[:, 2] = wrap_angle(poses[:, 2])
-        return poses
+        return self.move_to(poses)
 
     def settled(self, before: float, after: float) -> bool:
         return abs(before - after) <= self.tolerance * before + self.rounding
@@ -182,7 +186,7 @@ class Optimization:
         """Solve H step = -gradient and move, until neither the cost nor its model changes."""
         for _ in range(self.max_iterations):
             before, here = self.history[-1], self.poses
-            cost = self.move_to(self.stepped(self.gauss_newton_step()))
+            cost = self.move_by(self.gauss_newton_step())
             if not np.isfinite(cost):
                 self.move_to(here)
                 return False, "diverged: the next step has no finite cost"
@@ -247,7 +251,7 @@ class Optimization:
             step = solve(-gradient)
             # model: -2 g.s - s.H s with (H + damping D) s = -g
             promised = float(np.vdot(step, diagonal * step) - np.vdot(gradient, step))
-            cost = self.move_to(self.stepped(step))
+            cost = self.move_by(step)
             if cost <= before * (1 + 1e-12) + self.rounding:
                 return cost, damping, (before - cost) / max(promised, self.rounding)
             self.move_to(here)

@@ -13,7 +13,7 @@ from slamlab.datasets.synthetic import manhattan_graph
 from slamlab.geometry import between, compose, inverse, rotation, wrap_angle
 from slamlab.slam import PoseGraph, edge_error, edge_jacobians
 from slamlab.slam._edges import Edges
-from slamlab.slam._optimize import _dcs, _huber
+from slamlab.slam._optimize import NormalEquations, _dcs, _huber
 
 RTB = Path(pytest.importorskip("rtbdata").__file__).parent / "data"
 quiet = settings(derandomize=True, deadline=None, max_examples=50)
@@ -326,6 +326,26 @@ def test_a_start_beyond_all_measure_ends_without_a_false_claim():
     far[3:, 0] += 1e200
     with pytest.raises(ValueError, match="overflow"):
         graph.with_poses(far).optimize()
+
+
+@pytest.mark.parametrize(
+    ("method", "said"),
+    [("gauss-newton", "diverged"), ("levenberg-marquardt", "no step lowers the cost")],
+)
+@pytest.mark.parametrize("size", [np.inf, np.nan, 1e308])
+def test_a_step_that_overflows_is_not_taken(method, said, size, monkeypatch):
+    solve = NormalEquations.factorise
+
+    def overflowing(self, *args, **kwargs):
+        good = solve(self, *args, **kwargs)
+        return lambda b: np.sign(good(b)) * size
+
+    monkeypatch.setattr(NormalEquations, "factorise", overflowing)
+    graph, _ = random_graph()
+    result = graph.optimize(method=method)
+    assert not result.converged
+    assert said in result.message
+    np.testing.assert_array_equal(result.poses, graph.poses)
 
 
 def test_several_fixed_poses_stay():
