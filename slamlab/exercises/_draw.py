@@ -10,7 +10,12 @@ import numpy as np
 from slamlab.exercises._report import Array
 from slamlab.sensors import RangeBearing
 
-__all__ = ["a_covariance", "a_pose", "an_angle", "in_the_room", "weights"]
+__all__ = ["a_covariance", "a_pose", "an_angle", "drawn", "in_the_room", "weights"]
+
+
+def drawn(draw: Callable[..., Any]) -> Callable[..., Any]:
+    """Turn ``draw(rng, *sizes)`` into a function of the sizes that gives ``draw(rng)``."""
+    return lambda *sizes, **more: lambda rng: draw(rng, *sizes, **more)
 
 
 def a_covariance(rng: np.random.Generator, n: int, size: float = 1.0) -> Array:
@@ -39,7 +44,9 @@ def weights(rng: np.random.Generator, n: int, dead: Any = ()) -> Array:
     return w / w.sum()
 
 
+@drawn
 def in_the_room(
+    rng: np.random.Generator,
     n: int,
     names: int,
     unseen: float = 0.0,
@@ -47,23 +54,19 @@ def in_the_room(
     dt: float = 0.5,
     doubt: float = 0.0,
     still: bool = False,
-) -> Callable[[np.random.Generator], tuple[Any, ...]]:
+) -> tuple[Any, ...]:
     """Draw n steps of dt (s) among landmarks: u, dt, V, z, ids, R; with doubt, P0 before them."""
-
-    def draw(rng: np.random.Generator) -> tuple[Any, ...]:
-        room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)
-        u = np.round(rng.uniform([0.2, -0.5], [0.8, 1.0], (n, 2)), 2)
-        u[1:] *= not still
-        V, R = a_covariance(rng, 2, 0.01) * (not still), a_covariance(rng, 2, 0.005)
-        P0 = [a_covariance(rng, 3, doubt)] if doubt else []
-        pose = rng.multivariate_normal(np.zeros(3), P0[0]) if doubt else np.zeros(3)
-        z, ids = [], []
-        for v, omega in u:
-            pose = pose + dt * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
-            name = int(rng.integers(names)) if rng.random() >= unseen else -1
-            seen = RangeBearing(0.05, 0.05).observe(pose, room[name])
-            z.append(np.round(seen + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
-            ids.append(10 * name if name >= 0 else -1)
-        return (*P0, u, dt, V, z, ids, R)
-
-    return draw
+    room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)
+    u = np.round(rng.uniform([0.2, -0.5], [0.8, 1.0], (n, 2)), 2)
+    u[1:] *= not still
+    V, R = a_covariance(rng, 2, 0.01) * (not still), a_covariance(rng, 2, 0.005)
+    P0 = [a_covariance(rng, 3, doubt)] if doubt else []
+    pose = rng.multivariate_normal(np.zeros(3), P0[0]) if doubt else np.zeros(3)
+    z, ids = [], []
+    for v, omega in u:
+        pose = pose + dt * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+        name = int(rng.integers(names)) if rng.random() >= unseen else -1
+        seen = RangeBearing(0.05, 0.05).observe(pose, room[name])
+        z.append(np.round(seen + rng.normal(0, 0.05, 2), 3) if name >= 0 else [np.nan] * 2)
+        ids.append(10 * name if name >= 0 else -1)
+    return (*P0, u, dt, V, z, ids, R)

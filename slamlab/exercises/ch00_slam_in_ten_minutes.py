@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose
+from slamlab.exercises._draw import a_covariance, a_pose, drawn
 from slamlab.exercises._report import Array, Check, Function, Ints
 from slamlab.geometry import between, compose, inverse, rotation, wrap_angle
 
@@ -256,17 +256,15 @@ def _path(rng: np.random.Generator, n: int) -> Array:
     return _dead_reckoning(start, motions)
 
 
-def _graph(n: int, extra: int, noise: float = 0.1) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        poses = _path(rng, n)
-        edges = [(k, k + 1) for k in range(n - 1)]
-        edges += [tuple(rng.choice(n, 2, replace=False)) for _ in range(extra)]
-        z = np.array([between(poses[i], poses[j]) for i, j in edges])
-        poses[1:, :2] += rng.normal(0, noise, (n - 1, 2))
-        poses[1:, 2] = wrap_angle(poses[1:, 2] + rng.normal(0, noise, n - 1))
-        return poses, edges, z, np.array([10 * a_covariance(rng, 3) for _ in edges])
-
-    return draw
+@drawn
+def _graph(rng: np.random.Generator, n: int, extra: int, noise: float = 0.1) -> Any:
+    poses = _path(rng, n)
+    edges = [(k, k + 1) for k in range(n - 1)]
+    edges += [tuple(rng.choice(n, 2, replace=False)) for _ in range(extra)]
+    z = np.array([between(poses[i], poses[j]) for i, j in edges])
+    poses[1:, :2] += rng.normal(0, noise, (n - 1, 2))
+    poses[1:, 2] = wrap_angle(poses[1:, 2] + rng.normal(0, noise, n - 1))
+    return poses, edges, z, np.array([10 * a_covariance(rng, 3) for _ in edges])
 
 
 def _two_readings(rng: np.random.Generator) -> Any:
@@ -347,19 +345,17 @@ def _slam(
     return poses, chi2
 
 
-def _ride(n: int, closures: int) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        truth = _path(rng, n + 1)
-        pairs = [rng.choice(n + 1, 2, replace=False) for _ in range(closures)]
-        sigma = np.array([0.05, 0.05, 0.03])
-        odometry = np.array([between(truth[k], truth[k + 1]) for k in range(n)])
-        z = np.reshape([between(truth[i], truth[j]) for i, j in pairs], (closures, 3))
-        odometry = np.round(odometry + sigma * rng.standard_normal((n, 3)), 3)
-        z = z + sigma / 2 * rng.standard_normal((closures, 3))
-        weight = np.linalg.inv(a_covariance(rng, 3, 0.02)), np.diag((2 / sigma) ** 2)
-        return truth[0], odometry, weight[0], np.reshape(pairs, (closures, 2)), z, weight[1]
-
-    return draw
+@drawn
+def _ride(rng: np.random.Generator, n: int, closures: int) -> Any:
+    truth = _path(rng, n + 1)
+    pairs = [rng.choice(n + 1, 2, replace=False) for _ in range(closures)]
+    sigma = np.array([0.05, 0.05, 0.03])
+    odometry = np.array([between(truth[k], truth[k + 1]) for k in range(n)])
+    z = np.reshape([between(truth[i], truth[j]) for i, j in pairs], (closures, 3))
+    odometry = np.round(odometry + sigma * rng.standard_normal((n, 3)), 3)
+    z = z + sigma / 2 * rng.standard_normal((closures, 3))
+    weight = np.linalg.inv(a_covariance(rng, 3, 0.02)), np.diag((2 / sigma) ** 2)
+    return truth[0], odometry, weight[0], np.reshape(pairs, (closures, 2)), z, weight[1]
 
 
 check_slam = Check(

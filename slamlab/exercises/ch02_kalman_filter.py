@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance
+from slamlab.exercises._draw import a_covariance, drawn
 from slamlab.exercises._report import Array, Check, Function
 
 __all__ = ["check_joseph", "check_predict", "check_track", "check_tune", "check_update"]
@@ -33,12 +33,10 @@ def _predict(mean: Array, cov: Array, F: Array, Q: Array) -> Belief:
     return F @ mean, F @ cov @ F.T + Q
 
 
-def _motion(n: int, noise: float = 1.0) -> Any:
-    def draw(rng: np.random.Generator) -> Case:
-        mean, F = (np.round(rng.normal(0, 2, shape), 2) for shape in (n, (n, n)))
-        return mean, a_covariance(rng, n), F, noise * a_covariance(rng, n, 0.3)
-
-    return draw
+@drawn
+def _motion(rng: np.random.Generator, n: int, noise: float = 1.0) -> Case:
+    mean, F = (np.round(rng.normal(0, 2, shape), 2) for shape in (n, (n, n)))
+    return mean, a_covariance(rng, n), F, noise * a_covariance(rng, n, 0.3)
 
 
 _ZERO = [[0.0, 0.0], [0.0, 0.0]]
@@ -149,14 +147,12 @@ def _joseph(cov: Array, K: Array, H: Array, R: Array) -> Array:
     return A @ cov @ A.T + K @ R @ K.T
 
 
-def _any_gain(n: int, m: int, share: float | None = None) -> Any:
-    def draw(rng: np.random.Generator) -> Case:
-        _, cov, _, H, R = _model(rng, n, m)
-        best = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
-        K = rng.normal(0, 0.5, (n, m)) if share is None else share * best
-        return cov, K, H, R
-
-    return draw
+@drawn
+def _any_gain(rng: np.random.Generator, n: int, m: int, share: float | None = None) -> Case:
+    _, cov, _, H, R = _model(rng, n, m)
+    best = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
+    K = rng.normal(0, 0.5, (n, m)) if share is None else share * best
+    return cov, K, H, R
 
 
 check_joseph = Check(
@@ -208,14 +204,12 @@ def _track(z: Array, dt: float, q: float, r: float) -> Belief:
     return np.array(means).reshape(-1, 2), np.array(covs).reshape(-1, 2, 2)
 
 
-def _readings(n: int, lost: float = 0.0) -> Any:
-    def draw(rng: np.random.Generator) -> Case:
-        dt, q, r = np.round(rng.uniform(0.1, 1.5, 3), 2)
-        z = np.round(np.cumsum(rng.normal(0.5, 1, n)), 2)
-        z[rng.random(n) < lost] = np.nan
-        return z, dt, q, r
-
-    return draw
+@drawn
+def _readings(rng: np.random.Generator, n: int, lost: float = 0.0) -> Case:
+    dt, q, r = np.round(rng.uniform(0.1, 1.5, 3), 2)
+    z = np.round(np.cumsum(rng.normal(0.5, 1, n)), 2)
+    z[rng.random(n) < lost] = np.nan
+    return z, dt, q, r
 
 
 check_track = Check(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose, an_angle
+from slamlab.exercises._draw import a_covariance, a_pose, an_angle, drawn
 from slamlab.exercises._report import Array, Check
 from slamlab.geometry import wrap_angle
 
@@ -215,19 +215,17 @@ def _follow(
     return np.array(means).reshape(-1, 3), np.array(covs).reshape(-1, 3, 3)
 
 
-def _unicycle(n: int, unseen: float) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        mean, landmark = a_pose(rng), np.round(rng.uniform(4, 8, 2), 2)
-        u = np.round(rng.uniform([0.2, -1.5], [1.5, 1.5], (n, 2)), 2)
-        pose, read = mean, []
-        for v, omega in u:
-            pose = pose + 0.4 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
-            read.append(_range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.05]))
-        z = np.where(rng.random((n, 1)) < unseen, np.nan, np.round(read, 3))
-        V, R = a_covariance(rng, 2, 0.02), a_covariance(rng, 2, 0.01)
-        return mean, a_covariance(rng, 3, 0.02), u, 0.4, V, z, landmark, R
-
-    return draw
+@drawn
+def _unicycle(rng: np.random.Generator, n: int, unseen: float) -> Any:
+    mean, landmark = a_pose(rng), np.round(rng.uniform(4, 8, 2), 2)
+    u = np.round(rng.uniform([0.2, -1.5], [1.5, 1.5], (n, 2)), 2)
+    pose, read = mean, []
+    for v, omega in u:
+        pose = pose + 0.4 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+        read.append(_range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.05]))
+    z = np.where(rng.random((n, 1)) < unseen, np.nan, np.round(read, 3))
+    V, R = a_covariance(rng, 2, 0.02), a_covariance(rng, 2, 0.01)
+    return mean, a_covariance(rng, 3, 0.02), u, 0.4, V, z, landmark, R
 
 
 check_follow = Check(

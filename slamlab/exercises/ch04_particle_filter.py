@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from slamlab.exercises._draw import drawn
 from slamlab.exercises._draw import weights as some_weights
 from slamlab.exercises._report import Array, Check, Ints
 
@@ -238,14 +239,12 @@ def _mean_pose(poses: Array, weights: Array) -> Array:
     )
 
 
-def _cloud(heading: float) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        n = int(rng.integers(2, 8))
-        poses = np.round(rng.normal(0, [2.0, 2.0, 0.5], (n, 3)), 2)
-        poses[:, 2] = (poses[:, 2] + heading + np.pi) % (2 * np.pi) - np.pi
-        return poses, some_weights(rng, n)
-
-    return draw
+@drawn
+def _cloud(rng: np.random.Generator, heading: float) -> Any:
+    n = int(rng.integers(2, 8))
+    poses = np.round(rng.normal(0, [2.0, 2.0, 0.5], (n, 3)), 2)
+    poses[:, 2] = (poses[:, 2] + heading + np.pi) % (2 * np.pi) - np.pi
+    return poses, some_weights(rng, n)
 
 
 check_mean_pose = Check(
@@ -313,19 +312,17 @@ def _localize(
     return x, weights
 
 
-def _walk(n: int, steps: int, lost: float = 0.0, sigma: float = 0.3) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        doors = np.round(rng.uniform(0, 12, 3), 1)
-        x, place = np.round(rng.uniform(0, 8, n), 2), float(rng.uniform(0, 6))
-        moves = np.round(rng.uniform(0.2, 0.8, steps), 2)
-        z = np.abs((place + np.cumsum(moves))[:, None] - doors).min(axis=1)
-        z = np.where(
-            rng.random(steps) < lost, np.nan, np.round(z + rng.normal(0, sigma, steps), 2)
-        )
-        noise = np.round(rng.normal(0, 0.1, (steps, n)), 3)
-        return x, moves, noise, z, doors, sigma, np.round(rng.random(steps), 3)
-
-    return draw
+@drawn
+def _walk(
+    rng: np.random.Generator, n: int, steps: int, lost: float = 0.0, sigma: float = 0.3
+) -> Any:
+    doors = np.round(rng.uniform(0, 12, 3), 1)
+    x, place = np.round(rng.uniform(0, 8, n), 2), float(rng.uniform(0, 6))
+    moves = np.round(rng.uniform(0.2, 0.8, steps), 2)
+    z = np.abs((place + np.cumsum(moves))[:, None] - doors).min(axis=1)
+    z = np.where(rng.random(steps) < lost, np.nan, np.round(z + rng.normal(0, sigma, steps), 2))
+    noise = np.round(rng.normal(0, 0.1, (steps, n)), 3)
+    return x, moves, noise, z, doors, sigma, np.round(rng.random(steps), 3)
 
 
 check_localize = Check(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose, an_angle
+from slamlab.exercises._draw import a_covariance, a_pose, an_angle, drawn
 from slamlab.exercises._report import Array, Check
 from slamlab.geometry import wrap_angle
 
@@ -289,13 +289,11 @@ def _odometry(
     return np.array(poses).reshape(-1, 3), np.array(covs).reshape(-1, 3, 3)
 
 
-def _driving(n: int, doubt: float, sigma: float) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        root = rng.normal(size=(3, 3))
-        wheels = np.round(rng.uniform(-2, 9, (n, 4)), 1)
-        return a_pose(rng), doubt * root @ root.T, wheels, 0.2, 0.05, 0.38, sigma
-
-    return draw
+@drawn
+def _driving(rng: np.random.Generator, n: int, doubt: float, sigma: float) -> Any:
+    root = rng.normal(size=(3, 3))
+    wheels = np.round(rng.uniform(-2, 9, (n, 4)), 1)
+    return a_pose(rng), doubt * root @ root.T, wheels, 0.2, 0.05, 0.38, sigma
 
 
 check_odometry = Check(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_pose
+from slamlab.exercises._draw import a_pose, drawn
 from slamlab.exercises._report import Array, Check, Function, Ints
 
 __all__ = [
@@ -223,15 +223,13 @@ def _scan_to_points(pose: Array, ranges: Array, angles: Array) -> Array:
     return np.stack([x, y], -1)
 
 
-def _scan(lost: bool) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        n = int(rng.integers(1, 9)) + 2 * lost
-        ranges = np.round(rng.uniform(0.2, 9, n), 2)
-        if lost:
-            ranges[rng.permutation(n)[:2]] = [np.nan, np.inf]
-        return a_pose(rng), ranges, np.sort(np.round(rng.uniform(-3, 3, n), 2))
-
-    return draw
+@drawn
+def _scan(rng: np.random.Generator, lost: bool) -> Any:
+    n = int(rng.integers(1, 9)) + 2 * lost
+    ranges = np.round(rng.uniform(0.2, 9, n), 2)
+    if lost:
+        ranges[rng.permutation(n)[:2]] = [np.nan, np.inf]
+    return a_pose(rng), ranges, np.sort(np.round(rng.uniform(-3, 3, n), 2))
 
 
 check_scan_to_points = Check(
@@ -300,14 +298,12 @@ def _nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
     return float(t[met].min()) if met.any() else np.inf
 
 
-def _walls(n: int) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        start = np.round(rng.uniform(-5, 5, (n, 2)), 2)
-        ends = start + np.round(rng.uniform(0.5, 5, (n, 2)) * rng.choice([-1, 1], (n, 2)), 2)
-        x, y = np.round(rng.uniform(-2, 2, 2), 2)
-        return np.stack([start, ends], 1), x, y, np.round(rng.uniform(-3.1, 3.1), 3)
-
-    return draw
+@drawn
+def _walls(rng: np.random.Generator, n: int) -> Any:
+    start = np.round(rng.uniform(-5, 5, (n, 2)), 2)
+    ends = start + np.round(rng.uniform(0.5, 5, (n, 2)) * rng.choice([-1, 1], (n, 2)), 2)
+    x, y = np.round(rng.uniform(-2, 2, 2), 2)
+    return np.stack([start, ends], 1), x, y, np.round(rng.uniform(-3.1, 3.1), 3)
 
 
 def _on_one_line(rng: np.random.Generator) -> Any:
@@ -400,18 +396,18 @@ def _record(
     return ranges, points
 
 
-def _tour(poses: int, n_beams: int, view: float, reach: float = np.inf) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        rows, columns = rng.integers(6, 12, 2)
-        cells = rng.random((rows, columns)) < 0.15
-        resolution = float(rng.choice([0.25, 0.4, 2.0]))
-        places = rng.uniform(0.1, [columns - 0.1, rows - 0.1], (poses, 2))
-        cells[tuple(places.astype(int).T[::-1])] = False
-        headings = np.round(rng.uniform(-3.1, 3.1, (poses, 1)), 3)
-        path = np.hstack([np.round(places, 3) * resolution, headings])
-        return cells, resolution, path, n_beams, view, reach * resolution
-
-    return draw
+@drawn
+def _tour(
+    rng: np.random.Generator, poses: int, n_beams: int, view: float, reach: float = np.inf
+) -> Any:
+    rows, columns = rng.integers(6, 12, 2)
+    cells = rng.random((rows, columns)) < 0.15
+    resolution = float(rng.choice([0.25, 0.4, 2.0]))
+    places = rng.uniform(0.1, [columns - 0.1, rows - 0.1], (poses, 2))
+    cells[tuple(places.astype(int).T[::-1])] = False
+    headings = np.round(rng.uniform(-3.1, 3.1, (poses, 1)), 3)
+    path = np.hstack([np.round(places, 3) * resolution, headings])
+    return cells, resolution, path, n_beams, view, reach * resolution
 
 
 _CORRIDOR = np.zeros((3, 8), dtype=int)
@@ -455,10 +451,7 @@ check_record = Check(
             "if r <= max_range else np.inf => if r <= max_range else max_range"
         ),
         "the points are right, but the range of a beam that met nothing is inf, not max_range": (
-            lambda o, s, p, n, v, m: (
-                np.minimum(_record(o, s, p, n, v, m)[0], m),
-                _record(o, s, p, n, v, m)[1],
-            )
+            "return ranges, points => return np.minimum(ranges, max_range), points"
         ),
         "max_range is in metres: it was compared with cells": (
             "if r <= max_range => if r / resolution <= max_range"

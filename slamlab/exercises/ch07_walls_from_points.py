@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose
+from slamlab.exercises._draw import a_covariance, a_pose, drawn
 from slamlab.exercises._report import Array, Check
 from slamlab.geometry import wrap_angle
 
@@ -55,13 +55,11 @@ def _through_the_first(points: Array) -> tuple[float, float]:
     return _named(np.array([-u[1], u[0]]) / np.hypot(*u), points[0])
 
 
-def _wall(r: float, alpha: float, k: int = 7) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        normal = np.array([np.cos(alpha), np.sin(alpha)])
-        along = rng.uniform(-1, 1.5, (k, 1)) * [-normal[1], normal[0]]
-        return (np.round((r + rng.normal(0, 0.03, (k, 1))) * normal + along, 3),)
-
-    return draw
+@drawn
+def _wall(rng: np.random.Generator, r: float, alpha: float, k: int = 7) -> Any:
+    normal = np.array([np.cos(alpha), np.sin(alpha)])
+    along = rng.uniform(-1, 1.5, (k, 1)) * [-normal[1], normal[0]]
+    return (np.round((r + rng.normal(0, 0.03, (k, 1))) * normal + along, 3),)
 
 
 check_line = Check(
@@ -168,13 +166,7 @@ check_corner = Check(
             lambda p: int(np.argmax(np.hypot(*(p - p.mean(0)).T)))
         ),
         "the distance was taken along y: measure it across the chord": (
-            lambda p: int(
-                np.argmax(
-                    np.abs(
-                        p[:, 1] - p[0, 1] - (p[-1, 1] - p[0, 1]) * np.arange(len(p)) / (len(p) - 1)
-                    )
-                )
-            )
+            "u[0] * d[:, 1] - u[1] * d[:, 0] => d[:, 1] - u[1] * np.arange(len(d)) / (len(d) - 1)"
         ),
         "this is the distance itself: the index of the point is due": lambda p: _off(p).max(),
         "off by one: the first point has index 0": lambda p: _corner(p) + 1,
@@ -271,13 +263,13 @@ def _to_world(pose: Array, P: Array, wall: Array, C: Array) -> tuple[Array, Arra
     return np.array([r, wrap_angle(alpha)]), cov
 
 
-def _sighting(doubt: float = 1.0, haze: float = 1.0, home: bool = False) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        pose = a_pose(rng, 0.0 if home else 4.0)
-        wall = [float(np.round(rng.uniform(0.5, 5), 2)), float(np.round(rng.uniform(-3, 3), 2))]
-        return pose, doubt * a_covariance(rng, 3, 0.05), wall, haze * a_covariance(rng, 2, 0.02)
-
-    return draw
+@drawn
+def _sighting(
+    rng: np.random.Generator, doubt: float = 1.0, haze: float = 1.0, home: bool = False
+) -> Any:
+    pose = a_pose(rng, 0.0 if home else 4.0)
+    wall = [float(np.round(rng.uniform(0.5, 5), 2)), float(np.round(rng.uniform(-3, 3), 2))]
+    return pose, doubt * a_covariance(rng, 3, 0.05), wall, haze * a_covariance(rng, 2, 0.02)
 
 
 def _beyond(rng: np.random.Generator) -> Any:
@@ -367,21 +359,18 @@ def _cut_once(points: Array, variance: float, threshold: float, fewest: int) -> 
     return np.vstack([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
-def _outline(*sizes: int) -> Any:
+@drawn
+def _outline(rng: np.random.Generator, *sizes: int) -> Any:
     """Draw a scan along walls with so many points each, and how to cut it."""
-
-    def draw(rng: np.random.Generator) -> Any:
-        heading, corner, stretches = rng.uniform(-3, 3), rng.uniform(-3, 3, 2), []
-        for size in sizes:
-            d = np.array([np.cos(heading), np.sin(heading)])
-            stretches.append(corner + 0.2 * np.arange(size)[:, None] * d)
-            corner = stretches[-1][-1] + 0.2 * d
-            heading += rng.choice([-1, 1]) * rng.uniform(1.0, 1.6)
-        points = np.vstack(stretches) + rng.normal(0, 0.01, (sum(sizes), 2))
-        variance = float(np.round(rng.uniform(1e-4, 1e-2), 5))
-        return np.round(points, 4), variance, float(np.round(rng.uniform(0.04, 0.06), 3)), 4
-
-    return draw
+    heading, corner, stretches = rng.uniform(-3, 3), rng.uniform(-3, 3, 2), []
+    for size in sizes:
+        d = np.array([np.cos(heading), np.sin(heading)])
+        stretches.append(corner + 0.2 * np.arange(size)[:, None] * d)
+        corner = stretches[-1][-1] + 0.2 * d
+        heading += rng.choice([-1, 1]) * rng.uniform(1.0, 1.6)
+    points = np.vstack(stretches) + rng.normal(0, 0.01, (sum(sizes), 2))
+    variance = float(np.round(rng.uniform(1e-4, 1e-2), 5))
+    return np.round(points, 4), variance, float(np.round(rng.uniform(0.04, 0.06), 3)), 4
 
 
 _ANGLE = np.array([[0, 1], [1, 1], [2, 1], [3, 1], [4, 1.0], [4, 2], [4, 3], [4, 4], [4, 5]])

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._report import Array, Check, Function
+from slamlab.exercises._draw import drawn
+from slamlab.exercises._report import Array, Check
 from slamlab.geometry import wrap_angle
 
 __all__ = [
@@ -95,27 +96,13 @@ def _beam_evidence(
     return evidence
 
 
-def _freed_behind(n: int, distance: float, max_range: float, hit: float, miss: float) -> Array:
-    evidence = _beam_evidence(n, distance, max_range, hit, miss)
-    if distance < max_range:
-        evidence[int(distance) + 1 :] = miss
-    return evidence
-
-
-def _with_distance(change: Function) -> Function:
-    return lambda n, distance, m, hit, miss: _beam_evidence(n, change(distance, m), m, hit, miss)
-
-
-def _row(low: float, high: float) -> Any:
+@drawn
+def _row(rng: np.random.Generator, low: float, high: float) -> Any:
     """Draw a row of cells and a reading between two shares of its length, not on a border."""
-
-    def draw(rng: np.random.Generator) -> Any:
-        n = int(rng.integers(2, 12))
-        distance = np.floor(rng.uniform(low, high) * n) + np.round(rng.uniform(0.05, 0.95), 2)
-        hit, miss = np.round(rng.uniform(0.3, 2, 2), 2)
-        return n, distance, float(rng.integers(2, 15)), hit, -miss
-
-    return draw
+    n = int(rng.integers(2, 12))
+    distance = np.floor(rng.uniform(low, high) * n) + np.round(rng.uniform(0.05, 0.95), 2)
+    hit, miss = np.round(rng.uniform(0.3, 2, 2), 2)
+    return n, distance, float(rng.integers(2, 15)), hit, -miss
 
 
 check_beam_evidence = Check(
@@ -136,18 +123,16 @@ check_beam_evidence = Check(
         "any beam, beyond the row too": _row(0.0, 2.0),
     },
     {
-        "nobody saw what lies behind the wall: no evidence there": _freed_behind,
+        "nobody saw what lies behind the wall: no evidence there": (
+            "evidence[:end] = miss => evidence[:] = miss"
+        ),
         "this is P5's dot: the beam also says that the cells before its end are free": (
             lambda n, d, m, hit, miss: _beam_evidence(n, d, m, hit, 0.0)
         ),
         "only the hit counts here; a beam that met nothing frees its way, as one that met a wall "
         "frees the way to it": "evidence[:end] = miss => pass",
         "the cell where the beam ended is not free as well: it gets the hit alone": (
-            lambda n, d, m, hit, miss: np.where(
-                _beam_evidence(n, d, m, hit, miss) == hit,
-                hit + miss,
-                _beam_evidence(n, d, m, hit, miss),
-            )
+            "evidence[end : end + 1] = hit => evidence[end : end + 1] = hit + miss"
         ),
         "a beam that met nothing frees its way up to max_range": (
             "evidence[: int(max_range)] = miss => pass"
@@ -161,7 +146,9 @@ check_beam_evidence = Check(
             "evidence[: int(max_range)] => evidence[:]"
         ),
         "NaN is a lost reading: it says nothing, not even that the way is free": (
-            _with_distance(lambda d, m: np.inf if np.isnan(d) else d)
+            lambda n, d, m, hit, miss: _beam_evidence(
+                n, np.inf if np.isnan(d) else d, m, hit, miss
+            )
         ),
         "one cell too far: a beam of 2.5 m ends in cell number 2": (
             "end = int(distance) => end = int(distance) + 1"
@@ -319,17 +306,15 @@ def _insert(
     return new
 
 
-def _scanned(rows: int, columns: int, heading: float = 0.0) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        n = int(rng.integers(5, 12))
-        angles = np.linspace(-np.pi, np.pi, n, endpoint=False)
-        ranges = np.round(rng.uniform(0.6, 4, n), 2)
-        ranges[rng.integers(0, n)], ranges[rng.integers(0, n)] = np.inf, np.nan
-        pose = [*np.round(rng.uniform(0.2, 1.8, 2), 2), heading + np.round(rng.normal(), 2)]
-        before = np.round(rng.normal(0, 0.5, (rows, columns)), 1)
-        return before, pose, ranges, angles, 0.25, 3.0, 0.8, -0.4
-
-    return draw
+@drawn
+def _scanned(rng: np.random.Generator, rows: int, columns: int, heading: float = 0.0) -> Any:
+    n = int(rng.integers(5, 12))
+    angles = np.linspace(-np.pi, np.pi, n, endpoint=False)
+    ranges = np.round(rng.uniform(0.6, 4, n), 2)
+    ranges[rng.integers(0, n)], ranges[rng.integers(0, n)] = np.inf, np.nan
+    pose = [*np.round(rng.uniform(0.2, 1.8, 2), 2), heading + np.round(rng.normal(), 2)]
+    before = np.round(rng.normal(0, 0.5, (rows, columns)), 1)
+    return before, pose, ranges, angles, 0.25, 3.0, 0.8, -0.4
 
 
 check_insert = Check(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose, an_angle, in_the_room
+from slamlab.exercises._draw import a_covariance, a_pose, an_angle, drawn, in_the_room
 from slamlab.exercises._report import Array, Check, Ints
 from slamlab.geometry import wrap_angle
 
@@ -109,19 +109,11 @@ def _add_landmark(P: Array, G_pose: Array, G_z: Array, R: Array) -> Array:
     return np.block([[P, cross.T], [cross, own]])
 
 
-def _tied_to_the_pose_only(P: Array, G_pose: Array, G_z: Array, R: Array) -> Array:
-    whole = _add_landmark(P, G_pose, G_z, R)
-    whole[3:-2, -2:] = whole[-2:, 3:-2] = 0.0
-    return whole
-
-
-def _map(landmarks: int, doubt: float = 1.0) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        P = doubt * a_covariance(rng, 3 + 2 * landmarks)
-        G_pose, G_z = np.round(rng.normal(size=(2, 3)), 2), np.round(rng.normal(size=(2, 2)), 2)
-        return P, G_pose, G_z, a_covariance(rng, 2, 0.2)
-
-    return draw
+@drawn
+def _map(rng: np.random.Generator, landmarks: int, doubt: float = 1.0) -> Any:
+    P = doubt * a_covariance(rng, 3 + 2 * landmarks)
+    G_pose, G_z = np.round(rng.normal(size=(2, 3)), 2), np.round(rng.normal(size=(2, 2)), 2)
+    return P, G_pose, G_z, a_covariance(rng, 2, 0.2)
 
 
 check_add_landmark = Check(
@@ -138,7 +130,7 @@ check_add_landmark = Check(
             "cross = G_pose @ P[:3, :] => cross = np.zeros((2, len(P)))"
         ),
         "it is tied to the pose but not to the old landmarks: use all columns of P[:3, :]": (
-            _tied_to_the_pose_only
+            "G_pose @ P[:3, :]\n => G_pose @ P[:3, :] * (np.arange(len(P)) < 3)\n"
         ),
         "the sensor's noise is missing: add G_z R G_z^T": " + G_z @ R @ G_z.T => ",
         "the robot's doubt is missing: add G_pose P_p G_pose^T": (
@@ -234,10 +226,7 @@ check_wall = Check(
             "xs * np.cos(alpha) + ys * np.sin(alpha) => xs * np.sin(alpha) + ys * np.cos(alpha)"
         ),
         "this is the wall as the map names it, seen from the centre: no heading, no lever": (
-            lambda pose, wall, L: [
-                wall[0] - pose[:2] @ [np.cos(wall[1]), np.sin(wall[1])],
-                wall[1],
-            ]
+            lambda p, wall, L: [wall[0] - p[:2] @ [np.cos(wall[1]), np.sin(wall[1])], wall[1]]
         ),
     },
 )
@@ -263,18 +252,16 @@ def _update(mean: Array, P: Array, z: Array, i: int, R: Array) -> tuple[Array, A
     return new, (np.eye(len(mean)) - K @ H) @ P
 
 
-def _in_a_map(landmarks: int, i: int, behind: bool = False) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        mean = np.append(a_pose(rng), np.round(rng.uniform(5, 9, 2 * landmarks), 2))
-        if behind:
-            mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
-        d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
-        z = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])] + rng.normal(0, 0.1, 2)
-        if behind:
-            z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
-        return mean, a_covariance(rng, len(mean), 0.05), z, i, a_covariance(rng, 2, 0.02)
-
-    return draw
+@drawn
+def _in_a_map(rng: np.random.Generator, landmarks: int, i: int, behind: bool = False) -> Any:
+    mean = np.append(a_pose(rng), np.round(rng.uniform(5, 9, 2 * landmarks), 2))
+    if behind:
+        mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
+    d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
+    z = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])] + rng.normal(0, 0.1, 2)
+    if behind:
+        z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
+    return mean, a_covariance(rng, len(mean), 0.05), z, i, a_covariance(rng, 2, 0.02)
 
 
 check_update = Check(

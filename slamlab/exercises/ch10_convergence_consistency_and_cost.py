@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose, in_the_room
+from slamlab.exercises._draw import a_covariance, a_pose, drawn, in_the_room
 from slamlab.exercises._report import Array, Check, Ints
 from slamlab.geometry import wrap_angle
 
@@ -84,12 +84,10 @@ def _predict_cov(P: Array, F: Array, Q: Array) -> Array:
     return predicted
 
 
-def _drive(landmarks: int, noise: float = 1.0) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        F = np.eye(3) + np.round(rng.normal(0, 0.5, (3, 3)), 2)
-        return a_covariance(rng, 3 + 2 * landmarks), F, noise * a_covariance(rng, 3, 0.3)
-
-    return draw
+@drawn
+def _drive(rng: np.random.Generator, landmarks: int, noise: float = 1.0) -> Any:
+    F = np.eye(3) + np.round(rng.normal(0, 0.5, (3, 3)), 2)
+    return a_covariance(rng, 3 + 2 * landmarks), F, noise * a_covariance(rng, 3, 0.3)
 
 
 check_predict_cov = Check(
@@ -162,17 +160,15 @@ def _accounts(
     return Phi - K @ G, Psi + G.T @ W @ G, theta + G.T @ W @ v
 
 
-def _region(fresh: bool) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        a, m = int(rng.integers(2, 8)), int(rng.integers(1, 4))
-        P, H = a_covariance(rng, a), rng.standard_normal((m, a))
-        S = H @ P @ H.T + 0.5 * np.eye(m)
-        start = np.eye(a), np.zeros((a, a)), np.zeros(a)
-        if not fresh:
-            start = rng.standard_normal((a, a)), a_covariance(rng, a), rng.standard_normal(a)
-        return (*start, H, S, rng.standard_normal(m), P @ H.T @ np.linalg.inv(S))
-
-    return draw
+@drawn
+def _region(rng: np.random.Generator, fresh: bool) -> Any:
+    a, m = int(rng.integers(2, 8)), int(rng.integers(1, 4))
+    P, H = a_covariance(rng, a), rng.standard_normal((m, a))
+    S = H @ P @ H.T + 0.5 * np.eye(m)
+    start = np.eye(a), np.zeros((a, a)), np.zeros(a)
+    if not fresh:
+        start = rng.standard_normal((a, a)), a_covariance(rng, a), rng.standard_normal(a)
+    return (*start, H, S, rng.standard_normal(m), P @ H.T @ np.linalg.inv(S))
 
 
 check_accounts = Check(
@@ -242,20 +238,20 @@ def _update(
     return new, (np.eye(len(mean)) - K @ H) @ P
 
 
-def _in_a_map(landmarks: int, i: int, moved: float = 0.3, behind: bool = False) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        mean = np.append(a_pose(rng), np.round(rng.uniform(5, 9, 2 * landmarks), 2))
-        if behind:
-            mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
-        d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
-        z = np.array([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])])
-        z += rng.normal(0, 0.1, 2)
-        if behind:
-            z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
-        first = mean + np.round(moved * rng.uniform(-1, 1, len(mean)), 2)
-        return mean, a_covariance(rng, len(mean), 0.05), first, z, i, a_covariance(rng, 2, 0.02)
-
-    return draw
+@drawn
+def _in_a_map(
+    rng: np.random.Generator, landmarks: int, i: int, moved: float = 0.3, behind: bool = False
+) -> Any:
+    mean = np.append(a_pose(rng), np.round(rng.uniform(5, 9, 2 * landmarks), 2))
+    if behind:
+        mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
+    d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
+    z = np.array([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])])
+    z += rng.normal(0, 0.1, 2)
+    if behind:
+        z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
+    first = mean + np.round(moved * rng.uniform(-1, 1, len(mean)), 2)
+    return mean, a_covariance(rng, len(mean), 0.05), first, z, i, a_covariance(rng, 2, 0.02)
 
 
 check_update = Check(

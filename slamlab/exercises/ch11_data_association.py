@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance
+from slamlab.exercises._draw import a_covariance, drawn
 from slamlab.exercises._report import Array, Check, Function, Ints
 from slamlab.gaussian import chi2_quantile
 from slamlab.sensors import RangeBearing
@@ -195,12 +195,10 @@ def _singles(y: Array, S: Array) -> Any:
     return _squared(y, blocks)
 
 
-def _pairs(m: int) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        H = rng.standard_normal((2 * m, 3))
-        return np.round(rng.normal(0, 0.7, (m, 2)), 2), np.round(H @ H.T, 3) + np.eye(2 * m)
-
-    return draw
+@drawn
+def _pairs(rng: np.random.Generator, m: int) -> Any:
+    H = rng.standard_normal((2 * m, 3))
+    return np.round(rng.normal(0, 0.7, (m, 2)), 2), np.round(H @ H.T, 3) + np.eye(2 * m)
 
 
 check_joint = Check(
@@ -270,25 +268,6 @@ def _each_its_nearest(distance: Array, gate: float) -> Any:
     return np.where(distance.min(1) < gate, distance.argmin(1), -1)
 
 
-def _in_order(distance: Array, gate: float) -> Any:
-    left, rows = np.where(distance < gate, distance, np.inf), []
-    for one in range(len(left)):
-        row = int(np.argmin(left[one])) if left.size else -1
-        rows.append(row if row >= 0 and np.isfinite(left[one, row]) else -1)
-        if rows[-1] >= 0:
-            left[:, row] = np.inf
-    return np.array(rows)
-
-
-def _no_second_choice(distance: Array, gate: float) -> Any:
-    rows = _each_its_nearest(distance, gate)
-    for row in set(rows[rows >= 0].tolist()):
-        mine = np.flatnonzero(rows == row)
-        rows[mine] = -1
-        rows[mine[np.argmin(distance[mine, row])]] = row
-    return rows
-
-
 def _both_dropped(distance: Array, gate: float) -> Any:
     rows = _each_its_nearest(distance, gate)
     return np.array([r if r >= 0 and (rows == r).sum() == 1 else -1 for r in rows], dtype=int)
@@ -328,10 +307,11 @@ check_best_first = Check(
     {
         "a landmark was given to two measurements": _each_its_nearest,
         "the measurements chose in the order of the list: the best pair of all goes first": (
-            _in_order
+            "np.unravel_index(np.argmin(left), left.shape)"
+            " => (j := np.isfinite(left).any(1).argmax()), left[j].argmin()"
         ),
         "a measurement that lost its nearest landmark may still take another inside the gate": (
-            _no_second_choice
+            "left[:, row] = np.inf => left[left.argmin(1) == row] = np.inf"
         ),
         "both rivals were dropped: the nearer one keeps the landmark": _both_dropped,
         "the gate was not used": "distance < gate => distance < np.inf",
@@ -362,12 +342,10 @@ def _stacked_cov(H: Array, P: Array, R: Array) -> Array:
     return S
 
 
-def _slopes(m: int) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        d = int(rng.integers(3, 8))
-        return np.round(rng.normal(0, 1, (m, 2, d)), 2), a_covariance(rng, d), a_covariance(rng, 2)
-
-    return draw
+@drawn
+def _slopes(rng: np.random.Generator, m: int) -> Any:
+    d = int(rng.integers(3, 8))
+    return np.round(rng.normal(0, 1, (m, 2, d)), 2), a_covariance(rng, d), a_covariance(rng, 2)
 
 
 check_stacked = Check(
@@ -478,33 +456,37 @@ def _greedy(y: Array, H: Array, P: Array, R: Array, gates: Array) -> Any:
     return answer
 
 
-def _back(trees: int, seen: int, strangers: int = 0, echo: int = 0, mixed: bool = True) -> Any:
+@drawn
+def _back(
+    rng: np.random.Generator,
+    trees: int,
+    seen: int,
+    strangers: int = 0,
+    echo: int = 0,
+    mixed: bool = True,
+) -> Any:
     """Draw what a robot sees that has lost its place by half a metre and five degrees."""
-
-    def draw(rng: np.random.Generator) -> Any:
-        sensor = RangeBearing(0.05, np.radians(0.5))
-        believed = np.zeros(3)
-        truth = rng.normal(0, 1, 3) * [0.5, 0.5, 0.08]
-        orchard = rng.uniform([2.0, -2.5], [6.0, 2.5], (trees, 2))
-        P = np.diag([0.25, 0.25, 0.0064, *[0.0004] * (2 * trees)])
-        in_map = orchard + rng.normal(0, 0.02, (trees, 2))
-        which = rng.permutation(trees)[:seen] if mixed else np.arange(seen)
-        which = np.append(which, which[:echo])
-        z = sensor.observe(truth, orchard[which]) + rng.normal(0, 1, (len(which), 2)) * [
-            0.05,
-            0.0087,
-        ]
-        z = np.vstack([z, rng.uniform([2.0, -0.5], [6.0, 0.5], (strangers, 2))])
-        y = sensor.residual(z[:, None], sensor.observe(believed, in_map)[None])
-        H_pose, H_landmark = sensor.jacobians(believed, in_map)
-        H = np.zeros((trees, 2, 3 + 2 * trees))
-        H[:, :, :3] = H_pose
-        for i in range(trees):
-            H[i, :, 3 + 2 * i : 5 + 2 * i] = H_landmark[i]
-        gates = chi2_quantile(0.99, 2 * np.arange(1, len(z) + 1))
-        return np.round(y, 3), np.round(H, 3), P, sensor.cov, gates
-
-    return draw
+    sensor = RangeBearing(0.05, np.radians(0.5))
+    believed = np.zeros(3)
+    truth = rng.normal(0, 1, 3) * [0.5, 0.5, 0.08]
+    orchard = rng.uniform([2.0, -2.5], [6.0, 2.5], (trees, 2))
+    P = np.diag([0.25, 0.25, 0.0064, *[0.0004] * (2 * trees)])
+    in_map = orchard + rng.normal(0, 0.02, (trees, 2))
+    which = rng.permutation(trees)[:seen] if mixed else np.arange(seen)
+    which = np.append(which, which[:echo])
+    z = sensor.observe(truth, orchard[which]) + rng.normal(0, 1, (len(which), 2)) * [
+        0.05,
+        0.0087,
+    ]
+    z = np.vstack([z, rng.uniform([2.0, -0.5], [6.0, 0.5], (strangers, 2))])
+    y = sensor.residual(z[:, None], sensor.observe(believed, in_map)[None])
+    H_pose, H_landmark = sensor.jacobians(believed, in_map)
+    H = np.zeros((trees, 2, 3 + 2 * trees))
+    H[:, :, :3] = H_pose
+    for i in range(trees):
+        H[i, :, 3 + 2 * i : 5 + 2 * i] = H_landmark[i]
+    gates = chi2_quantile(0.99, 2 * np.arange(1, len(z) + 1))
+    return np.round(y, 3), np.round(H, 3), P, sensor.cov, gates
 
 
 def _often(n: int) -> Any:

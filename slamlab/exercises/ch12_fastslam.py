@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose
+from slamlab.exercises._draw import a_covariance, a_pose, drawn
 from slamlab.exercises._report import Array, Check, Function, Ints
 from slamlab.geometry import wrap_angle
 
@@ -26,12 +26,10 @@ def _log_weight(y: Array, H: Array, S: Array, R: Array) -> float:
     return float(-0.5 * quadratic - 0.5 * np.log(np.linalg.det(Z)) - np.log(2 * np.pi))
 
 
-def _seen(doubt: float) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        y, H = np.round(rng.normal(0, 0.4, 2), 2), np.round(rng.normal(0, 1, (2, 2)), 2)
-        return y, H, doubt * a_covariance(rng, 2, 0.3), a_covariance(rng, 2, 0.05)
-
-    return draw
+@drawn
+def _seen(rng: np.random.Generator, doubt: float) -> Any:
+    y, H = np.round(rng.normal(0, 0.4, 2), 2), np.round(rng.normal(0, 1, (2, 2)), 2)
+    return y, H, doubt * a_covariance(rng, 2, 0.3), a_covariance(rng, 2, 0.05)
 
 
 _DETERMINANT = " - 0.5 * np.log(np.linalg.det(Z))"
@@ -102,12 +100,10 @@ def _proposal(x: Array, Q: Array, H: Array, Z: Array, y: Array) -> tuple[Any, An
     return x + P @ H.T @ W @ y, P
 
 
-def _odometry(noise: float, surprise: float = 1.0) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        x, y, H = (np.round(rng.normal(0, 1, shape), 2) for shape in (3, 2, (2, 3)))
-        return x, a_covariance(rng, 3, 0.1), H, a_covariance(rng, 2, noise), surprise * y
-
-    return draw
+@drawn
+def _odometry(rng: np.random.Generator, noise: float, surprise: float = 1.0) -> Any:
+    x, y, H = (np.round(rng.normal(0, 1, shape), 2) for shape in (3, 2, (2, 3)))
+    return x, a_covariance(rng, 3, 0.1), H, a_covariance(rng, 2, noise), surprise * y
 
 
 check_proposal = Check(
@@ -324,26 +320,19 @@ def _look(
     )
 
 
-def _particles(n: int, alike: bool = False, behind: bool = False) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        poses = np.array([a_pose(rng, 1.0) for _ in range(n)])
-        poses[:, 2] = rng.normal(3.0 if behind else 0.3, 0.1, n)
-        means = poses[:, :2] + np.round(
-            rng.normal([-4.0 if behind else 4.0, -0.5], 0.5, (n, 2)), 2
-        )
-        covs = np.array(
-            [
-                a_covariance(rng, 2, 0.1 if alike else float(10 ** rng.uniform(-2, 0)))
-                for _ in range(n)
-            ]
-        )
-        d = means[0] - poses[0, :2]
-        bearing = wrap_angle(np.arctan2(d[1], d[0]) - poses[0, 2])
-        z = np.round([np.hypot(*d), bearing] + rng.normal(0, 0.1, 2), 3)
-        w = rng.random(n) + 0.1
-        return poses, w / w.sum(), means, covs, z, a_covariance(rng, 2, 0.02)
-
-    return draw
+@drawn
+def _particles(rng: np.random.Generator, n: int, alike: bool = False, behind: bool = False) -> Any:
+    poses = np.array([a_pose(rng, 1.0) for _ in range(n)])
+    poses[:, 2] = rng.normal(3.0 if behind else 0.3, 0.1, n)
+    means = poses[:, :2] + np.round(rng.normal([-4.0 if behind else 4.0, -0.5], 0.5, (n, 2)), 2)
+    covs = np.array(
+        [a_covariance(rng, 2, 0.1 if alike else float(10 ** rng.uniform(-2, 0))) for _ in range(n)]
+    )
+    d = means[0] - poses[0, :2]
+    bearing = wrap_angle(np.arctan2(d[1], d[0]) - poses[0, 2])
+    z = np.round([np.hypot(*d), bearing] + rng.normal(0, 0.1, 2), 3)
+    w = rng.random(n) + 0.1
+    return poses, w / w.sum(), means, covs, z, a_covariance(rng, 2, 0.02)
 
 
 check_look = Check(

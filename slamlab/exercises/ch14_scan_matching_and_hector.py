@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_pose
+from slamlab.exercises._draw import a_pose, drawn
 from slamlab.exercises._report import Array, Check, Function
 
 __all__ = [
@@ -234,12 +234,10 @@ def _scan_of_the_room(pose: Array, rng: np.random.Generator) -> Array:
     return np.concatenate([own, [[30.0, 30.0], [-30.0, 4.0]]])
 
 
-def _task(true: Array, off: Array) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        pose = np.asarray(true) + rng.uniform(-0.1, 0.1, 3)
-        return *_room(), _scan_of_the_room(pose, rng), pose + np.asarray(off), pose
-
-    return draw
+@drawn
+def _task(rng: np.random.Generator, true: Array, off: Array) -> Any:
+    pose = np.asarray(true) + rng.uniform(-0.1, 0.1, 3)
+    return *_room(), _scan_of_the_room(pose, rng), pose + np.asarray(off), pose
 
 
 def _gap(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance
+from slamlab.exercises._draw import a_covariance, drawn
 from slamlab.exercises._report import Array, Check, Function
 
 __all__ = [
@@ -67,12 +67,8 @@ check_level = Check(
         "the sign of the roll: a right wing down turns what lies to the left up": lambda z, r, p: (
             _matrices(-r, p)[0] @ _matrices(-r, p)[1] @ z
         ),
-        "the height of the second turn must be that after the first": lambda z, r, p: np.array(
-            [
-                np.cos(p) * z[0] + np.sin(p) * z[2],
-                np.cos(r) * z[1] - np.sin(r) * z[2],
-                np.cos(p) * (np.sin(r) * z[1] + np.cos(r) * z[2]) - np.sin(p) * z[0],
-            ]
+        "the height of the second turn must be that after the first": (
+            "np.sin(pitch) * up => np.sin(pitch) * z[2]"
         ),
     },
 )
@@ -114,12 +110,8 @@ check_next_range = Check(
         "who sees too many should look less far: the ratio is upside down": (
             "wanted / n_seen => n_seen / wanted"
         ),
-        "who sees nothing should look as far as it can": lambda r, n, w, a, b: (
-            a if n == 0 else _next_range(r, n, w, a, b)
-        ),
-        "the range must stay between nearest and furthest": lambda r, n, w, a, b: (
-            b if n == 0 else r * np.sqrt(w / n)
-        ),
+        "who sees nothing should look as far as it can": "return furthest => return nearest",
+        "the range must stay between nearest and furthest": "nearest, furthest) => 0.0, np.inf)",
         "this law forgets how far it looked: the density is n / (pi r^2)": (
             lambda r, n, w, a, b: b if n == 0 else np.clip(np.sqrt(w / n) * b, a, b)
         ),
@@ -147,15 +139,13 @@ def _phi_first(
     return _note_update(Phi - K @ H @ Phi, Psi, theta, H, S, v, K)[1:]  # type: ignore[return-value]
 
 
-def _an_update(n: int, m: int) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        P, H = a_covariance(rng, n), np.round(rng.normal(size=(m, n)), 2)
-        S = H @ P @ H.T + 0.1 * np.eye(m)
-        Phi, v = np.round(rng.normal(size=(n, n)), 2), np.round(rng.normal(size=m), 2)
-        K = P @ H.T @ np.linalg.inv(S)
-        return Phi, a_covariance(rng, n), np.round(rng.normal(size=n), 2), H, S, v, K
-
-    return draw
+@drawn
+def _an_update(rng: np.random.Generator, n: int, m: int) -> Any:
+    P, H = a_covariance(rng, n), np.round(rng.normal(size=(m, n)), 2)
+    S = H @ P @ H.T + 0.1 * np.eye(m)
+    Phi, v = np.round(rng.normal(size=(n, n)), 2), np.round(rng.normal(size=m), 2)
+    K = P @ H.T @ np.linalg.inv(S)
+    return Phi, a_covariance(rng, n), np.round(rng.normal(size=n), 2), H, S, v, K
 
 
 check_note_update = Check(
@@ -294,16 +284,14 @@ def _fundamental(first: Array, second: Array) -> Array:
     return T_there.T @ U @ np.diag([s[0], s[1], 0]) @ Vt @ T
 
 
-def _two_pictures(n: int, noise: float) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        depth = rng.uniform(22, 30, n)
-        points = np.column_stack([rng.uniform(-15, 15, n), rng.uniform(-11, 11, n), depth])
-        return tuple(
-            np.round(600 * p[:, :2] / p[:, 2:] + [320, 240] + noise * rng.normal(size=(n, 2)), 3)
-            for p in (points, points + rng.uniform([1, -1, -0.5], [3, 1, 0.5]))
-        )
-
-    return draw
+@drawn
+def _two_pictures(rng: np.random.Generator, n: int, noise: float) -> Any:
+    depth = rng.uniform(22, 30, n)
+    points = np.column_stack([rng.uniform(-15, 15, n), rng.uniform(-11, 11, n), depth])
+    return tuple(
+        np.round(600 * p[:, :2] / p[:, 2:] + [320, 240] + noise * rng.normal(size=(n, 2)), 3)
+        for p in (points, points + rng.uniform([1, -1, -0.5], [3, 1, 0.5]))
+    )
 
 
 def _of_unit_length(fundamental: Function, first: Array, second: Array) -> Any:

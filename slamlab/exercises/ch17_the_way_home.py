@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_pose
+from slamlab.exercises._draw import a_pose, drawn
 from slamlab.exercises._report import Array, Check, Function
 from slamlab.geometry import wrap_angle
 from slamlab.localization import DeadReckoning
@@ -63,12 +63,10 @@ def _divided(t: Array, points: Array) -> Array:
     return np.stack([points[0], points[-1] - points[0] + alpha, beta - alpha, -beta])
 
 
-def _path(n: int) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        t = np.cumsum(np.round(rng.uniform(0.1, 1, n), 2)) + np.round(rng.uniform(-9, 9), 1)
-        return t, np.round(rng.normal(0, 1, (n, 2)), 2) + np.round(rng.normal(0, 9, 2), 1)
-
-    return draw
+@drawn
+def _path(rng: np.random.Generator, n: int) -> Any:
+    t = np.cumsum(np.round(rng.uniform(0.1, 1, n), 2)) + np.round(rng.uniform(-9, 9), 1)
+    return t, np.round(rng.normal(0, 1, (n, 2)), 2) + np.round(rng.normal(0, 9, 2), 1)
 
 
 _T = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 0.8])
@@ -139,16 +137,13 @@ def _handles(points: Any) -> Array:
     return c
 
 
-def _with_loop(t_a: float, t_b: float) -> Any:
+@drawn
+def _with_loop(rng: np.random.Generator, t_a: float, t_b: float) -> Any:
     """Draw cubics that meet themselves at t_a and t_b."""
-
-    def draw(rng: np.random.Generator) -> Any:
-        high = np.round(rng.normal(0, 3, (2, 2)), 1) + 6 * np.eye(2)
-        high[:, 1] *= rng.choice([-1, 1])  # loops that turn left, and right
-        sigma, w = t_a + t_b, (t_a + t_b) ** 2 - t_a * t_b
-        return (np.array([rng.normal(size=2), -high[0] * sigma - high[1] * w, *high]),)
-
-    return draw
+    high = np.round(rng.normal(0, 3, (2, 2)), 1) + 6 * np.eye(2)
+    high[:, 1] *= rng.choice([-1, 1])  # loops that turn left, and right
+    sigma, w = t_a + t_b, (t_a + t_b) ** 2 - t_a * t_b
+    return (np.array([rng.normal(size=2), -high[0] * sigma - high[1] * w, *high]),)
 
 
 check_loop = Check(
@@ -215,17 +210,17 @@ def _steer(pose: Array, point: Array, gains: Array, limits: Array) -> tuple[floa
     return float(v), float(omega)
 
 
-def _aim(behind: float | None = None, limits: tuple[float, float] = (0.2, 1.5)) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        pose = a_pose(rng)
-        if behind is not None:
-            pose[2] = rng.choice([-1, 1]) * behind
-        alpha = rng.uniform(-0.5, 0.5) if behind is not None else rng.uniform(-3, 3)
-        way = float(np.round(rng.uniform(0.05, 0.4), 2))
-        point = pose[:2] + way * np.array([np.cos(pose[2] + alpha), np.sin(pose[2] + alpha)])
-        return pose, np.round(point, 3), np.round(rng.uniform(0.6, 3.0, 2), 2), limits
-
-    return draw
+@drawn
+def _aim(
+    rng: np.random.Generator, behind: float | None = None, limits: tuple[float, float] = (0.2, 1.5)
+) -> Any:
+    pose = a_pose(rng)
+    if behind is not None:
+        pose[2] = rng.choice([-1, 1]) * behind
+    alpha = rng.uniform(-0.5, 0.5) if behind is not None else rng.uniform(-3, 3)
+    way = float(np.round(rng.uniform(0.05, 0.4), 2))
+    point = pose[:2] + way * np.array([np.cos(pose[2] + alpha), np.sin(pose[2] + alpha)])
+    return pose, np.round(point, 3), np.round(rng.uniform(0.6, 3.0, 2), 2), limits
 
 
 check_steer = Check(
@@ -412,13 +407,11 @@ def _point_to_point(points: Array, tolerance: float) -> Any:
     return np.array([_fit_between(np.arange(2.0), np.array(pair)) for pair in pairs])
 
 
-def _walk(n: int, tolerance: float) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        heading = np.cumsum(rng.normal(0, 0.5, n))
-        hops = rng.uniform(0.05, 0.4, n)[:, None]
-        return np.cumsum(hops * np.stack([np.cos(heading), np.sin(heading)], 1), 0), tolerance
-
-    return draw
+@drawn
+def _walk(rng: np.random.Generator, n: int, tolerance: float) -> Any:
+    heading = np.cumsum(rng.normal(0, 0.5, n))
+    hops = rng.uniform(0.05, 0.4, n)[:, None]
+    return np.cumsum(hops * np.stack([np.cos(heading), np.sin(heading)], 1), 0), tolerance
 
 
 def _way_out() -> Array:

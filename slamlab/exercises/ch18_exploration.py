@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from slamlab.exercises._draw import drawn
 from slamlab.exercises._report import Array, Check, Function, Ints
 
 __all__ = [
@@ -39,27 +40,15 @@ def _free_turn(point: Array, half: float) -> tuple[float, float]:
     return (float(left), float(right)) if min(left, right) > 0 else (0.0, 0.0)
 
 
-def _in_gap(side: int | None = None) -> Any:
+@drawn
+def _in_gap(rng: np.random.Generator, side: int | None = None) -> Any:
     """Draw a point in one of the four gaps; 0 is ahead, then counterclockwise."""
-
-    def draw(rng: np.random.Generator) -> Any:
-        half = float(np.round(rng.uniform(0.1, 0.5), 2))
-        distance = half * rng.uniform(1.05, 1.38)
-        gap = np.arccos(half / distance)
-        k = int(rng.integers(4)) if side is None else side
-        angle = k * np.pi / 2 + rng.uniform(-0.8, 0.8) * gap
-        return distance * np.array([np.cos(angle), np.sin(angle)]), half
-
-    return draw
-
-
-def _unreduced(point: Array, half: float) -> Any:
-    distance = np.hypot(*point)
-    if distance >= half * np.sqrt(2):
-        return np.inf, np.inf
-    gap, bearing = np.arccos(half / max(distance, half)), np.arctan2(point[1], point[0])
-    left, right = gap + bearing, gap - bearing
-    return (left, right) if min(left, right) > 0 else (0.0, 0.0)
+    half = float(np.round(rng.uniform(0.1, 0.5), 2))
+    distance = half * rng.uniform(1.05, 1.38)
+    gap = np.arccos(half / distance)
+    k = int(rng.integers(4)) if side is None else side
+    angle = k * np.pi / 2 + rng.uniform(-0.8, 0.8) * gap
+    return distance * np.array([np.cos(angle), np.sin(angle)]), half
 
 
 check_free_turn = Check(
@@ -85,7 +74,9 @@ check_free_turn = Check(
         "both ways are the gap: that holds in its middle only": (
             "left, right = gap + bearing, gap - bearing => left, right = gap, gap"
         ),
-        "the direction is counted from the front: count it from the nearest side": _unreduced,
+        "the direction is counted from the front: count it from the nearest side": (
+            "bearing -= np.pi / 2 * np.rint(bearing / (np.pi / 2)) => pass"
+        ),
         "the gap has the half angle arccos(h / d), not arcsin": "np.arccos => np.arcsin",
         "this is the whole gap: half of it lies on either side of the middle": (
             "np.arccos(half / max(distance, half)) => 2 * np.arccos(half / max(distance, half))"
@@ -97,9 +88,7 @@ check_free_turn = Check(
             "distance >= half * np.sqrt(2) => distance >= half"
         ),
         "a point that the corners can reach may still leave some room: how much is due": (
-            lambda point, half: (
-                (0.0, 0.0) if np.hypot(*point) < half * np.sqrt(2) else (np.inf, np.inf)
-            )
+            "gap = np.arccos(half / max(distance, half)) => return 0.0, 0.0"
         ),
         "inside the body there is no room to turn": (
             "if min(left, right) > 0 else (0.0, 0.0)"
@@ -213,22 +202,6 @@ def _quarter_beams(ranges: Array, degrees: Array, back: float) -> Ints:
     return np.array(best, dtype=int)
 
 
-def _dropped_before(ranges: Array, degrees: Array, back: float) -> Any:
-    away = np.abs((degrees - back + 180) % 360 - 180) > 45
-    best = []
-    for low in (0, 90, 180, 270):
-        inside = np.flatnonzero((degrees >= low) & (degrees < low + 90) & away)
-        if len(inside):
-            best.append(inside[np.argmax(ranges[inside])])
-    return np.array(best)
-
-
-def _inside_the_quarter(ranges: Array, degrees: Array, back: float) -> Any:
-    best = _quarter_beams(ranges, degrees, back)
-    first = [np.flatnonzero(degrees >= 90 * (degrees[b] // 90))[0] for b in best]
-    return np.array(best - first)
-
-
 def _lengths(n: int, rng: np.random.Generator) -> Any:
     return np.round(rng.permutation(n) / n + 0.5, 3)
 
@@ -286,7 +259,10 @@ check_quarter_beams = Check(
             "abs((degrees[beam] - back + 180) % 360 - 180) => abs(degrees[beam] - back)"
         ),
         "the beams near the way back were dropped before the longest was taken: take the longest "
-        "of each quarter first": _dropped_before,
+        "of each quarter first": (
+            "ranges[inside]"
+            " => ranges[inside] * (np.abs((degrees[inside] - back + 180) % 360 - 180) > 45)"
+        ),
         "exactly 45 degrees is within 45 degrees": "> 45 => >= 45",
         "45 degrees to either side, not in all": "> 45 => > 22.5",
         "45 degrees, not 90": "> 45 => > 90",
@@ -294,7 +270,9 @@ check_quarter_beams = Check(
             "degrees >= low => degrees > low",
             "degrees < low + 90 => degrees <= low + 90",
         ),
-        "count beams from the first of the scan, not of the quarter": _inside_the_quarter,
+        "count beams from the first of the scan, not of the quarter": (
+            "best.append(beam) => best.append(beam - inside[0])"
+        ),
         "these are the shortest beams": "argmax => argmin",
         "these lead back: the others are due": "> 45 => <= 45",
         "one beam came: the longest of each quarter is due": (
@@ -375,11 +353,7 @@ check_free_step = Check(
         ),
         "where nothing is in the way it may go on for ever": "else np.inf => else 0.0",
         "this is the distance of the nearest point: how far it is ahead counts": (
-            lambda p, h, m: (
-                max(np.hypot(*p[(np.abs(p[:, 1]) < h + m) & (p[:, 0] > 0)].T).min() - h - m, 0.0)
-                if ((np.abs(p[:, 1]) < h + m) & (p[:, 0] > 0)).any()
-                else np.inf
-            )
+            "ahead = x[ => ahead = np.hypot(x, y)["
         ),
         "the farthest point ahead was taken: the nearest stops the robot": (
             "ahead.min() => ahead.max()"
@@ -397,9 +371,11 @@ def _frontier(state: Ints) -> Any:
     return _beside(state == 0) & (state == 1)
 
 
-def _beside(mask: Any, diagonal: bool = False, outside: bool = False, sides: int = 4) -> Any:
+def _beside(
+    mask: Any, diagonal: bool = False, outside: bool = False, sides: Any = slice(4)
+) -> Any:
     padded = np.pad(mask, 1, constant_values=outside)
-    steps = [(0, 1), (1, 0), (0, -1), (-1, 0)][:sides]
+    steps = [(0, 1), (1, 0), (0, -1), (-1, 0)][sides]
     steps += [(1, 1), (1, -1), (-1, 1), (-1, -1)] if diagonal else []
     rows, columns = mask.shape
     parts = [padded[1 + i : 1 + i + rows, 1 + j : 1 + j + columns] for i, j in steps]
@@ -443,12 +419,10 @@ check_frontier = Check(
             lambda s: _beside(s == 0, outside=True) & (s == 1)
         ),
         "only two of the four neighbours were looked at": (
-            lambda s: _beside(s == 0, sides=2) & (s == 1)
+            lambda s: _beside(s == 0, sides=slice(2)) & (s == 1)
         ),
         "only left and right were looked at": (
-            lambda s: (
-                (_beside(s == 0, sides=1) | _beside(s[:, ::-1] == 0, sides=1)[:, ::-1]) & (s == 1)
-            )
+            lambda s: _beside(s == 0, sides=slice(0, 4, 2)) & (s == 1)
         ),
         "walls came too: a frontier cell is free": lambda s: _beside(s == 0) & (s != 0),
         "diagonal neighbours were counted: above, below, left and right only": (

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from slamlab.exercises._draw import drawn
 from slamlab.exercises._report import Array, Check, Function
 from slamlab.sensors import Lidar
 from slamlab.worlds import free_poses, rooms
@@ -156,17 +157,17 @@ def _wrapped(angle: float) -> float:
     return float(np.pi - (np.pi - angle) % (2 * np.pi))
 
 
-def _turned(shift: int | None = None, door: bool = False, n: int | None = None) -> Any:
-    def draw(rng: np.random.Generator) -> Any:
-        count = n or int(rng.integers(5, 30))
-        scan = _ranges(count)(rng)
-        by = int(rng.integers(0, count)) if shift is None else shift
-        after = np.roll(scan, -by)
-        if door:
-            after[int(rng.integers(count))] = 9.5
-        return scan, after
-
-    return draw
+@drawn
+def _turned(
+    rng: np.random.Generator, shift: int | None = None, door: bool = False, n: int | None = None
+) -> Any:
+    count = n or int(rng.integers(5, 30))
+    scan = _ranges(count)(rng)
+    by = int(rng.integers(0, count)) if shift is None else shift
+    after = np.roll(scan, -by)
+    if door:
+        after[int(rng.integers(count))] = 9.5
+    return scan, after
 
 
 check_turn = Check(
@@ -203,9 +204,7 @@ check_turn = Check(
             lambda before, after: _turn(before, after) * len(before) / (len(before) - 1)
         ),
         "this follows the longest beam, as P5 does: one disturbed beam decides; use them all": (
-            lambda before, after: _wrapped(
-                (np.argmax(before) - np.argmax(after)) * 2 * np.pi / len(before)
-            )
+            lambda a, b: _wrapped((np.argmax(a) - np.argmax(b)) * 2 * np.pi / len(a))
         ),
         "this is the worst alignment: the correlation is largest where the scans agree": (
             "argmax => argmin"
@@ -233,17 +232,14 @@ def _refined(R: Array) -> float:
 _NEXT = "R[m - 1], R[m], R[(m + 1) % n]"
 
 
-def _peak(at: int | None = None, n: int | None = None) -> Any:
+@drawn
+def _peak(rng: np.random.Generator, at: int | None = None, n: int | None = None) -> Any:
     """Draw a ring with its top near a beam, a parabola round it and less elsewhere."""
-
-    def draw(rng: np.random.Generator) -> Any:
-        count = n or int(rng.integers(5, 30))
-        m = int(rng.integers(count)) if at is None else at % count
-        away = (np.arange(count) - m - rng.uniform(-0.45, 0.45) + count / 2) % count - count / 2
-        R = rng.uniform(20, 90) - rng.uniform(0.5, 2) * np.minimum(away**2, 6)
-        return (np.round(R + rng.uniform(-0.05, 0.05, count), 3),)
-
-    return draw
+    count = n or int(rng.integers(5, 30))
+    m = int(rng.integers(count)) if at is None else at % count
+    away = (np.arange(count) - m - rng.uniform(-0.45, 0.45) + count / 2) % count - count / 2
+    R = rng.uniform(20, 90) - rng.uniform(0.5, 2) * np.minimum(away**2, 6)
+    return (np.round(R + rng.uniform(-0.05, 0.05, count), 3),)
 
 
 check_refined = Check(
@@ -281,12 +277,7 @@ check_refined = Check(
         "the half in front of the fraction is missing": "0.5 * (before => (before",
         "the curvature is before - 2 top + after": "2 * top => top",
         "this is a number of beams: multiply by 2 pi / N": (
-            lambda R: (
-                np.argmax(R)
-                + 0.5
-                * (R[np.argmax(R) - 1] - R[(np.argmax(R) + 1) % len(R)])
-                / (R[np.argmax(R) - 1] - 2 * R.max() + R[(np.argmax(R) + 1) % len(R)])
-            )
+            "float(np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)) => m + shift"
         ),
         "these are degrees: radians are due": lambda R: np.rad2deg(_refined(R)),
         "not wrapped: a turn to the right is negative, in (-pi, pi]": (
@@ -311,30 +302,6 @@ def _second_best(places: Array, misfits: Array, separation: float) -> tuple[int,
 
 
 _FAR = "np.linalg.norm(places - places[best], axis=1) > separation"
-
-
-def _with_far(mask: Function) -> Function:
-    """Return second_best with another idea of what is distinct."""
-
-    def wrong(places: Array, misfits: Array, separation: float) -> tuple[int, int, float]:
-        best = int(np.argmin(misfits))
-        far = np.array(mask(places, places[best], separation))
-        far[best] = False
-        second = int(np.argmin(np.where(far, misfits, np.inf)))
-        return best, second, float(misfits[second] - misfits[best])
-
-    return wrong
-
-
-def _from_the_neighbour(places: Array, misfits: Array, separation: float) -> Any:
-    best, second, _ = _second_best(places, misfits, separation)
-    return best, second, float(misfits[second] - np.sort(misfits)[1])
-
-
-def _row_among_the_rest(places: Array, misfits: Array, separation: float) -> Any:
-    best, second, margin = _second_best(places, misfits, separation)
-    far = np.linalg.norm(places - places[best], axis=1) > separation
-    return best, int(far[:second].sum()), margin
 
 
 def _candidates(rng: np.random.Generator) -> Any:
@@ -370,19 +337,19 @@ check_second_best = Check(
     },
     {
         "a neighbour of the best place is no second answer: it must be farther away": (
-            _with_far(lambda places, best, separation: np.ones(len(places), bool))
+            f"{_FAR} => np.arange(len(places)) != best"
         ),
         "squared distances were compared with the separation: take the root": (
-            _with_far(lambda p, best, separation: ((p - best) ** 2).sum(1) > separation)
+            f"{_FAR} => ((places - places[best]) ** 2).sum(1) > separation"
         ),
         "only x was compared: a place straight above is distinct too": (
-            _with_far(lambda p, best, separation: np.abs(p - best)[:, 0] > separation)
+            f"{_FAR} => np.abs(places - places[best])[:, 0] > separation"
         ),
         "only y was compared: a place straight beside is distinct too": (
-            _with_far(lambda p, best, separation: np.abs(p - best)[:, 1] > separation)
+            f"{_FAR} => np.abs(places - places[best])[:, 1] > separation"
         ),
         "distances were taken from the origin: take them from the best place": (
-            _with_far(lambda p, best, separation: np.linalg.norm(p, axis=1) > separation)
+            f"{_FAR} => (np.linalg.norm(places, axis=1) > separation) & (misfits > misfits[best])"
         ),
         "exactly at the separation is not farther": "> separation => >= separation",
         "this is the farthest place: of those far enough the best fit is due": (
@@ -396,7 +363,7 @@ check_second_best = Check(
             "misfits[second] - misfits[best] => misfits[second] / misfits[best]"
         ),
         "the margin was taken from the neighbour: take it from the best place": (
-            _from_the_neighbour
+            "misfits[second] - misfits[best] => misfits[second] - np.sort(misfits)[1]"
         ),
         "this is the misfit of the second place: the margin is a difference": (
             "misfits[second] - misfits[best] => misfits[second]"
@@ -405,16 +372,14 @@ check_second_best = Check(
             "misfits[second] - misfits[best] => misfits[best] - misfits[second]"
         ),
         "the row was counted among the places left over: rows of `places` are due": (
-            _row_among_the_rest
+            "return best, second, => return best, far[:second].sum(),"
         ),
         "best and second are exchanged": (
             lambda *case: (_second_best(*case)[1], _second_best(*case)[0], _second_best(*case)[2])
         ),
         "the best fit has the smallest misfit, not the largest": (
-            lambda places, misfits, separation: (
-                *_second_best(places, -misfits, separation)[:2],
-                -_second_best(places, -misfits, separation)[2],
-            )
+            "np.argmin(misfits) => np.argmax(misfits)",
+            "np.where(far, misfits, np.inf) => np.where(far, -misfits, np.inf)",
         ),
     },
     draws=12,
@@ -446,26 +411,23 @@ def _locate(
     return np.append(places[rows[best]], turns[best]), float(margin)
 
 
-def _map_of_scans(places: int, beams: int, turn: int | None = None, twin: bool = False) -> Any:
+@drawn
+def _map_of_scans(
+    rng: np.random.Generator, places: int, beams: int, turn: int | None = None, twin: bool = False
+) -> Any:
     """Draw a map of scans, and a scan near one of its places, turned and with noise."""
-
-    def draw(rng: np.random.Generator) -> Any:
-        where = np.round(rng.uniform(0, 4, (places, 2)), 2)
-        # Smooth scans: a few harmonics each.
-        k, angle = np.arange(1, 6), 2 * np.pi * np.arange(beams) / beams
-        waves = rng.normal(0, 0.5, (places, 2, 5)) / k
-        scans = (
-            3 + waves[:, 0] @ np.cos(np.outer(k, angle)) + waves[:, 1] @ np.sin(np.outer(k, angle))
-        )
-        if twin:
-            scans[-1] = scans[0] + rng.normal(0, 0.03, beams)
-            where[-1] = where[0] + [2.0, 1.0]
-        row = 0 if twin else int(rng.integers(places))
-        m = int(rng.integers(beams)) if turn is None else turn
-        scan = np.roll(scans[row], -m) + rng.normal(0, 0.02, beams)
-        return where, np.round(scans, 4), np.round(scan, 4), max(places // 3, 1), 0.5
-
-    return draw
+    where = np.round(rng.uniform(0, 4, (places, 2)), 2)
+    # Smooth scans: a few harmonics each.
+    k, angle = np.arange(1, 6), 2 * np.pi * np.arange(beams) / beams
+    waves = rng.normal(0, 0.5, (places, 2, 5)) / k
+    scans = 3 + waves[:, 0] @ np.cos(np.outer(k, angle)) + waves[:, 1] @ np.sin(np.outer(k, angle))
+    if twin:
+        scans[-1] = scans[0] + rng.normal(0, 0.03, beams)
+        where[-1] = where[0] + [2.0, 1.0]
+    row = 0 if twin else int(rng.integers(places))
+    m = int(rng.integers(beams)) if turn is None else turn
+    scan = np.roll(scans[row], -m) + rng.normal(0, 0.02, beams)
+    return where, np.round(scans, 4), np.round(scan, 4), max(places // 3, 1), 0.5
 
 
 def _mirror(rng: np.random.Generator) -> Any:
