@@ -172,7 +172,8 @@ class Check:
     draws : int, default 6
         Number of seeded inputs of each drawn property.
     use : callable, optional
-        ``use(function, *arguments)`` gives what is compared, if not ``function(*arguments)``.
+        ``use(function, *arguments)`` gives what is compared, if not ``function(*arguments)``;
+        it ends where the function returns nothing.
         It may give a sentence: an empty one where all is well, else what the student reads.
     edges : sequence of str
         Properties on the edge of what is asked: to raise there is told, and not counted.
@@ -282,7 +283,9 @@ class Check:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                came = self._use(function, *given) if self._use else function(*given)
+                came = self._use(_answered(function), *given) if self._use else function(*given)
+            except _NothingCameError:
+                came = None
             except NotImplementedError:
                 return Observation(stub=True)
             except Exception as error:  # a student's exception is shown, not raised
@@ -351,6 +354,22 @@ class Check:
         if seen.raised or theirs.raised:
             return bool(seen.raised and theirs.raised)
         return agree(seen.came, theirs.came, max(self.tolerance, 1e-9))
+
+
+class _NothingCameError(Exception):
+    """The student's function returned nothing that a `use` could look at."""
+
+
+def _answered(function: Function) -> Function:
+    """Return a function that never returns nothing."""
+
+    def ask(*arguments: Any) -> Any:
+        came = function(*arguments)
+        if came is None or came is Ellipsis:
+            raise _NothingCameError
+        return came
+
+    return ask
 
 
 def _own_lines(observations: Sequence[Observation]) -> Iterator[str]:

@@ -295,8 +295,6 @@ def _innovations(q: float) -> tuple[float, float]:
 
 def _judged(tune: Function, aspect: str) -> Any:
     q = tune()
-    if q is None or q is Ellipsis:
-        return None
     if not (np.ndim(q) == 0 and np.isfinite(q) and q > 0):
         return "q must be a positive number"
     nis, next_to_next = _innovations(float(q))

@@ -154,8 +154,6 @@ def _beam_angles(n_beams: int, field_of_view: float) -> Array:
 def _up_to_turns(function: Function, n_beams: int, field_of_view: float) -> Any:
     """Let every turn of 2 pi pass; the half turn is +pi."""
     came = function(n_beams, field_of_view)
-    if came is None or came is Ellipsis:
-        return None
     angles = np.mod(np.asarray(came, dtype=float) + np.pi, 2 * np.pi) - np.pi
     return np.where(angles < -np.pi + 1e-9, np.pi, angles)
 

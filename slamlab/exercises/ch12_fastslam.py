@@ -154,10 +154,7 @@ def _copy_particles(maps: list[Array], chosen: Ints) -> list[Array]:
 def _written(copy: Function, maps: list[Array], chosen: Ints) -> Any:
     """Copy, then let every particle write its number into its first landmark."""
     kept = [one.copy() for one in maps]
-    new = copy(kept, chosen)
-    if new is None or new is Ellipsis:
-        return None
-    after = list(new)
+    after = list(copy(kept, chosen))
     for number, one in enumerate(after):
         one[0] = number
     return np.array(after), np.array(kept)

@@ -248,11 +248,8 @@ def town_with_lies(town: int) -> tuple[PoseGraph, np.ndarray]:
 
 def _outcome(function: Function, town: int) -> Any:
     """Count the true closures that were rejected and the lies that were believed."""
-    answer = function(town)
-    if answer is None or answer is Ellipsis:
-        return answer
     graph, lie = town_with_lies(town)
-    width = np.atleast_1d(np.asarray(answer, dtype=float)).tolist()
+    width = np.atleast_1d(np.asarray(function(town), dtype=float)).tolist()
     result = graph.optimize(kernel="dcs", kernel_width=width, max_iterations=60)
     rejected = result.weights < 0.1
     return int((rejected & graph.closures & ~lie).sum()), int((~rejected & lie).sum())

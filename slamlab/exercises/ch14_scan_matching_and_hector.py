@@ -244,10 +244,7 @@ def _gap(
     icp: Function, reference: Array, normals: Array, points: Array, guess: Array, pose: Array
 ) -> Any:
     """How far from its place the scan ended (m, m, rad)."""
-    came = icp(reference, normals, points, guess)
-    if came is None or came is Ellipsis:
-        return None
-    gap = np.asarray(came, dtype=float) - pose
+    gap = np.asarray(icp(reference, normals, points, guess), dtype=float) - pose
     gap[2] = np.angle(np.exp(1j * gap[2]))
     return gap
 

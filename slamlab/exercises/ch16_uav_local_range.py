@@ -296,10 +296,7 @@ def _two_pictures(rng: np.random.Generator, n: int, noise: float) -> Any:
 
 def _of_unit_length(fundamental: Function, first: Array, second: Array) -> Any:
     """F up to its scale and sign, which mean nothing."""
-    came = fundamental(first, second)
-    if came is None or came is Ellipsis:
-        return None
-    F = np.asarray(came, dtype=float)
+    F = np.asarray(fundamental(first, second), dtype=float)
     if F.shape != (3, 3) or not np.isfinite(F).all() or not F.any():
         return F
     # In the units of a picture 1 wide, so that all nine numbers count.

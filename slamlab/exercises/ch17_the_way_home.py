@@ -345,10 +345,8 @@ def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[str, ...]:
 
 def _aspect(gains: Function, aspect: int) -> Any:
     given = gains()
-    if given is None or given is Ellipsis:
-        return None
     try:
-        k_v, k_omega, lookahead = (float(value) for value in given)
+        k_v, k_omega, lookahead = map(float, given)
     except (TypeError, ValueError):
         return "three numbers are due: k_v, k_omega and the look-ahead distance"
     if not all(np.isfinite(gain) and gain > 0 for gain in (k_v, k_omega, lookahead)):
@@ -451,8 +449,7 @@ def _memory_of(remember: Function, points: Array, tolerance: float) -> Any:
     """Return the cubics, or, for the way out, what its way home says."""
     if points.ndim == 2:
         return remember(points, tolerance)
-    cubics = remember(points[0], tolerance)
-    return None if cubics is None or cubics is Ellipsis else _home_along(cubics, points[0])
+    return _home_along(remember(points[0], tolerance), points[0])
 
 
 check_remember = Check(

@@ -487,15 +487,13 @@ def _fault(way: Any, state: Ints, cell: Ints) -> str:
     return "" if len(cells) == due else f"a way of {len(cells)} cells came, {due} are enough"
 
 
-def _toured(way: Function, world: Ints, cell: Ints) -> str | None:
+def _toured(way: Function, world: Ints, cell: Ints) -> str:
     """Explore a world whose cells are seen from two cells away; say what is wrong."""
     known, moves = np.zeros_like(world), 0
     for _ in range(200):
         low, high = np.maximum(cell - 2, 0), cell + 3
         known[low[0] : high[0], low[1] : high[1]] = world[low[0] : high[0], low[1] : high[1]]
         cells = way(known.copy(), cell.copy())
-        if cells is None or cells is Ellipsis:
-            return None
         wrong = _fault(cells, known, cell)
         if wrong:
             return f"after {moves} moves: {wrong}"
@@ -511,8 +509,7 @@ def _explored(way: Function, state: Ints, cell: Ints) -> Any:
     """Judge one way, or a whole tour through the world state[0]."""
     if state.ndim == 3:
         return _toured(way, state[0], cell)
-    came = way(state, cell)
-    return None if came is None or came is Ellipsis else _fault(came, state, cell)
+    return _fault(way(state, cell), state, cell)
 
 
 def _two_rooms() -> Ints:
