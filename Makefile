@@ -19,13 +19,16 @@ endif
 # Three on two cores: while one waits for its kernel or for a page, two have work.
 NBVAL := PYTHONWARNINGS=error::RuntimeWarning $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder \
   --nbval --nbval-current-env --nbval-cell-timeout 300
-PARTS := set-up lint-and-warm unit speed notebooks same book-tests
+PARTS := set-up lint-and-warm unit speed notebooks same pages-and-figures book-tests
 # The long ones first, so that no core waits for them in the end.
 NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb notebooks/solutions/*.ipynb \
   notebooks/exercises/*.ipynb
+# Browser tests that need no built page.
+FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py jupyterlab.py drawings.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help book pdf test lab set-up lint-and-warm lint warm unit speed notebooks same book-tests chromium lock vendor slim clean
+.PHONY: help book pdf test lab set-up lint-and-warm lint warm unit speed notebooks same pages-and-figures pages \
+  figures book-tests chromium lock vendor slim clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -52,7 +55,7 @@ lab: $(VENV)/.lab-installed  ## Open the notebooks in JupyterLab
 test:  ## Run everything: lint, types, tests, notebooks, book, browser
 	@table=""; for part in $(PARTS); do begin=$$SECONDS; \
 	  $(MAKE) --no-print-directory $$part && verdict=passed || verdict=FAILED; \
-	  table+=$$(printf '  %-12s %6d s  %s' $$part $$((SECONDS - begin)) $$verdict)$$'\n'; \
+	  table+=$$(printf '  %-18s %6d s  %s' $$part $$((SECONDS - begin)) $$verdict)$$'\n'; \
 	  [ $$verdict = passed ] || break; \
 	done; \
 	printf '== Where the %d minutes went\n%s' $$(((SECONDS + 30) / 60)) "$$table"; \
@@ -88,13 +91,25 @@ notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
 	@echo "== Notebooks, cell by cell"
 	$(NBVAL) $(NOTEBOOKS)
 
-same: $(VENV)/.dev-installed  ## Build the book as on a machine without AVX, compare its numbers
+same: $(VENV)/.dev-installed  ## Run the book as on a machine without AVX, compare its numbers
 	@echo "== The book under another setting: every number as in the notebooks"
+	@$(BIN)/python tools/build_book.py --setting plain --strict --no-pages
+
+# One process reads all pages before others help to write them: a core is free meanwhile.
+pages-and-figures:
+	@$(MAKE) --no-print-directory -j 2 pages figures
+
+pages: $(VENV)/.dev-installed
 	@$(BIN)/python tools/build_book.py --setting plain --strict
 
+figures: $(VENV)/.dev-installed  ## Figures, drawings and JupyterLab in Chromium, without the book
+	@echo "== Figures, drawings and JupyterLab in a browser"
+	$(BIN)/python -m pytest -q $(FIGURES)
+
+# Three on two cores: a page that loads or settles is waited for.
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal tests/book
+	$(BIN)/python -m pytest -q -n 3 --dist worksteal tests/book $(FIGURES:%=--ignore=%)
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \

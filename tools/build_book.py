@@ -3,6 +3,7 @@
 python tools/build_book.py                                build; name the cells whose text is new
 python tools/build_book.py --setting plain --strict       as on a machine without AVX; a cell whose
                                                           text differs from git's fails the build
+                           --no-pages                     stop before the pages are written
 
 Executed notebooks are kept by jupyter-cache, which keys on their cells only. So the cache is
 dropped when anything else that they depend on has changed: the lock file, the library, or Python.
@@ -192,6 +193,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--setting", choices=SETTINGS, default="own")
     parser.add_argument("--strict", action="store_true", help="fail if the text of a cell differs")
+    parser.add_argument("--no-pages", action="store_true", help="run and compare only")
     arguments = parser.parse_args()
     drop_stale_cache(arguments.setting)
     os.environ["SLAMLAB_VECTOR"] = "1"  # pages get drawings where they are small
@@ -204,7 +206,9 @@ def main() -> int:
         print("\nThe text of these cells is not what the notebook holds:", *found, sep="\n")
         if arguments.strict:
             return 1
-    print(f"Notebooks done after {time.perf_counter() - begin:.0f} s; writing pages.", flush=True)
+    print(f"Notebooks done after {time.perf_counter() - begin:.0f} s.", flush=True)
+    if arguments.no_pages:
+        return 0
     status = write_pages()
     minutes = (time.perf_counter() - begin) / 60
     if status:
