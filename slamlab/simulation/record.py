@@ -283,8 +283,9 @@ class _Scene:
         radius = float(np.hypot(*self.body.T).max())
         arc = float(np.max(np.where((far > 1e-9) & (turn > 1e-9), far + radius * turn, 0.0)))
         n = 1 + int(arc / _PIECE)
-        later = [self.robot.step(pose, u, dt * k / n) for k in range(1, n + 1)] if n > 1 else [end]
-        cuts = np.array([pose, *later])
+        parts = (np.arange(1, n) / n).reshape(-1, *[1] * u.ndim)
+        between = np.broadcast_to(pose, (n - 1, *pose.shape))
+        cuts = np.array([pose, *(self.robot.step(between, parts * u, dt) if n > 1 else ()), end])
         turned = np.concatenate([cuts[:-1, ..., :2], cuts[1:, ..., 2:]], -1)
         starts, ends = np.concatenate([cuts[:-1], turned]), np.concatenate([turned, cuts[1:]])
         return np.asarray(self.obstacles.sweep_collides(self.body, starts, ends).any(0))
