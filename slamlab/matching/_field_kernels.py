@@ -25,10 +25,9 @@ def stamp(values, cells, sigma):  # type: ignore[no-untyped-def]
         first, last = max(0, -left), min(2 * reach + 2, columns - left)
         for j in range(max(0, -low), min(2 * reach + 2, rows - low)):
             across = np.exp(factor * (low + j - y) ** 2)
+            row = values[low + j]
             for i in range(first, last):
-                value = np.float32(across * along[i])
-                if value > values[low + j, left + i]:
-                    values[low + j, left + i] = value
+                row[left + i] = max(row[left + i], np.float32(across * along[i]))
 
 
 @njit(cache=True)

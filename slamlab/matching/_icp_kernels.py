@@ -59,26 +59,31 @@ def nearest(points, frame, start, order, x, y, limit):  # type: ignore[no-untype
     """Row of the nearest point within `limit`, -1 if there is none."""
     x0, y0, side, columns, rows = frame
     best, least = -1, limit * limit
-    first_c, last_c = max(0, int(np.floor((x - limit - x0) / side))), int((x + limit - x0) / side)
-    first_r, last_r = max(0, int(np.floor((y - limit - y0) / side))), int((y + limit - y0) / side)
-    for r in range(first_r, min(last_r, rows - 1) + 1):
-        for c in range(first_c, min(last_c, columns - 1) + 1):
-            for n in range(start[r * columns + c], start[r * columns + c + 1]):
-                k = order[n]
-                d = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2
-                if d < least:
-                    best, least = k, d
+    # Most points have a partner near by: a look at few squares finds it.
+    for reach in (min(0.25 * side, limit), limit):
+        left, low = max(0, int(np.floor((x - reach - x0) / side))), y - reach - y0
+        right, high = min(int((x + reach - x0) / side), columns - 1), y + reach - y0
+        for r in range(max(0, int(np.floor(low / side))), min(int(high / side), rows - 1) + 1):
+            for c in range(left, right + 1):
+                for n in range(start[r * columns + c], start[r * columns + c + 1]):
+                    k = order[n]
+                    d = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2
+                    if d < least:
+                        best, least = k, d
+        if least <= reach * reach:
+            break
     return best
 
 
 @njit(cache=True)
 def lines_through(points, hashes, neighbours, radius, flatness):  # type: ignore[no-untyped-def]
-    """Return normals (k, 2) by total least squares, NaN off walls, and spreads (k,).
+    """Return normals (k, 2) by total least squares, NaN off walls, and their variances (k,).
 
-    The spread is the sum of squares along the wall: noise s turns the normal by s / sqrt(spread).
+    Noise s turns the normal by s / sqrt(a), with a the sum of squares along the wall; and the sum
+    of squares across it, over count - 2 degrees of freedom, estimates s^2.
     """
     (x0, y0, side, columns, rows), start, order = hashes
-    normals, spread = np.full((len(points), 2), np.nan), np.zeros(len(points))
+    normals, turned = np.full((len(points), 2), np.nan), np.zeros(len(points))
     near = np.empty(neighbours, np.int64)
     far = np.empty(neighbours)
     for k in range(len(points)):
@@ -117,8 +122,8 @@ def lines_through(points, hashes, neighbours, radius, flatness):  # type: ignore
         # The normal stands across the direction of the larger eigenvalue.
         angle = 0.5 * np.arctan2(2 * xy, xx - yy)
         normals[k, 0], normals[k, 1] = -np.sin(angle), np.cos(angle)
-        spread[k] = half + root
-    return normals, spread
+        turned[k] = max(half - root, 0.0) / (half + root) / (count - 2)
+    return normals, turned
 
 
 @njit(cache=True)
@@ -204,17 +209,20 @@ def iterate(reference, normals, hashes, points, pose, width, gates, n_iterations
 
 
 @njit(cache=True)
-def noise_of(reference, normals, spread, points, pose, pair, width, line, noise, blur):  # type: ignore[no-untyped-def]
-    """Two sums (3, 3) for the covariance.
+def noise_of(
+    reference, normals, turned, points, pose, pair, width, line, axes, noise, blur, shares
+):  # type: ignore[no-untyped-def]
+    """Sum up what the covariance is made of.
 
-    `noise`: what unit noise of the points and of the reference, whose points serve several pairs,
-    puts into J^T w e. `blur`: the information that unit noise of the normals pretends.
+    `noise` (3, 3): what unit noise of the points and of the reference, whose points serve several
+    pairs, puts into J^T w e. `blur` (3, 3): the information that the noise of the normals
+    pretends. `shares` (2, 3): sums of h and h^2, h a pair's information along each of the `axes`.
     """
     c, s = np.cos(pose[2]), np.sin(pose[2])
     J = np.empty((2, 3))
     e = np.empty(2)
     shared = np.zeros((len(reference), 2, 3))
-    noise[:], blur[:] = 0.0, 0.0
+    noise[:], blur[:], shares[:] = 0.0, 0.0, 0.0
     for k in range(len(points)):
         j = pair[k]
         if j < 0:
@@ -229,11 +237,17 @@ def noise_of(reference, normals, spread, points, pose, pair, width, line, noise,
                 shared[j, q, i] += w * J[q, i]
                 for m in range(3):
                     noise[i, m] += w * w * J[q, i] * J[q, m]
-        if line and spread[j] > 0.0:
+        for m in range(3):
+            h = 0.0
+            for q in range(n_rows):
+                h += w * (J[q, 0] * axes[0, m] + J[q, 1] * axes[1, m] + J[q, 2] * axes[2, m]) ** 2
+            shares[0, m] += h
+            shares[1, m] += h * h
+        if line:
             T = (-ny, nx, nx * px + ny * py)
             for i in range(3):
                 for m in range(3):
-                    blur[i, m] += w / spread[j] * T[i] * T[m]
+                    blur[i, m] += w * turned[j] * T[i] * T[m]
     for j in range(len(reference)):
         for q in range(2):
             for i in range(3):

@@ -70,7 +70,9 @@ def capped_inverse(H: Array, arm: float) -> Array:
 def good_points(name: str, points: ArrayLike, at_least: int = 1) -> Array:
     """Points (k, 2) without the rows of lost beams; refuses fewer than `at_least`."""
     given = as_shaped(name, points, ("k", 2))
-    kept = np.ascontiguousarray(given[np.isfinite(given).all(axis=1)], dtype=np.float64)
+    finite = np.isfinite(given)
+    kept = given if finite.all() else given[finite[:, 0] & finite[:, 1]]
+    kept = np.array(kept, dtype=np.float64, order="C")
     if len(kept) < at_least:
         raise ValueError(f"{name}: expected at least {at_least} points, got {len(kept)}")
     return kept

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_scalar
-from slamlab.geometry import rotation, wrap_angle
+from slamlab.geometry import transform, wrap_angle
 from slamlab.matching._match import Match, good_points
 from slamlab.matching.field import PointField
 
@@ -114,5 +114,6 @@ def match_correlative(
 
 def _turned_cells(field: PointField, points: Array, guess: Array, angles: Array) -> Array:
     """Cells (angles, k, 2: column, row) of the points, turned about the guess."""
-    turned = np.einsum("aij,kj->aki", rotation(angles), points) + guess[:2]
+    poses = np.column_stack([np.broadcast_to(guess[:2], (len(angles), 2)), angles])
+    turned = transform(poses, points)
     return np.floor((turned - field.origin) / field.resolution).astype(np.int64)

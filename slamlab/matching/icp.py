@@ -26,6 +26,9 @@ from slamlab.matching._match import CAP, Match, capped_inverse, good_points
 
 __all__ = ["Outline", "match_icp", "normals", "thin"]
 
+# A direction whose information comes from fewer pairs than this is held by nothing.
+FEW = 3.0
+
 
 def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
     """Keep one point in every square of `spacing` (m), so that the near wall does not win.
@@ -65,14 +68,13 @@ class Outline:
         (m).
     normals : ndarray, shape (k, 2)
         Unit vectors across the wall, of either sign; NaN where the neighbours draw no line.
-    spread : ndarray, shape (k,)
-        Sum of squares of the neighbours along the wall (m^2): range noise s turns the normal by
-        about s / sqrt(spread).
+    turned : ndarray, shape (k,)
+        Variance of the normal's direction (rad^2), by how far its neighbours lie off the line.
     """
 
     points: Array
     normals: Array
-    spread: Array
+    turned: Array
 
     @classmethod
     def of(cls, points: ArrayLike) -> Outline:
@@ -107,7 +109,7 @@ class Outline:
         c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
         (x, y), (nx, ny) = self.points.T, self.normals.T
         points = np.stack([c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]], -1)
-        return Outline(points, np.stack([c * nx - s * ny, s * nx + c * ny], -1), self.spread)
+        return Outline(points, np.stack([c * nx - s * ny, s * nx + c * ny], -1), self.turned)
 
     @classmethod
     def joined(cls, outlines: Sequence[Outline]) -> Outline:
@@ -118,7 +120,7 @@ class Outline:
         return cls(
             np.concatenate([one.points for one in parts]),
             np.concatenate([one.normals for one in parts]),
-            np.concatenate([one.spread for one in parts]),
+            np.concatenate([one.turned for one in parts]),
         )
 
 
@@ -169,7 +171,8 @@ def match_icp(
     -------
     Match
         `cov` holds the noise of scan and reference, both estimated from what is left of the
-        errors; information along a wall that only the noise of its normals pretends is taken off.
+        errors; information along a wall that only the noise of its normals pretends is taken
+        off, and a direction that fewer than three pairs would hold is held by none.
         `score` is the sum of the weights over the number of points; 0 if fewer than three
         pairs were found: then the pose is the guess and `cov` large.
 
@@ -207,12 +210,17 @@ def match_icp(
     arm = float(np.sqrt((points**2).sum(1).mean()))
     if not held or not np.isfinite(pose).all():
         return Match(guess, capped_inverse(np.zeros((3, 3)), arm), 0.0, 0)
-    H, g, noise, blur = np.empty((3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    H, g = np.empty((3, 3)), np.empty(3)
+    noise, blur, shares = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3))
     total, squares, count, weights2, psi2, slope = kernels.icp_equations(
         base.points, base.normals, points, pose, pair, width, line, H, g
     )
+    # Heading counts as metres at the rim of the scan.
+    scale = np.array([1.0, 1.0, 1.0 / max(arm, 1e-3)])
+    axes = scale[:, None] * np.linalg.eigh(H * np.outer(scale, scale))[1]
     kernels.noise_of(
-        base.points, base.normals, base.spread, points, pose, pair, width, line, noise, blur
+        *(base.points, base.normals, base.turned, points, pose, pair, width, line),
+        *(axes, noise, blur, shares),
     )
     # Variance of an error, as a robust fit feels it (Huber): E[psi^2] / E[psi']^2.
     s2 = psi2 / weights2 / max(slope / total, 0.2) ** 2 / (1 if line else 2)
@@ -220,28 +228,29 @@ def match_icp(
     pose[2] = wrap_angle(pose[2])
     return Match(
         pose,
-        _covariance(H, noise, blur, s2, arm),
+        _covariance(axes, H, noise, blur, shares, s2),
         total / len(points),
         int(count),
         residual=float(np.sqrt(squares / total)),
     )
 
 
-def _covariance(H: Array, noise: Array, blur: Array, s2: float, arm: float) -> Array:
+def _covariance(
+    axes: Array, H: Array, noise: Array, blur: Array, shares: Array, s2: float
+) -> Array:
     """A^-1 (s^2 / 2 N) A^-1: half of the error's variance is the scan's, half the reference's.
 
-    A is H without what noise of the normals pretends. A direction in which that is half of H or
-    more is held by nothing: its standard deviation is CAP.
+    A is H without what noise of the normals pretends. Nothing holds an axis along which that is
+    half of H or more, or whose information comes from fewer than `FEW` pairs, any of which may
+    be a wrong one: its standard deviation is CAP. Pairs count as (sum h)^2 / sum h^2.
     """
-    scale = np.array([1.0, 1.0, 1.0 / max(arm, 1e-3)])
-    both = scale[:, None] * scale
-    pretended = 0.5 * s2 * blur * both
-    values, vectors = np.linalg.eigh(H * both - pretended)
-    doubt = ((pretended @ vectors) * vectors).sum(axis=0)
-    held = values > np.maximum(doubt, s2 / CAP**2)
-    inverse = (vectors[:, held] / values[held]) @ vectors[:, held].T
-    loose = CAP * vectors[:, ~held]
-    cov = both * (0.5 * s2 * inverse @ (noise * both) @ inverse + loose @ loose.T)
+    A, pretended = axes.T @ (H - blur) @ axes, axes.T @ blur @ axes
+    crowded = shares[0] ** 2 >= FEW * shares[1]
+    held = (np.diag(A) > np.maximum(np.diag(pretended), s2 / CAP**2)) & crowded
+    both = np.outer(held, held)
+    gain = axes @ (both * np.linalg.inv(np.where(both, A, np.eye(3)))) @ axes.T
+    loose = CAP * axes[:, ~held]
+    cov = 0.5 * s2 * gain @ noise @ gain + loose @ loose.T
     return 0.5 * (cov + cov.T)
 
 
@@ -260,6 +269,6 @@ def _reference(reference: ArrayLike | Outline, line: bool) -> Outline:
         raise ValueError(
             f"reference: expected at least 3 points on walls, got {int(on_wall.sum())}"
         )
-    return Outline(
-        reference.points[on_wall], reference.normals[on_wall], reference.spread[on_wall]
-    )
+    rows = np.flatnonzero(on_wall)
+    arrays = (reference.points, reference.normals, reference.turned)
+    return Outline(*(one.take(rows, axis=0) for one in arrays))

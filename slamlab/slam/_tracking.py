@@ -3,7 +3,7 @@
 Climb a field of the last keyframes; if that fails, search; end with point to line, which has no
 bias. Chapter 14 measures what each step gains.
 
-Along a plain corridor the covariance that comes out is too small: the wheels decide there, their
+Along a plain corridor the wheels decide. The covariance that comes out is too small there: their
 errors from scan to scan are taken for independent, and a slipping wheel errs the same way again.
 """
 
@@ -35,6 +35,7 @@ LEAST_POINTS = 10
 BETTER = 0.8  # what a search finds must fit so much better than the climb from the guess
 # A match that is believed: so many points have a partner, their part of all, their mean weight.
 LEAST_PAIRS, LEAST_PART, LEAST_WEIGHT = 25, 0.2, 0.45
+WHEELS = 9.0  # times the covariance that wheels claim: they have a bias, not only noise
 # What a match is unsure of besides its noise: the reference is a set of points, not the wall (m,
 # m, rad).
 FLOOR = np.diag(np.square([0.01, 0.01, np.deg2rad(0.15)]))
@@ -105,8 +106,8 @@ def track(ground: LocalMap, points: Array, guess: Array, cov: Array) -> Match | 
 
     `cov` (3, 3) is how unsure the guess is: how far the search looks and a match may lie.
     """
-    window = 0.3 + 6 * float(np.sqrt(max(cov[0, 0], cov[1, 1])))
-    turn = min(np.deg2rad(10) + 6 * float(np.sqrt(cov[2, 2])), np.pi)
+    window = 0.3 + 2 * float(np.sqrt(max(cov[0, 0], cov[1, 1])))
+    turn = min(np.deg2rad(10) + 2 * float(np.sqrt(cov[2, 2])), np.pi)
     match = match_field(ground.field, points, guess)
     if match.residual > BAD_FIT:
         found = match_correlative(ground.field, points, guess, min(window, 3.0), turn)
@@ -132,9 +133,9 @@ def fused(match: Match, guess: Array, cov: Array) -> tuple[Array, Array]:
     """Match and guess as one pose and covariance.
 
     Where walls hold the scan the match decides; along a corridor, where its covariance is wide,
-    the wheels do. Theirs is taken three times as wide: wheels have a bias, not only noise.
+    the wheels do.
     """
-    wide = 9.0 * cov + FLOOR
+    wide = cov + FLOOR
     gain = wide @ np.linalg.inv(wide + match.cov)
     off = match.pose - guess
     off[2] = wrap_angle(off[2])

@@ -11,7 +11,7 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_choice, as_count
+from slamlab._checks import Array, as_array, as_choice, as_count
 from slamlab.geometry import between, compose, rotation
 from slamlab.matching import Match
 from slamlab.models import MotionModel, ScanSensor, as_motion
@@ -20,6 +20,7 @@ from slamlab.slam._closures import AROUND, STRIDE, Closure, candidates, verify, 
 from slamlab.slam._tracking import (
     FLOOR,
     LEAST_POINTS,
+    WHEELS,
     Keyframe,
     LocalMap,
     ScanSystem,
@@ -126,8 +127,9 @@ class ScanGraphSlam(ScanSystem):
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
+        wide = WHEELS * as_array("control_cov", control_cov, ("p", "p"))
         self._pose, self._cov, self._moved_cov = moved(
-            self._motion, self._pose, u, dt, control_cov, self._cov, self._moved_cov
+            self._motion, self._pose, u, dt, wide, self._cov, self._moved_cov
         )
 
     def update(self, ranges: ArrayLike, ids: None = None) -> Match:

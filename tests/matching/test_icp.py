@@ -1,5 +1,7 @@
 """ICP: Jacobians, recovery of a motion, equivariance, honest covariances."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -171,3 +173,52 @@ def test_no_pairs_is_a_match_that_knows_nothing():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call(pair_of_scans()[0])
+
+
+def corridor_map(rng, lidar, x, n_scans=20):
+    """Outline of the last scans in a plain corridor of 40 m, 0.3 m apart, the newest at x."""
+    poses = np.column_stack(
+        [x - 0.3 * np.arange(n_scans)[::-1], np.ones(n_scans), np.zeros(n_scans)]
+    )
+    world = rooms.long_corridor()
+    return Outline.joined([Outline.of(scan(p, rng, lidar, world)).moved(p) for p in poses])
+
+
+PLAIN_LIDARS = [
+    Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01),
+    Lidar(360, max_range=5.0, sigma_range=0.03),
+    Lidar(180, field_of_view=np.pi, max_range=5.0, sigma_range=0.01),
+]
+
+
+@pytest.mark.parametrize("lidar", PLAIN_LIDARS)
+def test_a_map_of_many_scans_flags_a_plain_corridor_too(lidar):
+    """By the errors of the nearest of many points the noise of the normals is missed."""
+    rng, flagged, missed = np.random.default_rng(1), [], []
+    for x in rng.uniform(12, 25, 8):
+        walls, now = corridor_map(rng, lidar, x), np.array([x + 0.1, 1.0, 0.0])
+        points = scan(now, rng, lidar, rooms.long_corridor())
+        match = match_icp(walls, points, now)
+        flagged.append(match.weakest[0] > 0.5)
+        assert match.residual < 0.6 * np.sqrt(2) * lidar.sigma_range
+        share = 0.5 * match.residual**2 / lidar.sigma_range**2
+        wrong = match_icp(replace(walls, turned=share * walls.turned), points, now)
+        missed.append(wrong.weakest[0] < 0.1)
+    assert np.mean(flagged) > 0.85
+    assert np.mean(missed) > 0.5
+
+
+def test_one_wrong_pair_at_the_end_of_a_corridor_does_not_hold_its_length(monkeypatch):
+    """The map has the end wall, the scan no longer: a point beside the corner pairs with it."""
+    rng, lidar, sure = np.random.default_rng(0), PLAIN_LIDARS[0], {3.0: [], 0.0: []}
+    for x in np.linspace(4.95, 5.55, 20):
+        walls, now = corridor_map(rng, lidar, x - 0.1, 8), np.array([x, 1.0, 0.0])
+        points = scan(now, rng, lidar, rooms.long_corridor())
+        guess = now - [rng.uniform(0.1, 0.5), 0.0, 0.0]
+        for few in sure:
+            monkeypatch.setattr("slamlab.matching.icp.FEW", few)
+            match = match_icp(walls, points, guess)
+            error = abs(match.pose[0] - x)
+            sure[few].append(error > 0.1 and error > 4 * np.sqrt(match.cov[0, 0]))
+    assert not any(sure[3.0])
+    assert sum(sure[0.0]) >= 3

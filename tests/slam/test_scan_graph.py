@@ -11,7 +11,10 @@ import pytest
 from slamlab.datasets import killian, read_carmen, read_relations
 from slamlab.evaluation import ate, relation_error, run
 from slamlab.geometry import between, compose, inverse
+from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
+from slamlab.matching import Outline
+from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
 from slamlab.slam import ScanGraphSlam
@@ -171,6 +174,48 @@ def test_lidar_alone_holds_at_ten_degrees_a_scan():
         truth=poses,
     )
     assert ate(run(ScanGraphSlam(lidar, poses[0]), log)).rmse < 0.01
+
+
+def along_a_plain_corridor(lidar, seed, n=160, dt=0.1):
+    """Ten scans a second at 0.6 m/s, by wheels of the wrong size; the walls end out of sight."""
+    rng, cov = np.random.default_rng(seed), YOUBOT.control_cov(0.3)
+    u = np.tile([0.6, 0.0, 0.0], (n, 1))
+    noise = rng.multivariate_normal(np.zeros(3), cov, n)
+    truth = [np.array([8.0, 1.0, 0.0])]
+    for k in range(1, n):
+        steer = [0.0, 0.0, -0.5 * truth[-1][2] - 0.3 * (truth[-1][1] - 1.0)]
+        u[k] += steer
+        truth.append(YOUBOT.step(truth[-1], 1.02 * u[k] + noise[k], dt))
+    steps, truth = np.r_[0.0, np.full(n - 1, dt)], np.array(truth)
+    ranges = lidar.scan(rooms.long_corridor(), truth, rng)
+    return Log(dt * np.arange(n), u, steps, cov, ranges=ranges, scan=lidar, truth=truth)
+
+
+@pytest.mark.parametrize(
+    "lidar",
+    [
+        Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01),
+        Lidar(90, max_range=5.0, sigma_range=0.02),
+    ],
+)
+def test_a_plain_corridor_is_left_to_the_wheels(lidar, monkeypatch):
+    """Whoever takes normals for exact stands still there, for the last scans end where he is."""
+    log = along_a_plain_corridor(lidar, 1)
+    start = log.truth[0]
+    wheels = run(DeadReckoning(YOUBOT, start), log).poses
+
+    def off():
+        slam = ScanGraphSlam(lidar, start, motion=YOUBOT, loops=False)
+        return np.abs(run(slam, log).poses - log.truth)[-1]
+
+    allowed = 1.5 * abs(wheels[-1, 0] - log.truth[-1, 0])
+    assert off()[0] < allowed
+    assert off()[1] < 0.02
+    exact = Outline.of
+    monkeypatch.setattr(
+        Outline, "of", lambda points: replace(exact(points), turned=np.zeros(len(points)))
+    )
+    assert off()[0] > 4 * allowed
 
 
 def straight(n=60):
