@@ -209,9 +209,9 @@ def iterate(reference, normals, hashes, points, pose, width, gates, n_iterations
 
 
 @njit(cache=True)
-def noise_of(
+def noise_of(  # type: ignore[no-untyped-def]
     reference, normals, turned, points, pose, pair, width, line, axes, noise, blur, shares
-):  # type: ignore[no-untyped-def]
+):
     """Sum up what the covariance is made of.
 
     `noise` (3, 3): what unit noise of the points and of the reference, whose points serve several
