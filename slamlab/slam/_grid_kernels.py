@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from slamlab._compiling import njit
+from slamlab.matching._field_kernels import solve3
 
 SHIFT = 4  # a tile is 2^4 = 16 cells wide
 TILE = 1 << SHIFT
@@ -94,28 +95,43 @@ def lay(pages, tiles, columns, frame, points, pose, reach, settings, H, g):  # t
 
 
 @njit(cache=True)
+def ascend(pages, tiles, columns, frame, points, few, start, settings, H, g, top):  # type: ignore[no-untyped-def]
+    """Climb from `start` to `top` (3,), the best place met; return the share of points explained.
+
+    Gauss-Newton, first with `few` points and a wider look round. H and g are room to work in.
+    """
+    best, here, step = -1.0, start.copy(), np.zeros(3)
+    for n in range(COARSE + FINE):
+        coarse = n < COARSE
+        some, reach = (few, 2) if coarse else (points, 1)
+        total = lay(pages, tiles, columns, frame, some, here, reach, settings, H, g)
+        if total > best or n == COARSE:
+            best = total
+            for a in range(3):  # number by number: a slice takes a second to compile
+                top[a] = here[a]
+        if not solve3(H, g, step):
+            break
+        for a in range(3):
+            here[a] += step[a]
+        if not coarse and abs(step[0]) + abs(step[1]) < 2e-3 and abs(step[2]) < 2e-4:
+            break
+    return best / len(points)
+
+
+@njit(cache=True)
 def climb(pages, table, columns, frame, points, poses, settings, score):  # type: ignore[no-untyped-def]
     """Move each pose (M, 3) to where its own map explains the points (k, 2, in the body) best.
 
-    Gauss-Newton, first with a wider look round. `settings`: sigma, hit rate of walls, share of
-    points that belong to the map. The log likelihood of the points goes to `score` (M,).
+    `settings`: sigma, hit rate of walls, share of points that belong to the map. The log
+    likelihood of the points goes to `score` (M,).
     """
-    H, g = np.zeros((3, 3)), np.zeros(3)
+    H, g, top = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
     few = np.ascontiguousarray(points[::4])
     for i in range(len(poses)):
-        here, best = poses[i].copy(), -1.0
-        for n in range(COARSE + FINE):
-            coarse = n < COARSE
-            some, reach = (few, 2) if coarse else (points, 1)
-            total = lay(pages, table[i], columns, frame, some, here, reach, settings, H, g)
-            if total > best or n == COARSE:
-                best = total
-                poses[i] = here
-            step = np.linalg.solve(H, g)
-            here = here + step
-            if not coarse and abs(step[0]) + abs(step[1]) < 2e-3 and abs(step[2]) < 2e-4:
-                break
-        score[i] = fit(pages, table[i], columns, frame, points, poses[i], settings)
+        ascend(pages, table[i], columns, frame, points, few, poses[i], settings, H, g, top)
+        for a in range(3):
+            poses[i, a] = top[a]
+        score[i] = fit(pages, table[i], columns, frame, points, top, settings)
 
 
 @njit(cache=True)
