@@ -18,6 +18,9 @@ INSIDE = TILE - 1
 HITS, METRES, SUM_X, SUM_Y = range(4)
 # Steps of a climb with a quarter of the points and a wider neighbourhood, and with all.
 COARSE, FINE = 5, 6
+# A climb that is lost is tried from so many headings to either side, so far apart (rad). The turn
+# has Student's t distribution of 3 degrees of freedom and this scale (rad).
+FAN, APART, SCALE = 4, np.deg2rad(5.0), np.deg2rad(2.0)
 
 
 @njit(cache=True)
@@ -122,22 +125,35 @@ def ascend(pages, tiles, columns, frame, points, few, start, settings, H, g, top
 def climb(pages, table, columns, frame, points, poses, settings, score):  # type: ignore[no-untyped-def]
     """Move each pose (M, 3) to where its own map explains the points (k, 2, in the body) best.
 
-    `settings`: sigma, hit rate of walls, share of points that belong to the map. The log
-    likelihood of the points goes to `score` (M,).
+    A climb that explains too little is lost: others begin from other headings, and the likeliest
+    counts. `settings`: sigma, hit rate of walls, share of points that belong to the map, share
+    below which a climb is lost. The log likelihood of the points goes to `score` (M,).
     """
-    H, g, top = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
+    H, g, top, start = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
     few = np.ascontiguousarray(points[::4])
     for i in range(len(poses)):
-        ascend(pages, table[i], columns, frame, points, few, poses[i], settings, H, g, top)
+        tiles, heading, most = table[i], poses[i, 2], -np.inf
         for a in range(3):
-            poses[i, a] = top[a]
-        score[i] = fit(pages, table[i], columns, frame, points, top, settings)
+            start[a] = poses[i, a]
+        for turn in range(2 * FAN + 1):
+            # None, then one step to the right, one to the left, two to the right, ...
+            start[2] = heading + APART * ((turn + 1) // 2) * (1 - 2 * (turn % 2))
+            share = ascend(pages, tiles, columns, frame, points, few, start, settings, H, g, top)
+            fits = fit(pages, tiles, columns, frame, points, top, settings)
+            # Wheels are off by a few degrees as a rule, and now and then by far more.
+            worth = fits - 2.0 * np.log1p((top[2] - heading) ** 2 / (3 * SCALE**2))
+            if worth > most:
+                most, score[i] = worth, fits
+                for a in range(3):
+                    poses[i, a] = top[a]
+            if turn == 0 and share >= settings[3]:
+                break
 
 
 @njit(cache=True)
 def fit(pages, tiles, columns, frame, points, pose, settings):  # type: ignore[no-untyped-def]
     """Log likelihood of points: near a wall of the map, or anywhere."""
-    sigma, rate, hit = settings
+    sigma, rate, hit = settings[0], settings[1], settings[2]
     c, s = np.cos(pose[2]), np.sin(pose[2])
     total = 0.0
     for k in range(len(points)):

@@ -55,6 +55,9 @@ class GridFastSlam(MapParticles):
         Power of the likelihood: beams of a scan are far from independent.
     threshold : float, default 0.5
         Resample when the effective sample size falls below this share of the particles.
+    lost : float, default 0
+        A match that explains less than this share of the end points is tried again from headings
+        up to 20 degrees to either side, for wheels may err by far more than they say; 0: never.
     storage : {"tiles", "tree", "copies"}, default "tiles"
         Tiles of 16 x 16 cells that particles share until one of them writes; DP-SLAM's tree of
         ancestors, each with the cells it changed (slow here: to learn from); or a whole map for
@@ -98,6 +101,7 @@ class GridFastSlam(MapParticles):
         sigma: float = 0.1,
         temper: float = 0.3,
         threshold: float = 0.5,
+        lost: float = 0.0,
         storage: str = "tiles",
     ) -> None:
         super().__init__(motion, pose, n_particles, rng, temper, threshold)
@@ -106,6 +110,7 @@ class GridFastSlam(MapParticles):
         self.model = as_choice("model", model, ("matching", "penetration"))
         self._n_points = as_count("n_points", n_points, _LEAST_POINTS)
         self._sigma = as_scalar("sigma", sigma, 1e-6, 1e6)
+        self._lost = as_scalar("lost", lost, 0.0, 1.0)
         storage = as_choice("storage", storage, ("tiles", "tree", "copies"))
         floor = self.n_particles, resolution, self.poses[0, :2]
         if storage == "tree":
@@ -162,7 +167,7 @@ class GridFastSlam(MapParticles):
 
         where = (*self._maps.read(), self._maps.columns, self._maps.frame)
         if self.model == "matching":
-            climb(*where, points, poses, (self._sigma, _RATE, _HIT), score)
+            climb(*where, points, poses, (self._sigma, _RATE, _HIT, self._lost), score)
             poses[:, 2] = wrap_angle(poses[:, 2])
         else:
             settings = (self._sigma**2, _FREE_WAY, 4 * self._maps.resolution, _FLOOR)

@@ -1,6 +1,7 @@
 """Grid FastSLAM: three storages with the same maps, memory, matching, the laser's own model."""
 
 import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 
 from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
-from slamlab.geometry import between, compose, inverse
+from slamlab.geometry import between, compose, inverse, wrap_angle
 from slamlab.logs import Log
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
@@ -174,9 +175,48 @@ def test_a_scan_is_laid_back_upon_its_own_map():
     where = (*one._maps.read(), one._maps.columns, one._maps.frame)
     for off in ([0.1, -0.08, 0.04], [-0.06, 0.1, -0.03]):
         poses, score = (START + off)[None], np.zeros(1)
-        climb(*where, points, poses, (0.1, 1.0, 0.9), score)
+        climb(*where, points, poses, (0.1, 1.0, 0.9, 0.0), score)
         np.testing.assert_allclose(poses[0], START, atol=2e-3)
         assert -0.5 < score[0] <= 0
+
+
+@pytest.mark.parametrize("turn", [20.0, -13.0])
+def test_a_lost_match_is_tried_from_other_headings(turn):
+    ranges = LIDAR.scan(rooms.office(), START, np.random.default_rng(6))
+    points = LIDAR.points(ranges)
+    points = np.ascontiguousarray(points[np.isfinite(points[:, 0])])
+    one = slam(n_particles=1)
+    one.update(ranges)
+    where = (*one._maps.read(), one._maps.columns, one._maps.frame)
+    off, score = {}, {}
+    for lost in (0.0, 0.6):
+        poses, score[lost] = START[None] + [0.0, 0.0, np.deg2rad(turn)], np.zeros(1)
+        climb(*where, points, poses, (0.1, 1.0, 0.9, lost), score[lost])
+        off[lost] = abs(np.rad2deg(poses[0, 2]))
+    assert off[0.6] < 0.1
+    assert score[0.6] > -0.5
+    # Wrong: one climb from where the wheels say stays in the next best place.
+    assert off[0.0] > 5
+    assert score[0.0] < -50
+
+
+def test_wheels_that_err_by_twenty_degrees_once_are_put_right():
+    log = office(12)
+    u = log.u.copy()
+    u[9, 2] -= np.deg2rad(20)  # the filter is told 3.4 degrees
+    worst = {}
+    for lost in (0.0, 0.6):
+        result = run(slam(n_particles=10, lost=lost), replace(log, u=u))
+        worst[lost] = np.rad2deg(abs(wrap_angle(result.poses[:, 2] - log.truth[:, 2])).max())
+    assert worst[0.6] < 2
+    # Wrong: one climb only.
+    assert worst[0.0] > 5
+
+
+def test_a_match_that_fits_is_not_searched_for():
+    log = office()
+    one, other = run(slam(), log), run(slam(lost=0.0), log)
+    np.testing.assert_array_equal(one.poses, other.poses)
 
 
 def by_hand(ranges, rates, side, variance):
@@ -277,6 +317,7 @@ def test_a_scan_that_says_nothing_changes_nothing():
         ("sigma", dict(sigma=0.0)),
         ("temper", dict(temper=0.0)),
         ("threshold", dict(threshold=2.0)),
+        ("lost: expected", dict(lost=1.5)),
         ("resolution", dict(resolution=0.0)),
         ("n_points", dict(n_points=3)),
     ],
@@ -325,9 +366,9 @@ def test_five_scans_of_csail_are_turned_off_their_reference():
     assert turned(after, [0], around=12.0)[0] > 10
     # There the made odometry lies: one particle takes nearly all the weight.
     for seed in (1, 9):
-        assert drive(log[:43], seed, 30, 0.3)[1].ess < 1.5
+        assert drive(log[:43], seed, 30, 0.3, 0.0)[1].ess < 1.5
     # As stored in chapter 15: power 1, without the five scans, drive 2.
-    result, *_ = drive(without(log, five), 2, 30, 1.0)
+    result, *_ = drive(without(log, five), 2, 30, 1.0, 0.0)
     assert ate(result).rmse == pytest.approx(0.081, abs=0.002)
 
 
