@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit
-from slamlab.matching._field_kernels import solve3
+from slamlab._compiling import njit, solve3
 
 
 @njit(cache=True)

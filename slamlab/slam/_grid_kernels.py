@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit
-from slamlab.matching._field_kernels import solve3
+from slamlab._compiling import njit, solve3
 
 SHIFT = 4  # a tile is 2^4 = 16 cells wide
 TILE = 1 << SHIFT
