@@ -112,7 +112,7 @@ def test_the_page_matches_as_the_library(tmp_path, metric, rounds):
         f"return pose; }})({guess})"
     )
     page = in_node(tmp_path, "scan_drag.js", loop)
-    reference = Outline(outline.points[on_wall], outline.normals[on_wall], outline.spread[on_wall])
+    reference = Outline(outline.points[on_wall], outline.normals[on_wall], outline.turned[on_wall])
     due = match_icp(reference, points, guess, metric, gate=0.5, fine_gate=0.5, n_iterations=rounds)
     np.testing.assert_allclose(page, due.pose, atol=2e-6)
     assert np.abs(np.array(page) - guess).max() > 0.01
