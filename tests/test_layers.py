@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1] / "slamlab"
 FLOORS = [
-    {"_checks", "_compiling", "_files", "_optional", "geometry", "gaussian"},
+    {"_checks", "_compiling", "_files", "_linear", "_optional", "geometry", "gaussian"},
     {"models", "grids", "logs"},
     {"worlds", "robots", "sensors"},
     {"filters", "matching", "mapping"},

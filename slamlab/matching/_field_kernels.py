@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit, solve3
+from slamlab._compiling import njit
+from slamlab._linear import solve3
 
 
 @njit(cache=True)
