@@ -5,6 +5,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export PIP_ROOT_USER_ACTION := ignore
+# Some hundred processes are started: each would compile every module that it imports.
+unexport PYTHONDONTWRITEBYTECODE
 # Small dense products stall when two BLAS threads contend for two cores.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1

@@ -7,7 +7,8 @@ import argparse
 
 import pytest
 
-from slamlab.commands import _parser, main
+from slamlab.commands import _parser, lab, main
+from slamlab.exercises.labs import tasks
 
 COMMANDS = next(
     action.choices
@@ -78,6 +79,7 @@ def places(name, word):
 @pytest.mark.parametrize("name", [name for name in COMMANDS if name != "warm"])
 def test_bad_words_and_files_end_in_a_sentence(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(lab, "tasks", lambda *given: tasks(*given)[:1])
     (tmp_path / "folder").mkdir()
     for file, content in FILES.items():
         (tmp_path / file).write_bytes(content)
