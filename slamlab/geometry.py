@@ -67,8 +67,11 @@ def rotation(theta: ArrayLike) -> Array:
     [0.0, 1.0]
     """
     theta = as_array("theta", theta)
-    c, s = np.cos(theta), np.sin(theta)
-    return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], -2)
+    R = np.empty((*theta.shape, 2, 2))
+    R[..., 0, 0] = R[..., 1, 1] = np.cos(theta)
+    R[..., 1, 0] = np.sin(theta)
+    R[..., 0, 1] = -R[..., 1, 0]
+    return R
 
 
 def tilt(roll: ArrayLike, pitch: ArrayLike) -> Array:
@@ -108,7 +111,10 @@ def tilt(roll: ArrayLike, pitch: ArrayLike) -> Array:
 def _rotate(theta: Array, points: Array) -> Array:
     c, s = np.cos(theta), np.sin(theta)
     x, y = points[..., 0], points[..., 1]
-    return np.stack([c * x - s * y, s * x + c * y], -1)
+    ahead = c * x - s * y
+    out = np.empty((*ahead.shape, 2))
+    out[..., 0], out[..., 1] = ahead, s * x + c * y
+    return out
 
 
 def compose(a: ArrayLike, b: ArrayLike) -> Array:
@@ -136,9 +142,13 @@ def compose(a: ArrayLike, b: ArrayLike) -> Array:
     [2.0, 1.0, 1.571]
     """
     a, b = _two_poses(a, b)
-    position = a[..., :2] + _rotate(a[..., 2], b[..., :2])
-    heading = wrap_angle(a[..., 2] + b[..., 2])
-    return np.concatenate([position, heading[..., None]], -1)
+    return _pose(a[..., :2] + _rotate(a[..., 2], b[..., :2]), a[..., 2] + b[..., 2])
+
+
+def _pose(position: Array, heading: Array) -> Array:
+    pose = np.empty((*heading.shape, 3))
+    pose[..., :2], pose[..., 2] = position, wrap_angle(heading)
+    return pose
 
 
 def _two_poses(a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
@@ -164,8 +174,7 @@ def inverse(a: ArrayLike) -> Array:
     [0.0, 0.0, 0.0]
     """
     a = as_array("a", a, ("...", 3))
-    position = -_rotate(-a[..., 2], a[..., :2])
-    return np.concatenate([position, wrap_angle(-a[..., 2])[..., None]], -1)
+    return _pose(-_rotate(-a[..., 2], a[..., :2]), -a[..., 2])
 
 
 def between(a: ArrayLike, b: ArrayLike) -> Array:
@@ -186,9 +195,7 @@ def between(a: ArrayLike, b: ArrayLike) -> Array:
     [2.0, 0.0, 0.0]
     """
     a, b = _two_poses(a, b)
-    position = _rotate(-a[..., 2], b[..., :2] - a[..., :2])
-    heading = wrap_angle(b[..., 2] - a[..., 2])
-    return np.concatenate([position, heading[..., None]], -1)
+    return _pose(_rotate(-a[..., 2], b[..., :2] - a[..., :2]), b[..., 2] - a[..., 2])
 
 
 def transform(pose: ArrayLike, points: ArrayLike) -> Array:

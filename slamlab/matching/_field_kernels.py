@@ -12,23 +12,36 @@ from slamlab._linear import solve3
 def stamp(values, cells, sigma):  # type: ignore[no-untyped-def]
     """Raise the sheet to exp(-d^2 / 2 sigma^2) round every point (k, 2: column, row; cells).
 
-    The exponential is a product of one factor a column and one a row.
+    The exponential is a product of one factor a column and one a row; of each of these only the
+    middle one, and the step to the next, are not the same for all points.
     """
     rows, columns = values.shape
     reach = int(np.ceil(3.5 * sigma))
-    along = np.empty(2 * reach + 2)
-    factor = -0.5 / sigma**2
+    along, across = np.empty(2 * reach + 2), np.empty(2 * reach + 2)
+    fixed = np.exp(-0.5 / sigma**2 * np.arange(-reach, reach + 2) ** 2)
     for k in range(len(cells)):
         x, y = cells[k, 0] - 0.5, cells[k, 1] - 0.5
-        left, low = int(np.floor(x)) - reach, int(np.floor(y)) - reach
-        for i in range(2 * reach + 2):
-            along[i] = np.exp(factor * (left + i - x) ** 2)
+        column, row = int(np.floor(x)), int(np.floor(y))
+        _gaussian(x - column, sigma, fixed, along)
+        _gaussian(y - row, sigma, fixed, across)
+        left, low = column - reach, row - reach
         first, last = max(0, -left), min(2 * reach + 2, columns - left)
         for j in range(max(0, -low), min(2 * reach + 2, rows - low)):
-            across = np.exp(factor * (low + j - y) ** 2)
-            row = values[low + j]
             for i in range(first, last):
-                row[left + i] = max(row[left + i], np.float32(across * along[i]))
+                value = np.float32(across[j] * along[i])
+                values[low + j, left + i] = max(values[low + j, left + i], value)
+
+
+@njit(cache=True)
+def _gaussian(a, sigma, fixed, out):  # type: ignore[no-untyped-def]
+    """exp(-(i - a)^2 / 2 sigma^2) = exp(-a^2 / 2 sigma^2) exp(a / sigma^2)^i fixed[i]."""
+    reach = len(out) // 2 - 1
+    middle, step = np.exp(-0.5 * (a / sigma) ** 2), np.exp(a / sigma**2)
+    up = down = middle
+    for i in range(reach + 1):
+        out[reach - i], out[reach + i] = down * fixed[reach - i], up * fixed[reach + i]
+        up, down = up * step, down / step
+    out[-1] = up * fixed[-1]
 
 
 @njit(cache=True)

@@ -64,12 +64,14 @@ def nearest(points, frame, start, order, x, y, limit):  # type: ignore[no-untype
         left, low = max(0, int(np.floor((x - reach - x0) / side))), y - reach - y0
         right, high = min(int((x + reach - x0) / side), columns - 1), y + reach - y0
         for r in range(max(0, int(np.floor(low / side))), min(int(high / side), rows - 1) + 1):
-            for c in range(left, right + 1):
-                for n in range(start[r * columns + c], start[r * columns + c + 1]):
-                    k = order[n]
-                    d = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2
-                    if d < least:
-                        best, least = k, d
+            if left > right:
+                break
+            # The squares of a row follow one another.
+            for n in range(start[r * columns + left], start[r * columns + right + 1]):
+                k = order[n]
+                d = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2
+                if d < least:
+                    best, least = k, d
         if least <= reach * reach:
             break
     return best

@@ -90,11 +90,10 @@ def verify(
     """Lay the scans round node k upon the place round node j; None if that convinces nobody."""
     first, last = np.searchsorted(travel, [travel[j] - BASE, travel[j] + BASE])
     last = min(max(int(last), j + 1), k - AROUND)
-    base, base_poses = nodes[first:last], poses[first:last]
     around = range(max(k - AROUND, 0), min(k + AROUND + 1, len(nodes)))
     merged = [transform(between(poses[k], poses[n]), nodes[n].points) for n in around]
     query = thin(np.concatenate(merged), 0.15)
-    ground = LocalMap(base, base_poses)
+    ground = LocalMap([nodes[n].at(poses[n]) for n in range(first, last)])
     found = match_correlative(
         ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, rival_distance=ELSEWHERE
     )

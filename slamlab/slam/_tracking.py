@@ -9,6 +9,7 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,6 +84,10 @@ class Keyframe:
         """Keep a scan of at least `LEAST_POINTS` thinned points (k, 2)."""
         return cls(points, Outline.of(points))
 
+    def at(self, pose: Array) -> Outline:
+        """Its outline in the world, seen from this pose."""
+        return self.outline.moved(pose)
+
 
 def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     """Thinned end points (k, 2) of a scan within `REACH`, in the frame of the body."""
@@ -91,12 +96,10 @@ def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
 
 
 class LocalMap:
-    """Some keyframes at their poses, as a field to climb and an outline to lie on."""
+    """Some keyframes at their places, as a field to climb and an outline to lie on."""
 
-    def __init__(self, keyframes: list[Keyframe], poses: Array) -> None:
-        sizes = [len(one.points) for one in keyframes]
-        all_of = Outline.joined([one.outline for one in keyframes])
-        self.outline = all_of.moved(np.repeat(poses, sizes, axis=0))
+    def __init__(self, placed: Iterable[Outline]) -> None:
+        self.outline = Outline.joined(placed)
         self.n_walls = int(np.isfinite(self.outline.normals[:, 0]).sum())
         self.field = PointField(thin(self.outline.points, SPACING), *FIELD)
 

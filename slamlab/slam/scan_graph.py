@@ -7,13 +7,14 @@ P5 section 2.2. Chapters 13 and 14.
 from __future__ import annotations
 
 import warnings
+from collections import deque
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count
 from slamlab.geometry import between, compose, rotation
-from slamlab.matching import Match
+from slamlab.matching import Match, Outline
 from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
 from slamlab.slam._closures import AROUND, STRIDE, Closure, candidates, verify, witnessed
@@ -107,7 +108,8 @@ class ScanGraphSlam(ScanSystem):
         self._travel = np.zeros(0)  # metres driven to each node
         self._chain: list[tuple[Array, Array]] = []  # (z, cov) from each node to the next
         self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
-        self._ground: LocalMap | None = None  # the last keyframes, until there is a new one
+        self._recent: deque[Outline] = deque(maxlen=self._n_keyframes)  # the last keyframes
+        self._ground: LocalMap | None = None  # made of them, until there is a new one
         self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
         self._tried = self._tied = 0.0  # travel of the last trial, of the last closure
 
@@ -169,8 +171,7 @@ class ScanGraphSlam(ScanSystem):
         if len(points) < LEAST_POINTS or not self.nodes:
             return nothing
         if self._ground is None:
-            recent = slice(max(len(self.nodes) - self._n_keyframes, 0), None)
-            self._ground = LocalMap(self.nodes[recent], self._poses[recent])
+            self._ground = LocalMap(self._recent)
         match = track(self._ground, points, self._pose, self._moved_cov)
         self.lost = match is None
         if match is None:
@@ -199,6 +200,7 @@ class ScanGraphSlam(ScanSystem):
             self._chain.append((z, 0.5 * (cov + cov.T)))
             length = self._travel[-1] + float(np.hypot(*z[:2]))
         self.nodes.append(node)
+        self._recent.append(node.at(self._pose))
         self._poses = np.vstack([self._poses, self._pose])
         self._travel = np.append(self._travel, length)
         self._ground = None
@@ -272,5 +274,7 @@ class ScanGraphSlam(ScanSystem):
             if (chi2 <= _FALSE).all():
                 break
         self._poses, self._ground = result.poses, None
+        recent = slice(-self._n_keyframes, None)
+        self._recent.extend(map(Keyframe.at, self.nodes[recent], self._poses[recent]))
         self._pose = compose(self._poses[-1], last)
         self._cov = graph.marginal_cov(len(self._poses) - 1, result.poses) + self._moved_cov
