@@ -66,9 +66,9 @@ class ScanSystem:
         return as_distances("ranges", ranges, (self._lidar.n_beams,))
 
 
-def has_moved(old: Array, new: Array, distance: float, angle: float) -> bool:
-    """Whether two poses differ by this distance (m) or angle (rad) at least."""
-    dx, dy, turn = between(old, new)
+def has_moved(motion: Array, distance: float, angle: float) -> bool:
+    """Whether a motion leads this far (m), or turns so much (rad), at least."""
+    dx, dy, turn = motion
     return bool(np.hypot(dx, dy) >= distance or abs(turn) >= angle)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_count, as_scalar
-from slamlab.geometry import transform
+from slamlab.geometry import between, transform
 from slamlab.mapping import OccupancyGrid
 from slamlab.matching import Field, Match, match_field
 from slamlab.models import MotionModel, ScanSensor, as_motion
@@ -154,7 +154,8 @@ class HectorSlam(ScanSystem):
 
     def _draw(self, ranges: Array) -> None:
         """Add the scan to every map, unless the robot has hardly moved since the last time."""
-        if self._drawn is not None and not has_moved(self._drawn, self._pose, *_NEW_MAP):
+        off = None if self._drawn is None else between(self._drawn, self._pose)
+        if off is not None and not has_moved(off, *_NEW_MAP):
             return
         self._drawn = self._pose.copy()
         for grid in self.maps:

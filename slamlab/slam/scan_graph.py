@@ -156,13 +156,13 @@ class ScanGraphSlam(ScanSystem):
         """
         points = scan_points(self._taken(ranges), self._lidar)
         match = self._matched(points)
-        if self._is_new(points):
-            self._add_node(Keyframe.of(points))
+        off = between(self._poses[-1], self._pose) if self.nodes else self._pose.copy()
+        if self._is_new(points, off):
+            self._add_node(Keyframe.of(points), off)
             if self._loops:
                 self._try_closures(len(self.nodes) - 1 - AROUND)
-        row = len(self.nodes) - 1
-        off = between(self._poses[row], self._pose) if self.nodes else self._pose.copy()
-        self._steps.append((row, off))
+            off = np.zeros(3)
+        self._steps.append((len(self.nodes) - 1, off))
         return match
 
     def _matched(self, points: Array) -> Match:
@@ -182,18 +182,13 @@ class ScanGraphSlam(ScanSystem):
         self._cov = before + self._moved_cov
         return match
 
-    def _is_new(self, points: Array) -> bool:
-        if len(points) < LEAST_POINTS:
-            return False
-        if not self.nodes:
-            return True
-        return has_moved(self._poses[-1], self._pose, *_NEW_NODE)
+    def _is_new(self, points: Array, off: Array) -> bool:
+        return len(points) >= LEAST_POINTS and (not self.nodes or has_moved(off, *_NEW_NODE))
 
-    def _add_node(self, node: Keyframe) -> None:
-        """Append a node at the present pose, and the edge of the chain that leads to it."""
+    def _add_node(self, node: Keyframe, z: Array) -> None:
+        """Append a node at the present pose, and the edge z of the chain that leads to it."""
         length = 0.0
         if self.nodes:
-            z = between(self._poses[-1], self._pose)
             turn = np.eye(3)
             turn[:2, :2] = rotation(-self._poses[-1, 2])
             cov = turn @ self._moved_cov @ turn.T + FLOOR
