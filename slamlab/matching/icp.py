@@ -6,7 +6,7 @@ Besl and McKay 1992; point to line: Censi, ICRA 2008; gate and weights: Vizzo et
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,7 +112,7 @@ class Outline:
         return Outline(points, np.stack([c * nx - s * ny, s * nx + c * ny], -1), self.turned)
 
     @classmethod
-    def joined(cls, outlines: Sequence[Outline]) -> Outline:
+    def joined(cls, outlines: Iterable[Outline]) -> Outline:
         """Several outlines of one frame as one; ValueError if there is none."""
         parts = [as_a("outlines", one, Outline) for one in as_tuple("outlines", outlines)]
         if not parts:
