@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Shape = Sequence[int | str | None]
 _SHORT = Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 3, 60, 80
 
@@ -30,9 +31,7 @@ def shown(value: object) -> str:
     return text if len(text) <= 200 else f"{text[:197]}..."
 
 
-def as_array(
-    name: str, value: ArrayLike, shape: Sequence[int | str | None] | None = None
-) -> Array:
+def as_array(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
     """Return `value` as a finite array of floats of the given trailing shape.
 
     A float32 array stays float32, everything else becomes float64.
@@ -59,9 +58,7 @@ def as_array(
     return array
 
 
-def as_shaped(
-    name: str, value: ArrayLike, shape: Sequence[int | str | None] | None = None
-) -> Array:
+def as_shaped(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
     """Like `as_array`, but NaN and infinity may pass (a missing measurement, a lost beam)."""
     floats = type(value) is np.ndarray and value.dtype.char == "d"
     array: Array = value if floats else _as_floats(name, value)  # type: ignore[assignment]
@@ -71,9 +68,7 @@ def as_shaped(
     return array
 
 
-def as_distances(
-    name: str, value: ArrayLike, shape: Sequence[int | str | None] | None = None
-) -> Array:
+def as_distances(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
     """Like `as_shaped`, and no number is negative; ValueError otherwise."""
     array = as_shaped(name, value, shape)
     if (array < 0).any():
@@ -115,9 +110,8 @@ def as_batch(name: str, lead: Sequence[int], other: Sequence[int]) -> tuple[int,
     try:
         return np.broadcast_shapes(tuple(lead), tuple(other))
     except ValueError as error:
-        raise ValueError(
-            f"{name}: expected leading axes that fit {tuple(other)}, got {tuple(lead)}"
-        ) from error
+        wanted = f"leading axes that fit {tuple(other)}"
+        raise ValueError(f"{name}: expected {wanted}, got {tuple(lead)}") from error
 
 
 # Every step of a filter asks the same few questions.
@@ -150,19 +144,15 @@ def as_covariance(name: str, value: ArrayLike, dim: int | None = None) -> Array:
         raise ValueError(f"{name}: expected a square matrix, got shape {cov.shape}")
     transposed = np.swapaxes(cov, -1, -2)
     scale = np.abs(cov).max(axis=(-2, -1), initial=0.0)
-    asymmetry = np.abs(cov - transposed).max(axis=(-2, -1), initial=0.0)
-    if (asymmetry > 1e-9 * scale).any():
-        raise ValueError(
-            f"{name}: expected a symmetric matrix, asymmetry is {asymmetry.max():.3g}"
-        )
+    uneven = np.abs(cov - transposed).max(axis=(-2, -1), initial=0.0)
+    if (uneven > 1e-9 * scale).any():
+        raise ValueError(f"{name}: expected a symmetric matrix, asymmetry is {uneven.max():.3g}")
     cov = 0.5 * cov + 0.5 * transposed
     if cov.size:
         smallest = np.linalg.eigvalsh(cov)[..., 0]
         if (smallest < -1e-9 * scale).any():
-            raise ValueError(
-                f"{name}: expected a positive semi-definite matrix, "
-                f"smallest eigenvalue is {smallest.min():.3g}"
-            )
+            found = f"smallest eigenvalue is {smallest.min():.3g}"
+            raise ValueError(f"{name}: expected a positive semi-definite matrix, {found}")
     return cov
 
 
@@ -198,9 +188,8 @@ def _interval(low: float, high: float) -> str:
         return "a finite number" if low < -huge else above
     if 0 < low < tiny:
         return f"{above} of at most {high:g}"
-    return (
-        f"a number in [{low:g}, 1)" if 1 - 1e-9 < high < 1 else f"a number in [{low:g}, {high:g}]"
-    )
+    end = "1)" if 1 - 1e-9 < high < 1 else f"{high:g}]"
+    return f"a number in [{low:g}, {end}"
 
 
 def as_count(name: str, value: Any, low: int = 0, high: int = 2**63 - 1) -> int:
@@ -313,8 +302,6 @@ def as_rng(name: str, value: Any) -> np.random.Generator:
         If it is anything else, a bare seed included.
     """
     if not isinstance(value, np.random.Generator):
-        raise ValueError(
-            f"{name}: expected a numpy.random.Generator such as np.random.default_rng(1), "
-            f"got {shown(value)}"
-        )
+        wanted = "a numpy.random.Generator such as np.random.default_rng(1)"
+        raise ValueError(f"{name}: expected {wanted}, got {shown(value)}")
     return value

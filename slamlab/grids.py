@@ -161,10 +161,8 @@ class Grid:
         after += np.where(after > 0, size // 4, 0)
         rows, columns = (int(n) for n in size + before + after)
         if rows * columns > MOST_CELLS:
-            raise ValueError(
-                f"ranges: expected beams near the map, it would have to grow to {rows} x "
-                f"{columns} cells"
-            )
+            grown = f"it would have to grow to {rows} x {columns} cells"
+            raise ValueError(f"ranges: expected beams near the map, {grown}")
         self.shape = rows, columns
         self._move_to(self.origin - before[::-1] * self.resolution)
         return tuple((int(a), int(b)) for a, b in zip(before, after, strict=True))

@@ -63,11 +63,10 @@ class ScanGeometry:
 
     def __post_init__(self) -> None:
         """Check the parameters."""
-        angles = as_array("beam_angles", self.beam_angles, ("n_beams",)).copy()
+        angles = as_array("beam_angles", self.beam_angles, ("n_beams",))
         if len(angles) == 0:
             raise ValueError("beam_angles: expected at least one beam, got none")
-        angles.setflags(write=False)
-        object.__setattr__(self, "beam_angles", angles)
+        object.__setattr__(self, "beam_angles", _frozen(angles))
         as_positive("max_range", self.max_range)
         as_scalar("offset", self.offset, -1e300, 1e300)
 
@@ -206,8 +205,8 @@ class Log:
         u = as_array("u", self.u, ("...", "p"))
         if u.ndim not in (2, 3) or len(u) != T:
             raise ValueError(f"u: expected shape ({T}, p) or ({T}, M, p), got {u.shape}")
-        dt = np.broadcast_to(as_array("dt", self.dt, ("...",)), (T,)) if _is_one(self.dt) else None
-        dt = as_array("dt", self.dt, (T,)) if dt is None else dt
+        dt = as_array("dt", self.dt, None if np.ndim(self.dt) == 0 else (T,))
+        dt = np.broadcast_to(dt, (T,))
         if (dt < 0).any():
             k = int(np.argmax(dt < 0))
             raise ValueError(f"dt[{k}]: expected a duration that is not negative, got {dt[k]:g}")
@@ -229,9 +228,8 @@ class Log:
     def _checked_control_cov(self, T: int, p: int) -> Array:
         cov = as_covariance("control_cov", self.control_cov, p)
         if cov.ndim > 3 or (cov.ndim == 3 and len(cov) != T):
-            raise ValueError(
-                f"control_cov: expected shape ({p}, {p}) or ({T}, {p}, {p}), got {cov.shape}"
-            )
+            shapes = f"({p}, {p}) or ({T}, {p}, {p})"
+            raise ValueError(f"control_cov: expected shape {shapes}, got {cov.shape}")
         return cov
 
     def _checked_looks(self, T: int) -> dict[str, Any]:
@@ -241,12 +239,10 @@ class Log:
             return {}
         looks = tuple(_look(f"looks[{k}]", z) for k, z in enumerate(_of("looks", self.looks, T)))
         checked: dict[str, Any] = {"looks": looks}
-        if self.ids is not None:
-            each = enumerate(zip(_of("ids", self.ids, T), looks, strict=True))
-            checked["ids"] = tuple(_names(f"ids[{k}]", ids, z.shape[-2]) for k, (ids, z) in each)
-        if self.covs is not None:
-            given = enumerate(zip(_of("covs", self.covs, T), looks, strict=True))
-            checked["covs"] = tuple(_covs(f"covs[{k}]", c, z.shape[-2]) for k, (c, z) in given)
+        for name, given, check in (("ids", self.ids, _names), ("covs", self.covs, _covs)):
+            if given is not None:
+                each = enumerate(zip(_of(name, given, T), looks, strict=True))
+                checked[name] = tuple(check(f"{name}[{k}]", c, z.shape[-2]) for k, (c, z) in each)
         return checked
 
     def _checked_scans(self, T: int) -> dict[str, Any]:
@@ -293,9 +289,10 @@ class Log:
         """Return a stretch of the log; ``log[a:b]`` begins where step a - 1 ended."""
         if not isinstance(steps, slice):
             raise ValueError(f"steps: expected a slice such as log[10:20], got {steps!r:.80}")
-        every = ("times", "u", "dt", "looks", "ids", "covs", "ranges", "truth")
-        cut: dict[str, Any] = {name: getattr(self, name) for name in every}
-        cut = {name: part if part is None else part[steps] for name, part in cut.items()}
+        cut: dict[str, Any] = {}
+        for name in ("times", "u", "dt", "looks", "ids", "covs", "ranges", "truth"):
+            part = getattr(self, name)
+            cut[name] = None if part is None else part[steps]
         if self.control_cov.ndim == 3:
             cut["control_cov"] = self.control_cov[steps]
         cut["notes"] = {name: note[steps] for name, note in self.notes.items()}
@@ -304,11 +301,10 @@ class Log:
     @property
     def n_runs(self) -> int | None:
         """Number M of runs side by side, None if the log is of one robot."""
-        parts = (self.u, self.truth, self.looks[0] if self.looks else None)
-        alone = (2, 2, 2)
-        for part, dims in zip(parts, alone, strict=True):
-            if part is not None and part.ndim > dims:
-                return int(part.shape[0 if part is parts[2] else 1])
+        looks = self.looks[0] if self.looks else None
+        for part, axis in ((self.u, 1), (self.truth, 1), (looks, 0)):
+            if part is not None and part.ndim > 2:
+                return int(part.shape[axis])
         return None
 
     def single(self, run: int) -> Log:
@@ -335,14 +331,12 @@ class Log:
     def save(self, path: str | Path) -> None:
         """Write the log to a npz archive of plain arrays (no pickle); `load` reads it again."""
         arrays: dict[str, Any] = {}
-        for name in ("times", "u", "dt", "control_cov", "ranges", "truth", "landmarks"):
-            if getattr(self, name) is not None:
-                arrays[name] = getattr(self, name)
-        for name in ("looks", "ids", "covs"):
-            parts = getattr(self, name)
-            if parts is not None:
-                arrays[f"{name}_sizes"] = np.array([len(part) for part in parts], dtype=int)
-                arrays[name] = np.concatenate(parts) if parts else np.empty(0)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                arrays[name] = value
+            elif isinstance(value, tuple):
+                arrays[f"{name}_sizes"] = np.array([len(part) for part in value], dtype=int)
+                arrays[name] = np.concatenate(value) if value else np.empty(0)
         if self.scan is not None:
             arrays["beam_angles"] = self.scan.beam_angles
             arrays["lidar"] = np.array([self.scan.max_range, self.scan.offset])
@@ -363,11 +357,8 @@ class Log:
         """
         arrays = read_npz(path)
         try:
-            parts: dict[str, Any] = {
-                name: arrays[name] for name in ("times", "u", "dt", "control_cov")
-            }
-            optional = [f.name for f in fields(cls) if f.kw_only and f.name in arrays]
-            parts |= {name: arrays[name] for name in optional}
+            due = [f.name for f in fields(cls) if f.name in arrays or not f.kw_only]
+            parts: dict[str, Any] = {name: arrays[name] for name in due}
             for name in ("looks", "ids", "covs"):
                 if name in parts:
                     ends = np.cumsum(arrays[f"{name}_sizes"])[:-1]
@@ -378,10 +369,6 @@ class Log:
             return cls(**parts, notes=notes)
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: expected a saved log ({str(error)[:200]})") from error
-
-
-def _is_one(value: Any) -> bool:
-    return np.ndim(value) == 0
 
 
 def _of(name: str, parts: Any, T: int) -> Sequence[Any]:
@@ -407,9 +394,8 @@ def _names(name: str, ids: Any, k: int) -> NDArray[Any]:
     if names.size == 0:
         names = names.astype(int)
     if names.shape != (k,) or names.dtype.kind not in "iuU":
-        raise ValueError(
-            f"{name}: expected {k} whole numbers or names, got {names.dtype} of {names.shape}"
-        )
+        got = f"{names.dtype} of {names.shape}"
+        raise ValueError(f"{name}: expected {k} whole numbers or names, got {got}")
     return names
 
 

@@ -247,24 +247,19 @@ class Pilot(Protocol):
 
 def as_motion(name: str, value: Any) -> MotionModel:
     """Return `value` if it is a motion model; ValueError names what it lacks."""
-    model: MotionModel = as_a(name, value, MotionModel, "a motion model such as Unicycle()")
-    return model
+    return as_a(name, value, MotionModel, "a motion model such as Unicycle()")
 
 
 def as_sensor(name: str, value: Any) -> LandmarkSensor:
     """Return `value` if it is a sensor of landmarks; ValueError names what it lacks."""
-    wanted = "a sensor such as RangeBearing(...)"
-    sensor: LandmarkSensor = as_a(name, value, LandmarkSensor, wanted)
-    return sensor
+    return as_a(name, value, LandmarkSensor, "a sensor such as RangeBearing(...)")
 
 
 def as_scan_sensor(name: str, value: Any) -> ScanSensor:
     """Return `value` if it knows how a lidar's beams lie; ValueError names what it lacks."""
-    lidar: ScanSensor = as_a(name, value, ScanSensor, "a lidar such as Lidar(...)")
-    return lidar
+    return as_a(name, value, ScanSensor, "a lidar such as Lidar(...)")
 
 
 def as_estimator(name: str, value: Any) -> Estimator:
     """Return `value` if it is an estimator; ValueError names what it lacks."""
-    system: Estimator = as_a(name, value, Estimator, "an estimator such as EKFSlam(...)")
-    return system
+    return as_a(name, value, Estimator, "an estimator such as EKFSlam(...)")
