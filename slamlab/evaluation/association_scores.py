@@ -107,8 +107,7 @@ def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> Associat
             made = [(origins[name], one) for name, one in pairs if name in origins]
             named, right = named + len(made), right + sum(a == b >= 0 for a, b in made)
             possible += sum(one in known for _, one in pairs if one >= 0)
-        new = {name: one for name, one in pairs if name is not None and name not in origins}
-        origins |= new
+        origins |= {name: one for name, one in pairs if name is not None and name not in origins}
     return AssociationScores(named, right, possible, origins)
 
 

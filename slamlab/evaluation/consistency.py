@@ -61,7 +61,9 @@ def nees(
     1.0
     """
     if isinstance(errors, Run):
-        return _nees_of(errors)
+        error = errors.poses - errors.truth
+        error[..., 2] = wrap_angle(error[..., 2])
+        return _nees_where_doubtful(error, errors.covs)
     error = _errors(errors)
     n = error.shape[-1]
     for i in as_tuple("angles", angles):
@@ -71,29 +73,14 @@ def nees(
     return mahalanobis_squared(error, as_array("covs", cast(ArrayLike, covs), ("...", n, n)))
 
 
-def _nees_of(run: Run) -> Array:
-    error = run.poses - run.truth
-    error[..., 2] = wrap_angle(error[..., 2])
-    return _nees_where_doubtful(error, run.covs)
-
-
-def _pair(name: str, value: Any) -> tuple[Any, ...]:
-    both = as_tuple(name, value)
-    if len(both) != 2:
-        raise ValueError(f"{name}: expected a pair, estimated and true, got {len(both)} things")
-    return both
-
-
 def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
     """Return the errors as a new array, subtracting if a pair came."""
     if isinstance(errors, tuple) and len(errors) == 2 and np.ndim(errors[0]) > 0:
         estimates = as_array("errors[0] (estimates)", errors[0], ("...", "n"))
         truths = as_array("errors[1] (truths)", errors[1], ("...", estimates.shape[-1]))
         if estimates.shape != truths.shape:
-            raise ValueError(
-                f"errors: expected estimates and truths of one shape, "
-                f"got {estimates.shape} and {truths.shape}"
-            )
+            got = f"{estimates.shape} and {truths.shape}"
+            raise ValueError(f"errors: expected estimates and truths of one shape, got {got}")
         return estimates - truths
     return as_array("errors", cast(ArrayLike, errors), ("...", "n")).copy()
 
@@ -140,7 +127,10 @@ def invariant_nees(
     """
     if isinstance(poses, Run):
         return invariant_nees((poses.poses, poses.truth), poses.covs)
-    estimate, truth = (as_array("poses", part, ("...", 3)) for part in _pair("poses", poses))
+    both = as_tuple("poses", poses)
+    if len(both) != 2:
+        raise ValueError(f"poses: expected a pair, estimated and true, got {len(both)} things")
+    estimate, truth = (as_array("poses", part, ("...", 3)) for part in both)
     J, p = np.array([[0.0, -1.0], [1.0, 0.0]]), estimate[..., :2, None]
     turn = wrap_angle(truth[..., 2] - estimate[..., 2])
     # p' = R(turn) p + V(turn) xi, V the mean of R from 0 to turn.
@@ -148,8 +138,7 @@ def invariant_nees(
     V = along[..., None, None] * np.eye(2) + across[..., None, None] * J
     xi = np.linalg.solve(V, truth[..., :2, None] - rotation(turn) @ p)[..., 0]
     # The covariance in these coordinates: xi = dp - J p dtheta.
-    T = np.zeros((*estimate.shape, 3))
-    T[...] = np.eye(3)
+    T = np.tile(np.eye(3), (*turn.shape, 1, 1))
     T[..., :2, 2:] = -J @ p
     P = T @ as_array("covs", cast(ArrayLike, covs), (*estimate.shape, 3)) @ np.swapaxes(T, -1, -2)
     return _nees_where_doubtful(np.concatenate([xi, turn[..., None]], -1), P)

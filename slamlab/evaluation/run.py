@@ -152,7 +152,7 @@ def run(
     return Run(log, system, np.array(rows, int), poses, covs, tuple(reports), seconds, kept)
 
 
-def _advance(system: Estimator, step: Step, what: str, told: bool) -> Any:
+def _advance(system: Any, step: Step, what: str, told: bool) -> Any:
     """One step: predict if anything moved, update if anything was measured."""
     if step.dt > 0:
         system.predict(step.u, step.dt, step.control_cov)
@@ -160,11 +160,12 @@ def _advance(system: Estimator, step: Step, what: str, told: bool) -> Any:
         return system.update(step.ranges)
     if what == "nothing" or step.z is None:
         return None
-    if not told or step.ids is None:
-        return _update(system, step.z, None, step.covs)
-    real = step.ids >= 0 if step.ids.dtype.kind in "iu" else np.ones(len(step.ids), bool)
-    covs = None if step.covs is None else step.covs[real]
-    return _update(system, step.z[..., real, :], step.ids[real], covs)
+    z, covs, ids = step.z, step.covs, None
+    if told and step.ids is not None:
+        real = step.ids >= 0 if step.ids.dtype.kind in "iu" else np.ones(len(step.ids), bool)
+        z, ids = z[..., real, :], step.ids[real]
+        covs = None if covs is None else covs[real]
+    return system.update(z, ids) if covs is None else system.update(z, ids, covs=covs)
 
 
 def _copy(system: Estimator, name: str) -> Any:
@@ -172,7 +173,3 @@ def _copy(system: Estimator, name: str) -> Any:
         raise ValueError(f"keep: expected attributes of {type(system).__name__}, got {name!r}")
     value = getattr(system, name)
     return value.copy() if isinstance(value, np.ndarray) else value
-
-
-def _update(system: Any, z: Array, ids: Any, covs: Array | None) -> Any:
-    return system.update(z, ids) if covs is None else system.update(z, ids, covs=covs)

@@ -77,10 +77,8 @@ def wall_scores(found: ArrayLike, walls: ArrayLike, tolerance: float = 0.1) -> W
     along, across = along.reshape(-1, 2, len(walls)), across.reshape(-1, 2, len(walls))
     inside = (along >= -tolerance) & (along <= lengths + tolerance)
     lies_on = np.asarray((inside & (np.abs(across) <= tolerance)).all(1))
-    covered = np.array(
-        [_covered(along[lies_on[:, j], :, j], length) for j, length in enumerate(lengths)]
-    )
-    return WallScores(np.asarray(lies_on.any(1)), covered)
+    covered = [_covered(along[lies_on[:, j], :, j], length) for j, length in enumerate(lengths)]
+    return WallScores(np.asarray(lies_on.any(1)), np.array(covered))
 
 
 def seen_lengths(points: ArrayLike, walls: ArrayLike, tolerance: float = 0.05) -> Array:
