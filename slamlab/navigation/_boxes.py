@@ -158,12 +158,9 @@ def _ends_box(c, t0, t1, box):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _overlap(a, b, margin):  # type: ignore[no-untyped-def]
-    return (
-        a[0] <= b[2] + margin
-        and b[0] <= a[2] + margin
-        and a[1] <= b[3] + margin
-        and b[1] <= a[3] + margin
-    )
+    in_x = a[0] <= b[2] + margin and b[0] <= a[2] + margin
+    in_y = a[1] <= b[3] + margin and b[1] <= a[3] + margin
+    return in_x and in_y
 
 
 @njit(cache=True)

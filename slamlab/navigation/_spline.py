@@ -53,10 +53,9 @@ class Spline:
         return other
 
     def _double(self) -> None:
-        more = np.zeros_like
-        self.coefficients = np.concatenate([self.coefficients, more(self.coefficients)])
-        self.tables = np.concatenate([self.tables, more(self.tables)])
-        self.starts = np.concatenate([self.starts, more(self.starts[1:])])
+        for name in ("coefficients", "tables", "starts"):
+            full = getattr(self, name)
+            setattr(self, name, np.concatenate([full, np.zeros_like(full[: self.n])]))
         self.boxes = np.zeros((2 * len(self.boxes), 4))
         _boxes.set_boxes(self.boxes, self.coefficients, self.n)
 
@@ -77,8 +76,7 @@ class Spline:
         """Forget everything after parameter tau of segment i."""
         self.n = i
         if tau > 0.0:
-            kept = _cubic.restrict(self.coefficients[i], 0.0, tau)
-            self.append(kept)
+            self.append(_cubic.restrict(self.coefficients[i], 0.0, tau))
             if self.starts[self.n] - self.starts[i] < 1e-12:
                 self.n = i
         if self.n:
@@ -87,8 +85,7 @@ class Spline:
 
     def locate(self, s: float) -> tuple[int, float]:
         """Segment and parameter at arc length s; the ends outside."""
-        i = int(np.searchsorted(self.starts[: self.n], s, side="right")) - 1
-        i = min(max(i, 0), self.n - 1)
+        i = int(_segment_at(self.starts, self.n, s))
         tau = _cubic.parameter_at(self.coefficients[i], self.tables[i], s - self.starts[i])
         return i, float(tau)
 

@@ -78,9 +78,8 @@ class Body:
 
     def clearance(self, points: Array) -> Array:
         """Distance (m) of points (..., 2), in the body frame, from the body; negative inside."""
-        beside = np.abs(as_array("points", points, ("...", 2))) - 0.5 * np.array(
-            [self.length, self.width]
-        )
+        half = 0.5 * np.array([self.length, self.width])
+        beside = np.abs(as_array("points", points, ("...", 2))) - half
         outside = np.maximum(beside, 0.0)
         return np.hypot(outside[..., 0], outside[..., 1]) + np.minimum(beside.max(-1), 0.0)
 
@@ -349,15 +348,12 @@ class RoomDriver:
         while not self._homeward:
             self._see(pose, ranges, always=True)
             seen = (pose, ranges, self._lidar, self.floor, self._body.length)
-            choices = (
-                self._strategy.choose(Situation(*seen, radius), self._rng)
-                for radius in self._radii
-            )
-            way = next((way for way in choices if way is not None), None)
-            if way is None:
-                self._homeward = True
-                break
-            self._way = way
+            for radius in self._radii:
+                way = self._strategy.choose(Situation(*seen, radius), self._rng)
+                if way is not None:
+                    break
+            self._homeward = way is None
+            self._way = self._way if way is None else way
             self._drop_reached(pose)
             if len(self._way):
                 return True

@@ -202,10 +202,8 @@ class Explorer:
 
     def _turn(self, view: View, angle: float) -> Array | None:
         """Turn towards the point; or make room for that; None if the guard objects for good."""
-        hits = self._guard == "swept" and self._robot.turn_hits(
-            self._points, angle, 0.5 * self._margin
-        )
-        if not hits:
+        margin = 0.5 * self._margin
+        if self._guard != "swept" or not self._robot.turn_hits(self._points, angle, margin):
             self._aimed = True
             return np.array([0.0, angle])
         # The new scan may show what the old one had between two beams: it will ask again.
@@ -243,5 +241,4 @@ class Explorer:
         low, high = points[:, 0] - chord, points[:, 0] + chord
         ends = np.concatenate([[free], low[(low > 0) & (low < free)]])
         shut = (ends[:, None] > low + 1e-12) & (ends[:, None] < high - 1e-12)
-        ends = ends[~shut.any(axis=1)]
-        return float(ends.max(initial=0.0))
+        return float(ends[~shut.any(axis=1)].max(initial=0.0))

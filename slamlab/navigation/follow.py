@@ -211,9 +211,8 @@ def _polar(pose: Array, target: Array, backwards: bool) -> tuple[Array, Array]:
     """Distance of the target, and its direction seen from the front, or from the tail."""
     delta = target - pose[..., :2]
     heading = pose[..., 2] + (np.pi if backwards else 0.0)
-    return np.hypot(delta[..., 0], delta[..., 1]), wrap_angle(
-        np.arctan2(delta[..., 1], delta[..., 0]) - heading
-    )
+    x, y = delta[..., 0], delta[..., 1]
+    return np.hypot(x, y), wrap_angle(np.arctan2(y, x) - heading)
 
 
 class Homer:
@@ -394,9 +393,8 @@ class Retracer:
         for side in _SIDES:
             c, s = np.cos(side), np.sin(side)
             x, y, turn = wish
-            u = self._guard.limited(
-                np.array([c * x - s * y, s * x + c * y, turn]), points, view.dt
-            )
+            turned = np.array([c * x - s * y, s * x + c * y, turn])
+            u = self._guard.limited(turned, points, view.dt)
             if np.hypot(u[0], u[1]) > 1e-3:
                 break
         return u

@@ -170,11 +170,10 @@ def fit_cubic(
     tau = np.concatenate([[0.0], (t - t[0]) / (t[-1] - t[0])])
     if end is not None:
         held, tau = np.vstack([held, as_array("end", end, (2,))]), np.append(tau, 1.0)
-    slope = (0.0, 0.0)
+    slope = np.zeros(2)
     if start_derivative is not None:
-        wanted = as_array("start_derivative", start_derivative, (2,)) * (t[-1] - t[0])
-        slope = float(wanted[0]), float(wanted[1])
-    c = _cubic.fit(tau, held, end is not None, start_derivative is not None, *slope)
+        slope = as_array("start_derivative", start_derivative, (2,)) * (t[-1] - t[0])
+    c = _cubic.fit(tau, held, end is not None, start_derivative is not None, *slope.tolist())
     return Cubic(c, float(t[0]), float(t[-1]))
 
 
@@ -283,11 +282,9 @@ class PathMemory:
     ) -> None:
         self.tolerance = as_scalar("tolerance", tolerance, low=1e-9, high=1e9)
         self.variant = as_choice("variant", variant, VARIANTS)
-        self.loop_accuracy = (
-            None
-            if loop_accuracy is None
-            else as_scalar("loop_accuracy", loop_accuracy, low=1e-9, high=self.tolerance)
-        )
+        if loop_accuracy is not None:
+            loop_accuracy = as_scalar("loop_accuracy", loop_accuracy, 1e-9, self.tolerance)
+        self.loop_accuracy = loop_accuracy
         self.check_between = bool(check_between)
         step = 0.01 * self.tolerance if min_step is None else min_step
         self.min_step = as_scalar("min_step", step, low=0.0, high=0.5 * self.tolerance)
@@ -349,10 +346,8 @@ class PathMemory:
             return
         step = self._step_to(point)
         if step > self.max_step:
-            raise ValueError(
-                f"point: expected a step of at most {self.max_step:g} m, "
-                f"got a jump of {step:.3g} m"
-            )
+            wanted = f"a step of at most {self.max_step:g} m"
+            raise ValueError(f"point: expected {wanted}, got a jump of {step:.3g} m")
         if step <= self.min_step:
             return
         self.n_points += 1
@@ -360,7 +355,7 @@ class PathMemory:
         # 1.4, 1.5: too far, so the curve without the newest point becomes a segment ...
         if deviation > self.tolerance - self.min_step and self._n > 2:
             self._n -= 1
-            self._store_segment()
+            self.close()
             # ... and the newest point, which is retained, opens the next one.
             step = self._step_to(point)
             if step > 0.0:
@@ -368,11 +363,22 @@ class PathMemory:
         else:
             self._curve = curve
             if self._n == self.max_points:
-                self._store_segment()
+                self.close()
 
     def close(self) -> None:
         """Make a segment of the points since the last knot, and cut out the loops it closes."""
-        self._store_segment()
+        curve = self._curve
+        if curve is None:
+            return
+        # 1.5, 1.7: the open curve becomes a segment, loops go, its end is the next knot.
+        if self.loop_accuracy is None:
+            self._spline.append(curve)
+        else:
+            self._loops += self._spline.append_without_loops(curve, self.loop_accuracy)
+        if self.variant.endswith("derivative"):
+            self._slope = (curve[1] + 2 * curve[2] + 3 * curve[3]) / self._t[self._n - 1]
+        self._points[0], self._t[0], self._n = curve.sum(0), 0.0, 1
+        self._curve = None
 
     def _step_to(self, point: Array) -> float:
         last = self._points[self._n - 1]
@@ -384,26 +390,10 @@ class PathMemory:
         self._points[n], self._t[n], self._n = point, self._t[n - 1] + step, n + 1
         points, width = self._points[: n + 1], self._t[n]
         tau = self._t[: n + 1] / width
-        slope = (0.0, 0.0)
-        if self._slope is not None:
-            slope = float(self._slope[0] * width), float(self._slope[1] * width)
+        slope = [0.0, 0.0] if self._slope is None else (self._slope * width).tolist()
         has_end = self.variant.startswith("two-points")
         curve = _cubic.fit(tau, points, has_end, self._slope is not None, *slope)
         return curve, float(_cubic.deviation(curve, tau, points, self.check_between))
-
-    def _store_segment(self) -> None:
-        """1.5, 1.7: the open curve becomes a segment, loops go, its end is the next knot."""
-        curve = self._curve
-        if curve is None:
-            return
-        if self.loop_accuracy is None:
-            self._spline.append(curve)
-        else:
-            self._loops += self._spline.append_without_loops(curve, self.loop_accuracy)
-        if self.variant.endswith("derivative"):
-            self._slope = (curve[1] + 2 * curve[2] + 3 * curve[3]) / self._t[self._n - 1]
-        self._points[0], self._t[0], self._n = curve.sum(0), 0.0, 1
-        self._curve = None
 
     def _path(self) -> Spline:
         """Return the path as it stands: what is stored and, at its end, the open curve."""
@@ -473,9 +463,8 @@ class PathMemory:
     @property
     def nbytes(self) -> int:
         """Memory that the segments and the open points need (bytes)."""
-        path, per_number = self._path(), 8
-        numbers = path.n * (8 + _cubic.PIECES + 1 + 1 + 2 * 4) + self._n * 3
-        return per_number * numbers
+        numbers = self.n_segments * (8 + _cubic.PIECES + 1 + 1 + 2 * 4) + self._n * 3
+        return 8 * numbers
 
     def point_at(self, s: ArrayLike) -> Array:
         """Points (..., 2) of the path at arc lengths (...) from the start (m).
@@ -505,10 +494,8 @@ class PathMemory:
             raise ValueError("add: expected at least one point in the memory, got none yet")
         room = 1e-9 * (1.0 + length)
         if s.size and not (s.min() >= -room and s.max() <= length + room):
-            raise ValueError(
-                f"{name}: expected arc lengths in [0, {length:.6g}], "
-                f"got {s.min():g} to {s.max():g}"
-            )
+            wanted, got = f"arc lengths in [0, {length:.6g}]", f"{s.min():g} to {s.max():g}"
+            raise ValueError(f"{name}: expected {wanted}, got {got}")
         return np.clip(s, 0.0, length)
 
     def nearest(

@@ -268,7 +268,8 @@ class Ways:
         cells = [goal]
         while (before := self.parents[cells[-1]]) >= 0:
             cells.append((int(before) // columns, int(before) % columns))
-        corners = _corners(self.fits, np.array(cells[::-1], dtype=np.int64))
+        way = np.array(cells[::-1], dtype=np.int64)
+        corners = way[_corners(self.fits, way)]
         return self.floor.origin + self.floor.resolution * (corners[:, ::-1] + 0.5)
 
 
@@ -365,22 +366,16 @@ def _wavefront(fits, row, column, lengths, parents):  # type: ignore[no-untyped-
 
 @njit(cache=True)
 def _corners(fits, cells):  # type: ignore[no-untyped-def]
-    """Keep only the cells (k, 2) of a way at which it must bend."""
-    kept = [len(cells) - 1]
-    kept.clear()
-    at = 0
+    """Numbers of the cells of a way (k, 2) at which it must bend; of one cell, that one."""
+    kept = np.zeros(len(cells), np.int64)
+    count = at = 0
     while at < len(cells) - 1:
         ahead = len(cells) - 1
         while ahead > at + 1 and not _straight(fits, cells[at], cells[ahead]):
             ahead -= 1
-        kept.append(ahead)
-        at = ahead
-    if len(kept) == 0:
-        kept.append(0)
-    out = np.empty((len(kept), 2))
-    for k in range(len(kept)):
-        out[k, 0], out[k, 1] = cells[kept[k], 0], cells[kept[k], 1]
-    return out
+        kept[count] = at = ahead
+        count += 1
+    return kept[: max(count, 1)]
 
 
 @njit(cache=True)
@@ -408,13 +403,10 @@ def _unseen(state, points, reach, n_rays, out):  # type: ignore[no-untyped-def]
             dx, dy = np.cos(k * width), np.sin(k * width)
             r = 0.5
             while r <= reach:
-                row, column = (
-                    int(np.floor(points[i, 1] + r * dy)),
-                    int(np.floor(points[i, 0] + r * dx)),
-                )
-                if not (0 <= row < rows and 0 <= column < columns):
-                    break
-                if state[row, column] == OCCUPIED:
+                row = int(np.floor(points[i, 1] + r * dy))
+                column = int(np.floor(points[i, 0] + r * dx))
+                inside = 0 <= row < rows and 0 <= column < columns
+                if not inside or state[row, column] == OCCUPIED:
                     break
                 if state[row, column] == UNKNOWN:
                     out[i] += r * width
