@@ -54,16 +54,13 @@ def hits_segments(segments, footprint, starts, ends, out):  # type: ignore[no-un
         box = _reach(a, b, starts[i], turn)
         out[i] = False
         for segment in segments:
-            if max(segment[0, 0], segment[1, 0]) < box[0]:
+            x0, y0, x1, y1 = segment[0, 0], segment[0, 1], segment[1, 0], segment[1, 1]
+            if max(x0, x1) < box[0] or min(x0, x1) > box[1]:
                 continue
-            if min(segment[0, 0], segment[1, 0]) > box[1]:
+            if max(y0, y1) < box[2] or min(y0, y1) > box[3]:
                 continue
-            if max(segment[0, 1], segment[1, 1]) < box[2]:
-                continue
-            if min(segment[0, 1], segment[1, 1]) > box[3]:
-                continue
-            for k in range(2):  # number by number: a slice takes three seconds to compile
-                wall[k, 0], wall[k, 1] = segment[k, 0], segment[k, 1]
+            # Number by number: a slice takes three seconds to compile.
+            wall[0, 0], wall[0, 1], wall[1, 0], wall[1, 1] = x0, y0, x1, y1
             if _swept(a, b, starts[i], turn, wall):
                 out[i] = True
                 break

@@ -15,6 +15,7 @@ from slamlab._optional import needed
 
 MOST_PIXELS = 64_000_000
 MOST_YAML_BYTES = 10_000
+_BROKEN = (OSError, ValueError, SyntaxError, EOFError, LookupError, TypeError, OverflowError)
 
 
 class MapImage(NamedTuple):
@@ -47,10 +48,8 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
         image = _guarded(path, lambda: Image.open(file))
         # Only the head of the file has been read so far.
         if image.width * image.height > MOST_PIXELS:
-            raise ValueError(
-                f"{path}: expected at most {MOST_PIXELS} pixels, "
-                f"got {image.width} x {image.height}"
-            )
+            size = f"{image.width} x {image.height}"
+            raise ValueError(f"{path}: expected at most {MOST_PIXELS} pixels, got {size}")
         if image.mode.startswith(("I", "F")):
             raise ValueError(f"{path}: expected 8 bits a channel, got mode {image.mode}")
         return _guarded(path, lambda: _grey(image))[::-1]
@@ -72,9 +71,7 @@ def _guarded(path: Path, read: Callable[[], Any]) -> Any:
     """Let Pillow read, and name the file whatever goes wrong in it."""
     try:
         return read()
-    except (OSError, ValueError, SyntaxError, EOFError, LookupError, TypeError) as error:
-        raise ValueError(f"{path}: expected a readable image, got: {error}") from error
-    except (_pillow().DecompressionBombError, OverflowError, struct.error) as error:
+    except (*_BROKEN, struct.error, _pillow().DecompressionBombError) as error:
         raise ValueError(f"{path}: expected a readable image, got: {error}") from error
 
 
@@ -97,12 +94,9 @@ def _read_ros(path: Path) -> MapImage:
     origin = as_array(f"{path}: origin", entries["origin"], (3,))
     if origin[2] != 0:
         raise ValueError(f"{path}: expected a map that is not turned, got yaw {origin[2]:g}")
-    grey = read_grey(path.parent / str(entries["image"])) / 255.0
-    return MapImage(_solid(path, entries, grey), _resolution(path, entries), tuple(origin[:2]))
-
-
-def _resolution(path: Path, entries: dict[str, Any]) -> float:
-    return as_scalar(f"{path}: resolution", entries["resolution"], 1e-9, 1e9)
+    solid = _solid(path, entries, read_grey(path.parent / str(entries["image"])) / 255.0)
+    resolution = as_scalar(f"{path}: resolution", entries["resolution"], 1e-9, 1e9)
+    return MapImage(solid, resolution, tuple(origin[:2]))
 
 
 def _solid(path: Path, entries: dict[str, Any], grey: NDArray[np.float64]) -> NDArray[np.bool_]:

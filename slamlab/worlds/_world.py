@@ -50,10 +50,8 @@ def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float 
     tried = 0
     while len(found) < n:
         if tried >= 20_000 + 1000 * len(found):
-            raise ValueError(
-                f"world: expected free places with a clearance of {clearance:g} m, "
-                f"found {len(found)} in {tried} tries"
-            )
+            wanted = f"free places with a clearance of {clearance:g} m"
+            raise ValueError(f"world: expected {wanted}, found {len(found)} in {tried} tries")
         points = rng.uniform((left, bottom), (right, top), (max(2 * n, 1000), 2))
         points = points[world.is_free(points)]
         if clearance > 0:
@@ -116,34 +114,23 @@ class Solid(ABC):
             If a shape is wrong, a number is not finite, the footprint is not convex, or a motion
             both drives and turns.
         """
-        footprint, start, end, lead = checked_motion(footprint, start, end)
+        footprint = checked_footprint(footprint)
+        start, end = as_array("start", start, ("...", 3)), as_array("end", end, ("...", 3))
+        start, end = np.broadcast_arrays(start, end)
+        lead = start.shape[:-1]
+        start, end = start.reshape(-1, 3).astype(float), end.reshape(-1, 3).astype(float)
+        moved = np.hypot(*(end - start)[:, :2].T)
+        turned = np.abs(wrap_angle(end[:, 2] - start[:, 2]))
+        if ((moved > 1e-9) & (turned > 1e-9)).any():
+            worst = np.argmax(np.minimum(moved, turned))
+            got = f"a motion of {moved[worst]:.3g} m and {turned[worst]:.3g} rad"
+            raise ValueError(f"end: expected a straight drive or a turn on the spot, got {got}")
+        end[:, 2] = np.where(turned <= 1e-9, start[:, 2], end[:, 2])
         return self._hits(footprint, start, end).reshape(lead)
 
     @abstractmethod
     def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
         """Tell which checked motions (n, 3) of a checked footprint meet an obstacle, (n,)."""
-
-
-def checked_motion(
-    footprint: ArrayLike, start: ArrayLike, end: ArrayLike
-) -> tuple[Array, Array, Array, tuple[int, ...]]:
-    """Footprint, flat starts and ends (n, 3) of motions, and the shape of the answer."""
-    footprint = checked_footprint(footprint)
-    start, end = np.broadcast_arrays(
-        as_array("start", start, ("...", 3)), as_array("end", end, ("...", 3))
-    )
-    lead = start.shape[:-1]
-    start, end = start.reshape(-1, 3).astype(float), end.reshape(-1, 3).astype(float)
-    moved = np.hypot(*(end - start)[:, :2].T)
-    turned = np.abs(wrap_angle(end[:, 2] - start[:, 2]))
-    if ((moved > 1e-9) & (turned > 1e-9)).any():
-        worst = np.argmax(np.minimum(moved, turned))
-        raise ValueError(
-            "end: expected a straight drive or a turn on the spot, got a motion of "
-            f"{moved[worst]:.3g} m and {turned[worst]:.3g} rad"
-        )
-    end[:, 2] = np.where(turned <= 1e-9, start[:, 2], end[:, 2])
-    return footprint, start, end, lead
 
 
 def checked_footprint(footprint: ArrayLike) -> Array:

@@ -64,9 +64,8 @@ class BitmapWorld(Grid, Solid):
     ) -> None:
         cells = as_array("occupied", occupied, ("rows", "columns"))
         if cells.size == 0 or not np.isin(cells, (0.0, 1.0)).all():
-            raise ValueError(
-                f"occupied: expected at least one cell, each True or False, got {occupied!r}"
-            )
+            wanted = "at least one cell, each True or False"
+            raise ValueError(f"occupied: expected {wanted}, got {occupied!r}")
         self.occupied: NDArray[np.bool_] = cells.astype(bool)
         self.occupied.setflags(write=False)
         super().__init__((cells.shape[0], cells.shape[1]), resolution, origin)
@@ -228,11 +227,10 @@ class BitmapWorld(Grid, Solid):
     @cached_property
     def _nearest_columns(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Occupied column at or before, and at or after, each cell of its row; far if none."""
-        columns = np.arange(self.occupied.shape[1], dtype=np.int32)
-        before = np.where(self.occupied, columns, -(10**9)).astype(np.int32)
-        after = np.where(self.occupied, columns, 10**9).astype(np.int32)
-        before = np.maximum.accumulate(before, axis=1)
-        after = np.minimum.accumulate(after[:, ::-1], axis=1)[:, ::-1]
+        columns, far = np.arange(self.occupied.shape[1], dtype=np.int32), np.int32(10**9)
+        before = np.maximum.accumulate(np.where(self.occupied, columns, -far), axis=1)
+        after = np.where(self.occupied, columns, far)[:, ::-1]
+        after = np.minimum.accumulate(after, axis=1)[:, ::-1]
         return before, np.ascontiguousarray(after)
 
 

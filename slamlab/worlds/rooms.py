@@ -6,11 +6,14 @@ these stand in for them, with the sizes that the papers give.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_count, as_rng
+from slamlab.models import Bounds
 from slamlab.worlds._clearance import segment_clearance
 from slamlab.worlds.bitmap import BitmapWorld
 from slamlab.worlds.walls import WallWorld
@@ -82,23 +85,14 @@ def office() -> BitmapWorld:
     >>> office()
     BitmapWorld(400 x 600 cells of 0.02 m)
     """
-    scale = 50  # cells a metre
-    cells = _empty(8 * scale, 12 * scale)
-    walls = [(0, 3.0, 12, 3.1), (0, 4.9, 12, 5.0), (4, 0, 4.1, 3), (8, 0, 8.1, 3)]
+    walls: list[Bounds] = [(0, 3.0, 12, 3.1), (0, 4.9, 12, 5.0), (4, 0, 4.1, 3), (8, 0, 8.1, 3)]
     doors = [(1.6, 2.9, 2.5, 3.2), (5.4, 2.9, 6.3, 3.2), (9.9, 2.9, 10.8, 3.2)]
     desks = [(0.6, 0.7, 1.8, 1.3), (5.0, 0.5, 6.6, 1.1), (9.0, 1.2, 9.6, 2.4)]
     walls += [(6, 5, 6.1, 8)]
     doors += [(2.2, 4.8, 3.1, 5.1), (8.0, 4.8, 8.9, 5.1)]
-    desks += [
-        (0.8, 6.6, 2.8, 7.2),
-        (4.6, 5.9, 5.2, 7.3),
-        (7.2, 6.5, 8.6, 7.3),
-        (10.6, 5.8, 11.2, 7),
-    ]
-    for occupied, boxes in ((True, walls), (False, doors), (True, desks)):
-        for box in boxes:
-            _polygon(cells, _box(*(scale * side for side in box)), occupied)
-    return BitmapWorld(cells, 1 / scale)
+    desks += [(0.8, 6.6, 2.8, 7.2), (4.6, 5.9, 5.2, 7.3), (7.2, 6.5, 8.6, 7.3)]
+    desks += [(10.6, 5.8, 11.2, 7)]
+    return _plan(12, 8, 50, walls, doors, desks)
 
 
 def corridor() -> BitmapWorld:
@@ -117,8 +111,6 @@ def ring() -> BitmapWorld:
     Two alcoves and some cupboards make a place of the middle of the lower side; the corners have
     marks of their own, and between them the walls are plain.
     """
-    scale = 20  # cells a metre
-    cells = _empty(20 * scale, 30 * scale)
     block = [(2.75, 2.75, 27.25, 17.25)]
     # The entrance hall, in the middle of the lower side: two alcoves and some cupboards.
     alcoves = [(11.2, 2.7, 13.0, 4.3), (16.6, 2.7, 19.4, 4.0)]
@@ -129,10 +121,7 @@ def ring() -> BitmapWorld:
     boxes += [(29.2, 18.6, 30.0, 20.0), (24.1, 19.4, 24.5, 20.0), (25.6, 17.0, 26.4, 17.6)]
     boxes += [(14.0, 17.0, 14.4, 17.5), (8.2, 19.3, 9.0, 20.0), (0.0, 19.0, 0.6, 20.0)]
     boxes += [(2.4, 15.2, 3.0, 15.5), (0.0, 8.0, 0.6, 8.9), (0.0, 0.0, 0.9, 0.9)]
-    for occupied, parts in ((True, block), (False, alcoves), (True, boxes)):
-        for box in parts:
-            _polygon(cells, _box(*(scale * side for side in box)), occupied)
-    return BitmapWorld(cells, 1 / scale)
+    return _plan(30, 20, 20, block, alcoves, boxes)
 
 
 def random_room(rng: np.random.Generator, n_obstacles: int = 5) -> BitmapWorld:
@@ -238,12 +227,8 @@ def ring_corridor(size: tuple[float, float], rng: np.random.Generator) -> WallWo
         raise ValueError(f"size: expected sides of at least 7 m, got {size!r:.80}")
     rng, wide = as_rng("rng", rng), RING_WIDTH
     outlines = [_box(0, 0, width, depth), _box(wide, wide, width - wide, depth - wide)]
-    for length, horizontal, far in (
-        (width, True, False),
-        (width, True, True),
-        (depth, False, False),
-        (depth, False, True),
-    ):
+    for horizontal, far in product((True, False), (False, True)):
+        length = width if horizontal else depth
         along = np.cumsum(rng.uniform(1.5, 4.0, int(length)))
         for at in along[(along > 1.0) & (along < length - 1.5)]:
             across = (depth if horizontal else width) - 0.3 if far else 1e-3
@@ -265,6 +250,15 @@ def _empty(rows: int, columns: int) -> NDArray[np.bool_]:
     cells = np.ones((rows, columns), dtype=bool)
     cells[_WALL:-_WALL, _WALL:-_WALL] = False
     return cells
+
+
+def _plan(width: int, depth: int, scale: int, *layers: list[Bounds]) -> BitmapWorld:
+    """Floor of so many metres, and cells a metre: boxes (m) of wall, of floor in it, of wall."""
+    cells = _empty(depth * scale, width * scale)
+    for occupied, boxes in zip((True, False, True), layers, strict=True):
+        for box in boxes:
+            _polygon(cells, _box(*(scale * side for side in box)), occupied)
+    return BitmapWorld(cells, 1 / scale)
 
 
 def _box(left: float, bottom: float, right: float, top: float) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_rng, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_rng, as_scalar
 from slamlab.grids import Grid
 
 __all__ = ["Terrain"]
@@ -40,13 +40,10 @@ class Terrain:
     """
 
     def __init__(self, grid: Grid, heights: ArrayLike, relief: ArrayLike | None = None) -> None:
-        if not isinstance(grid, Grid):
-            raise ValueError(f"grid: expected a Grid, got {type(grid).__name__}")
-        self.grid = grid
+        self.grid: Grid = as_a("grid", grid, Grid)
         self.heights = as_array("heights", heights, grid.shape).astype(np.float64)
-        self.relief = (
-            self.heights if relief is None else as_array("relief", relief, grid.shape).copy()
-        )
+        relief = self.heights if relief is None else relief
+        self.relief = as_array("relief", relief, grid.shape).copy()
         self.heights.setflags(write=False)
         self.relief.setflags(write=False)
 
@@ -88,10 +85,7 @@ class Terrain:
         grid = Grid.over([0.0, 0.0, width, depth], resolution)
         rng, side = as_rng("rng", rng), as_scalar("patch", patch, resolution, 1e9)
         roughness = as_scalar("roughness", roughness, 0.0, 1e9)
-        spread, relief = (
-            as_scalar("spread", spread, 0.0, 10.0),
-            as_scalar("relief", relief, 0, 1e9),
-        )
+        spread, relief = as_scalar("spread", spread, 0, 10), as_scalar("relief", relief, 0, 1e9)
         hills = ndimage.gaussian_filter(rng.standard_normal(grid.shape), 2.0 / resolution)
         hills *= relief / max(float(hills.std()), 1e-12)
         x, y = (grid.centres() // side).astype(int).transpose(2, 0, 1)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_a, as_array, as_scalar
+from slamlab.geometry import transform
 from slamlab.models import Bounds
 from slamlab.worlds._cast import cast_segments, inside_segments
 from slamlab.worlds._clearance import segment_clearance
@@ -55,10 +56,9 @@ class WallWorld(Solid):
         walls = as_array("segments", segments, ("k", 2, 2)).astype(float)
         lengths = np.hypot(*(walls[:, 1] - walls[:, 0]).T)
         if len(walls) == 0 or not (lengths > 1e-9).all():
-            raise ValueError(
-                "segments: expected at least one wall, each with a length, got "
-                f"{len(walls)} walls of {lengths.min(initial=0.0):g} m and more"
-            )
+            got = f"{len(walls)} walls of {lengths.min(initial=0.0):g} m and more"
+            wanted = "at least one wall, each with a length"
+            raise ValueError(f"segments: expected {wanted}, got {got}")
         walls.setflags(write=False)
         self.segments: Array = walls
         ends = np.rint(walls.reshape(-1, 2) * 1e6)
@@ -102,14 +102,11 @@ class WallWorld(Solid):
         free = ~as_a("bitmap", bitmap, BitmapWorld).occupied
         edge = np.concatenate([free[0], free[-1], free[:, 0], free[:, -1]])
         if not free.any() or edge.any():
-            raise ValueError(
-                "bitmap: expected free cells, none of them at the edge, got "
-                f"{int(free.sum())} free cells, {int(edge.sum())} at the edge"
-            )
+            got = f"{int(free.sum())} free cells, {int(edge.sum())} at the edge"
+            raise ValueError(f"bitmap: expected free cells, none of them at the edge, got {got}")
         across = _runs(free[1:] != free[:-1])
         upright = _runs((free[:, 1:] != free[:, :-1]).T)[..., ::-1]
-        segments = np.concatenate([across, upright])
-        return cls(bitmap.origin + bitmap.resolution * segments)
+        return cls(bitmap.origin + bitmap.resolution * np.concatenate([across, upright]))
 
     def to_bitmap(self, resolution: float, margin: float = 0.0) -> BitmapWorld:
         """Draw the walls in pixels.
@@ -232,9 +229,7 @@ class WallWorld(Solid):
 
     def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
         # A footprint that meets no wall lies on one side of all of them: its centre tells which.
-        x, y = footprint.mean(0)
-        c, s = np.cos(start[:, 2]), np.sin(start[:, 2])
-        centre = start[:, :2] + np.stack([c * x - s * y, s * x + c * y], -1)
+        centre = transform(start, footprint.mean(0)[None])[:, 0]
         return self._crosses(footprint, start, end) | ~self.is_free(centre)
 
     def _crosses(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
