@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_positive, as_scalar
+from slamlab._checks import Array, as_array, as_choice, as_positive
 from slamlab.geometry import wrap_angle
 from slamlab.models import MotionModel
-from slamlab.robots.unicycle import _sinc, _sinc_slope
+from slamlab.robots.unicycle import _checked, _sinc, _sinc_slope
 
 __all__ = ["YOUBOT", "Mecanum"]
 
@@ -216,7 +216,7 @@ class Mecanum(MotionModel):
         >>> YOUBOT.step([0, 0, 0], [0, np.pi / 2, np.pi / 2], 1.0).round(3).tolist()
         [-1.0, 1.0, 1.571]
         """
-        pose, u, dt = _checked(pose, u, dt)
+        pose, u, dt = _checked(pose, u, dt, 3)
         move_x, move_y = self._displacement(pose, u, dt)[:2]
         heading = wrap_angle(pose[..., 2] + dt * u[..., 2])
         return np.stack([pose[..., 0] + move_x, pose[..., 1] + move_y, heading], -1)
@@ -240,7 +240,7 @@ class Mecanum(MotionModel):
         ValueError
             As `step`.
         """
-        pose, u, dt = _checked(pose, u, dt)
+        pose, u, dt = _checked(pose, u, dt, 3)
         move_x, move_y, c, s = self._displacement(pose, u, dt)
         F_x = np.zeros((*move_x.shape, 3, 3))
         F_x[...] = np.eye(3)
@@ -278,11 +278,6 @@ def _rotated(angle: Array, u: Array) -> tuple[Array, Array]:
     """Velocity in the world, x and y, of the body velocity u at a heading."""
     c, s = np.cos(angle), np.sin(angle)
     return c * u[..., 0] - s * u[..., 1], s * u[..., 0] + c * u[..., 1]
-
-
-def _checked(pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array, float]:
-    pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 3))
-    return pose, u, as_scalar("dt", dt, low=0.0, high=1e300)
 
 
 #: KUKA youBot: wheel radius 47.5 mm, wheels 0.47 m apart front to rear, 0.30 m left to right.

@@ -136,8 +136,7 @@ class SquareRobot:
         ValueError
             If a shape is wrong, `distance` is not finite, or `margin` is negative.
         """
-        x, y = _columns(points)
-        half = self.half + as_scalar("margin", margin, 0.0, 1e9)
+        x, y, half = self._near(points, margin)
         far = as_array("distance", distance)[..., None]
         # |d sin(phi)| < h  and  -h - back < d cos(phi) < h + forth
         ahead = (x > np.minimum(far, 0.0) - half) & (x < np.maximum(far, 0.0) + half)
@@ -169,8 +168,7 @@ class SquareRobot:
         ValueError
             If a shape is wrong, `angle` is not finite, or `margin` is negative.
         """
-        x, y = _columns(points)
-        half = self.half + as_scalar("margin", margin, 0.0, 1e9)
+        x, y, half = self._near(points, margin)
         angle = as_array("angle", angle)[..., None]
         r = np.hypot(x, y)
         # Half the angle of a gap at radius r: cos(gap) = h / r.
@@ -205,14 +203,14 @@ class SquareRobot:
         ValueError
             If a shape is wrong or `margin` is negative.
         """
-        x, y = _columns(points)
-        half = self.half + as_scalar("margin", margin, 0.0, 1e9)
+        x, y, half = self._near(points, margin)
         along = -x if backward else x
         in_the_way = (np.abs(y) < half) & (along > -half)
         gap = np.where(in_the_way, np.maximum(along - half, 0.0), np.inf)
         return gap.min(axis=-1, initial=np.inf)
 
-
-def _columns(points: ArrayLike) -> tuple[Array, Array]:
-    points = as_shaped("points", points, ("...", "k", 2))
-    return points[..., 0], points[..., 1]
+    def _near(self, points: ArrayLike, margin: float) -> tuple[Array, Array, float]:
+        """Coordinates x and y of the points, and half the side with its margin."""
+        points = as_shaped("points", points, ("...", "k", 2))
+        half = self.half + as_scalar("margin", margin, 0.0, 1e9)
+        return points[..., 0], points[..., 1], half

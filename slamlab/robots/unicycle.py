@@ -112,6 +112,6 @@ class Unicycle(MotionModel):
         return F_x, F_u
 
 
-def _checked(pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array, float]:
-    pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 2))
+def _checked(pose: ArrayLike, u: ArrayLike, dt: float, p: int = 2) -> tuple[Array, Array, float]:
+    pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", p))
     return pose, u, as_scalar("dt", dt, low=0.0, high=1e300)

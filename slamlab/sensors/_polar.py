@@ -106,3 +106,8 @@ class PolarSensor(ABC):
             z, ids = np.concatenate([z, false]), np.append(ids, np.full(len(false), CLUTTER))
         z[:, 1] = wrap_angle(z[:, 1])
         return z, ids
+
+
+def matrix(rows: list[list[Array]]) -> Array:
+    """Stack arrays of one shape (...), given as rows of a matrix, into (..., rows, columns)."""
+    return np.stack([np.stack(row, -1) for row in rows], -2)

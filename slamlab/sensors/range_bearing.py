@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array
 from slamlab.geometry import wrap_angle
-from slamlab.sensors._polar import PolarSensor
+from slamlab.sensors._polar import PolarSensor, matrix
 
 __all__ = ["RangeBearing"]
 
@@ -170,12 +170,9 @@ class RangeBearing(PolarSensor):
         # (41): the beam turns with the body, not the lever of the sensor alone.
         turn_x = -self.offset * np.sin(theta) - distance * s
         turn_y = self.offset * np.cos(theta) + distance * c
-        G_pose = np.stack(
-            [np.stack([one, zero, turn_x], -1), np.stack([zero, one, turn_y], -1)], -2
-        )
+        G_pose = matrix([[one, zero, turn_x], [zero, one, turn_y]])
         # (42)
-        G_z = np.stack([np.stack([c, -distance * s], -1), np.stack([s, distance * c], -1)], -2)
-        return G_pose, G_z
+        return G_pose, matrix([[c, -distance * s], [s, distance * c]])
 
     def residual(self, z: ArrayLike, predicted: ArrayLike) -> Array:
         """Return z - predicted with the bearing wrapped to (-pi, pi], P1 (19) completed.

@@ -108,9 +108,8 @@ def motion_between(
     points = lidar.points(as_shaped("after", after, (lidar.n_beams,)))
     points = points[np.isfinite(points[:, 0])]
     if min(len(walls), len(points)) < 3:
-        raise ValueError(
-            f"before, after: expected at least 3 returns each, got {len(walls)} and {len(points)}"
-        )
+        got = f"{len(walls)} and {len(points)}"
+        raise ValueError(f"before, after: expected at least 3 returns each, got {got}")
     tree, rounds = KDTree(walls), as_count("n_iterations", n_iterations, 1)
     if guess is None:
         starts = _coarse_motions(tree, points, _likely_turns(*_pair(before, after)))
@@ -204,26 +203,18 @@ def _coarse_motions(tree: KDTree, points: Array, turns: Array) -> Array:
 def _aligned(
     tree: KDTree, walls: Array, normals: Array, points: Array, motion: Array, rounds: int
 ) -> Array:
-    """Refine the motion (3,) until it rests."""
+    """Refine the motion (3,) until it rests, by rounds of point-to-line least squares."""
     for _ in range(rounds):
-        step = _alignment_step(tree, walls, normals, points, motion)
+        moved = _moved(motion, points)
+        distance, nearest = tree.query(moved)
+        good = distance <= np.quantile(distance, 0.8)
+        moved, n = moved[good], normals[nearest[good]]
+        residual = ((moved - walls[nearest[good]]) * n).sum(-1)
+        arm = moved - motion[:2]
+        # d(n . (R p + t)) = n . dt + n . (R p rotated by a quarter turn) dtheta
+        J = np.column_stack([n, n[:, 1] * arm[:, 0] - n[:, 0] * arm[:, 1]])
+        step, *_ = np.linalg.lstsq(J, -residual, rcond=1e-9)
         motion = motion + step
         if np.abs(step).max() < 1e-9:
             break
     return motion
-
-
-def _alignment_step(
-    tree: KDTree, walls: Array, normals: Array, points: Array, motion: Array
-) -> Array:
-    """One round of point-to-line least squares; returns the change of the motion (3,)."""
-    moved = _moved(motion, points)
-    distance, nearest = tree.query(moved)
-    good = distance <= np.quantile(distance, 0.8)
-    moved, n = moved[good], normals[nearest[good]]
-    residual = ((moved - walls[nearest[good]]) * n).sum(-1)
-    arm = moved - motion[:2]
-    # d(n . (R p + t)) = n . dt + n . (R p rotated by a quarter turn) dtheta
-    J = np.column_stack([n, n[:, 1] * arm[:, 0] - n[:, 0] * arm[:, 1]])
-    step, *_ = np.linalg.lstsq(J, -residual, rcond=1e-9)
-    return step

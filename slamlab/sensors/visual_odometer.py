@@ -236,7 +236,7 @@ class StereoOdometer:
 
     def _errors(self, motion: Array, before: Array, after: Array) -> Array:
         """Pixels by which the second picture differs from what a motion predicts, (m, 3)."""
-        return after - self._pixels(_move(motion, self.triangulate(before)))
+        return after - self._pixels(_to_body(motion, self.triangulate(before)))
 
     def _search(self, before: Array, after: Array, rng: np.random.Generator) -> Array:
         """Random search: three matches propose a motion; smallest sum of clipped errors wins."""
@@ -257,7 +257,7 @@ class StereoOdometer:
         points = self.triangulate(before)
         to_point = _numerical(self.triangulate, before)
         for _ in range(4):
-            body = _move(motion, points)
+            body = _to_body(motion, points)
             error = after - self._pixels(body)
             to_pixel = _numerical(self._pixels, body)
             c, s = np.cos(motion[2]), np.sin(motion[2])
@@ -304,16 +304,12 @@ class StereoOdometer:
         return motions
 
 
-def _to_body(pose: Array, points: Array, camera_height: float) -> Array:
+def _to_body(pose: Array, points: Array, camera_height: float = 0.0) -> Array:
+    """Points seen from a pose, or those of the body frame before a step from the body after it."""
     c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     dx, dy = points[..., 0] - pose[..., 0], points[..., 1] - pose[..., 1]
     z = np.broadcast_to(points[..., 2] - camera_height, dx.shape)
     return np.stack([c * dx + s * dy, -s * dx + c * dy, z], -1)
-
-
-def _move(motion: Array, points: Array) -> Array:
-    """Points of the body frame before the step, seen from the body after it."""
-    return _to_body(motion, points, 0.0)
 
 
 def _numerical(function: object, at: Array) -> Array:
@@ -416,8 +412,7 @@ class VisualOdometer:
         values, vectors = np.linalg.eigh(self.cov(increment))
         scaled = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
         noise = np.swapaxes(vectors, -1, -2) @ rng.standard_normal((*increment.shape, 1))
-        noise = (scaled @ noise)[..., 0]
-        noisy = increment + noise
+        noisy = increment + (scaled @ noise)[..., 0]
         noisy[..., 2] = wrap_angle(noisy[..., 2])
         return noisy
 
@@ -465,9 +460,8 @@ def fit_noise(true_steps: ArrayLike, measured_steps: ArrayLike) -> VisualOdomete
     error = between(true_steps, measured)
     error -= error.mean(0)
     # E e e^T = cov_step + distance^2 cov_distance + turn^2 cov_turn
-    design = np.stack(
-        [np.ones(len(error)), (true_steps[:, :2] ** 2).sum(1), true_steps[:, 2] ** 2], -1
-    )
+    squared, turn = (true_steps[:, :2] ** 2).sum(1), true_steps[:, 2] ** 2
+    design = np.stack([np.ones(len(error)), squared, turn], -1)
     products = (error[:, :, None] * error[:, None, :]).reshape(-1, 9)
     scale = np.maximum(np.abs(design).max(0), 1e-300)
     parts = np.linalg.lstsq(design / scale, products, rcond=1e-6)[0] / scale[:, None]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array
 from slamlab.geometry import wrap_angle
-from slamlab.sensors._polar import PolarSensor
+from slamlab.sensors._polar import PolarSensor, matrix
 
 __all__ = ["Wall"]
 
@@ -111,9 +111,8 @@ class Wall(PolarSensor):
         side = np.where(wall[..., 0] - x * c - y * s < 0, -1.0, 1.0)
         lever = -self.offset * np.sin(alpha - theta)
         zero, one = np.zeros_like(c), np.ones_like(c)
-        H_pose = _matrix([[-side * c, -side * s, side * lever], [zero, zero, -one]])
-        H_landmark = _matrix([[side, side * (x * s - y * c)], [zero, one]])
-        return H_pose, H_landmark
+        H_pose = matrix([[-side * c, -side * s, side * lever], [zero, zero, -one]])
+        return H_pose, matrix([[side, side * (x * s - y * c)], [zero, one]])
 
     def locate(self, pose: ArrayLike, z: ArrayLike) -> Array:
         """Return the wall that a measurement tells of: the inverse of `observe`.
@@ -163,9 +162,8 @@ class Wall(PolarSensor):
         zero, one = np.zeros_like(c), np.ones_like(c)
         # The sensor's own lever cancels here: what turns the wall is the body centre.
         turn = pose[..., 1] * c - pose[..., 0] * s
-        G_pose = _matrix([[side * c, side * s, side * turn], [zero, zero, one]])
-        G_z = _matrix([[side, side * (y * c - x * s)], [zero, one]])
-        return G_pose, G_z
+        G_pose = matrix([[side * c, side * s, side * turn], [zero, zero, one]])
+        return G_pose, matrix([[side, side * (y * c - x * s)], [zero, one]])
 
     def residual(self, z: ArrayLike, predicted: ArrayLike) -> Array:
         """Return z - predicted, both walls first written with normals less than 90 deg apart.
@@ -213,8 +211,3 @@ class Wall(PolarSensor):
 def _one_name(signed: Array, angle: Array) -> Array:
     """Of the two names of a line, the one with r >= 0 and the angle wrapped, (..., 2)."""
     return np.stack([np.abs(signed), wrap_angle(np.where(signed < 0, angle + np.pi, angle))], -1)
-
-
-def _matrix(rows: list[list[Array]]) -> Array:
-    """Stack arrays (...) given as rows of a matrix into (..., rows, columns)."""
-    return np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
