@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from operator import eq, ge, gt, le, lt, ne
 from typing import Any
 
 import numpy as np
@@ -12,19 +13,10 @@ from numpy.typing import ArrayLike
 from slamlab._checks import as_shaped, as_tuple
 from slamlab.plots._table import Table
 
-__all__ = ["claims"]
-
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 _COMPARE = re.compile(rf"(<=|>=|==|!=|<|>) {_NUMBER}(?: .*)?")
 _BAND = re.compile(rf"(in|outside) \[{_NUMBER}, {_NUMBER}\](?: .*)?")
-_HOLDS = {
-    "<": np.less,
-    "<=": np.less_equal,
-    ">": np.greater,
-    ">=": np.greater_equal,
-    "==": np.equal,
-    "!=": np.not_equal,
-}
+_HOLDS = {"<": lt, "<=": le, ">": gt, ">=": ge, "==": eq, "!=": ne}
 
 
 def claims(rows: Iterable[Sequence[Any]]) -> Table:
@@ -60,11 +52,11 @@ def claims(rows: Iterable[Sequence[Any]]) -> Table:
     97 of 100 find home  97 %            98 ... 99  >= 97 %                     confirmed
     it is fast           100 ms          no number  their computer is not ours  unsupported
     """
-    table, rows = [], [as_tuple("rows", row) for row in as_tuple("rows", rows)]
-    for number, row in enumerate(rows):
+    table = []
+    for number, row in enumerate(as_tuple("rows", rows)):
+        row = as_tuple("rows", row)
         if len(row) != 4:
             raise ValueError(f"rows: expected 4 entries in row {number}, got {len(row)}")
-    for row in rows:
         claim, paper, ours, criterion = row
         if ours is None:
             table.append((claim, paper, "no number", criterion, "unsupported"))
@@ -81,9 +73,8 @@ def _holds(ours: ArrayLike, criterion: str) -> bool:
     if match := _BAND.fullmatch(criterion):
         inside = (values >= float(match[2])) & (values <= float(match[3]))
         return bool(np.all(inside if match[1] == "in" else ~inside & ~np.isnan(values)))
-    raise ValueError(
-        f"criterion: expected such as '<= 0.5 m', '== 0' or 'in [1, 2]', got {criterion!r:.80}"
-    )
+    wanted = "such as '<= 0.5 m', '== 0' or 'in [1, 2]'"
+    raise ValueError(f"criterion: expected {wanted}, got {criterion!r:.80}")
 
 
 def _shown(ours: ArrayLike) -> str:

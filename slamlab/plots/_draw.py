@@ -11,21 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import ArrayLike
 
-from slamlab._checks import as_a, as_array, as_choice, as_scalar, as_shaped
+from slamlab._checks import Array, as_a, as_array, as_choice, as_scalar, as_shaped
 from slamlab.gaussian import confidence_ellipse
 from slamlab.plots._style import COLOURS, line_style
-
-__all__ = [
-    "ellipse",
-    "error_band",
-    "floor",
-    "landmarks",
-    "lidar_points",
-    "occupancy",
-    "particles",
-    "path",
-    "walls",
-]
 
 
 def path(
@@ -89,10 +77,8 @@ def landmarks(
     """
     points = as_shaped("points", points, ("n", 2))
     if estimated:
-        style: dict[str, Any] = {"marker": "x", "color": COLOURS["estimate"], "markersize": 7}
-    else:
-        style = {"marker": "*", "color": COLOURS["landmark"], "markersize": 11, "mfc": "none"}
-    return _axes(ax).plot(*points.T, linestyle="none", label=_label(label), **style)[0]
+        return _dots(ax, points, label, "x", color=COLOURS["estimate"], markersize=7)
+    return _dots(ax, points, label, "*", color=COLOURS["landmark"], markersize=11, mfc="none")
 
 
 def particles(ax: Axes, poses: ArrayLike, label: str | None = None) -> Line2D:
@@ -105,10 +91,7 @@ def particles(ax: Axes, poses: ArrayLike, label: str | None = None) -> Line2D:
     >>> plt.close()
     """
     poses = as_array("poses", poses, ("n", None))
-    style: dict[str, Any] = {"marker": ".", "alpha": 0.25, "color": COLOURS["particle"]}
-    return _axes(ax).plot(
-        poses[:, 0], poses[:, 1], linestyle="none", rasterized=True, label=_label(label), **style
-    )[0]
+    return _dots(ax, poses, label, ".", color=COLOURS["particle"], alpha=0.25, rasterized=True)
 
 
 def lidar_points(ax: Axes, points: ArrayLike, s: float = 0.5, label: str | None = None) -> Line2D:
@@ -121,16 +104,8 @@ def lidar_points(ax: Axes, points: ArrayLike, s: float = 0.5, label: str | None 
     >>> plt.close()
     """
     points = as_shaped("points", points, ("...", 2)).reshape(-1, 2)
-    return _axes(ax).plot(
-        *points.T,
-        linestyle="none",
-        marker="o",
-        markersize=as_scalar("s", s, 0.0),
-        markeredgewidth=0,
-        color=COLOURS["lidar"],
-        rasterized=True,
-        label=_label(label),
-    )[0]
+    style = {"markersize": as_scalar("s", s, 0.0), "markeredgewidth": 0, "rasterized": True}
+    return _dots(ax, points, label, "o", color=COLOURS["lidar"], **style)
 
 
 def walls(ax: Axes, segments: ArrayLike, label: str | None = None) -> LineCollection:
@@ -216,15 +191,9 @@ def occupancy(ax: Axes, probability: ArrayLike, extent: ArrayLike) -> AxesImage:
     """
     probability = as_array("probability", probability, ("rows", "columns"))
     left, right, bottom, top = as_array("extent", extent, (4,))
-    image = _axes(ax).imshow(
-        probability,
-        cmap="gray_r",
-        vmin=0.0,
-        vmax=1.0,
-        origin="lower",
-        extent=(left, right, bottom, top),
-        interpolation="nearest",
-    )
+    extent = (left, right, bottom, top)
+    style: dict[str, Any] = {"cmap": "gray_r", "origin": "lower", "interpolation": "nearest"}
+    image = _axes(ax).imshow(probability, vmin=0.0, vmax=1.0, extent=extent, **style)
     ax.grid(False)
     floor(ax)
     return image
@@ -232,8 +201,13 @@ def occupancy(ax: Axes, probability: ArrayLike, extent: ArrayLike) -> AxesImage:
 
 def _axes(ax: Axes) -> Axes:
     """Return what is drawn on, if it is that: who leaves it out gets a sentence."""
-    axes: Axes = as_a("ax", ax, Axes, "the axes to draw on, as from plt.subplots(),")
-    return axes
+    return as_a("ax", ax, Axes, "the axes to draw on, as from plt.subplots(),")
+
+
+def _dots(ax: Axes, points: Array, label: str | None, marker: str, **style: Any) -> Line2D:
+    """Draw a marker at each of points (n, 2 and more)."""
+    x, y = points[:, 0], points[:, 1]
+    return _axes(ax).plot(x, y, marker=marker, ls="none", label=_label(label), **style)[0]
 
 
 def _label(label: str | None) -> str | None:

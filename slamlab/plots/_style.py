@@ -16,8 +16,6 @@ from matplotlib.figure import Figure
 
 from slamlab._checks import as_choice
 
-__all__ = ["COLOURS", "line_style", "use_style"]
-
 COLOURS = {
     "truth": "#000000",
     "dead_reckoning": "#D55E00",

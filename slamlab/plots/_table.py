@@ -12,8 +12,6 @@ import numpy as np
 
 from slamlab._checks import as_tuple
 
-__all__ = ["Table"]
-
 
 class Table:
     """A table that displays itself.
@@ -45,14 +43,12 @@ class Table:
         self, columns: Sequence[str], rows: Iterable[Sequence[Any]], caption: str = ""
     ) -> None:
         self.columns = [str(c) for c in as_tuple("columns", columns)]
-        entries = [as_tuple("rows", row) for row in as_tuple("rows", rows)]
-        self.rows = [[_text(entry) for entry in row] for row in entries]
+        self.rows = [[_text(e) for e in as_tuple("rows", row)] for row in as_tuple("rows", rows)]
         self.caption = caption
         for number, row in enumerate(self.rows):
             if len(row) != len(self.columns):
-                raise ValueError(
-                    f"rows: expected {len(self.columns)} entries in row {number}, got {len(row)}"
-                )
+                wanted = f"{len(self.columns)} entries in row {number}"
+                raise ValueError(f"rows: expected {wanted}, got {len(row)}")
 
     def __repr__(self) -> str:
         """Return the same table as plain text."""
