@@ -90,8 +90,9 @@ def field_flights(
     error = rng.standard_normal((steps, n_runs, n, 2)) @ root(sensor.cov).T
     there = sensor.visible(truth, landmarks)[:, None, :, None]
     z = np.where(there, sensor.observe(truth, landmarks)[:, None] + error, np.nan)
-    ids, truths = (np.arange(n),) * steps, truth.repeat(n_runs, axis=1)
-    return landmark_log(u, dt, np.diag(noise**2), tuple(z), ids, truths, landmarks)
+    ids, cov = (np.arange(n),) * steps, np.diag(noise**2)
+    truth = truth.repeat(n_runs, axis=1)
+    return landmark_log(u, dt, cov, looks=z, ids=ids, truth=truth, landmarks=landmarks)
 
 
 def _leg(metres: float, turn: float = 0.0) -> Array:

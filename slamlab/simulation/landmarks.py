@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
@@ -90,7 +92,8 @@ def landmark_drives(
     poses = [first]
     for control in u:
         poses.append(motion.sample(poses[-1], control, dt, control_cov, rng))
-    there = np.array(poses)[1:, :, None, :]
+    truth = np.array(poses)
+    there = truth[1:, :, None, :]
     noise = rng.standard_normal((len(u), n_runs, len(landmarks), 2))
     z = sensor.observe(there, landmarks) + noise * np.sqrt(np.diag(sensor.cov))
     if abs(sensor.residual([1.0, 2 * np.pi], [1.0, 0.0])[1]) < 1:  # a full turn: it is an angle
@@ -98,7 +101,7 @@ def landmark_drives(
     z[~sensor.visible(there, landmarks)] = np.nan
     looks = (np.full((n_runs, len(landmarks), 2), np.nan), *z)
     ids = (np.arange(len(landmarks)),) * len(poses)
-    return landmark_log(u, dt, control_cov, looks, ids, np.array(poses), landmarks)
+    return landmark_log(u, dt, control_cov, looks=looks, ids=ids, truth=truth, landmarks=landmarks)
 
 
 def room_drives(
@@ -225,28 +228,11 @@ def orchard_loop(
         z, names = ORCHARD_SENSOR.measure(pose, landmarks, rng, **chances)
         looks.append(z)
         ids.append(names)
-    return landmark_log(u, dt, control_cov, tuple(looks), tuple(ids), poses, landmarks)
+    return landmark_log(u, dt, control_cov, looks=looks, ids=ids, truth=poses, landmarks=landmarks)
 
 
-def landmark_log(
-    u: Array,
-    dt: float,
-    control_cov: Array,
-    looks: tuple[Array, ...],
-    ids: tuple[NDArray[np.intp], ...],
-    truth: Array,
-    landmarks: Array,
-) -> Log:
-    """Log of T steps of dt, after one that moved nothing."""
-    steps = np.arange(len(truth), dtype=float)
-    still = np.zeros((1, *u.shape[1:]))
-    return Log(
-        times=dt * steps,
-        u=np.concatenate([still, u]),
-        dt=np.minimum(steps, 1.0) * dt,
-        control_cov=control_cov,
-        looks=looks,
-        ids=ids,
-        truth=truth,
-        landmarks=landmarks,
-    )
+def landmark_log(u: Array, dt: float, control_cov: Array, **parts: Any) -> Log:
+    """Log of T steps of dt, after one that moved nothing, with the other `parts` of a log."""
+    steps = np.arange(len(u) + 1, dtype=float)
+    u = np.concatenate([np.zeros((1, *u.shape[1:])), u])
+    return Log(dt * steps, u, np.minimum(steps, 1.0) * dt, control_cov, **parts)

@@ -6,7 +6,7 @@ belief is on the other, and the pilot sees nothing else. Chapters 09, 17, 18 and
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -194,27 +194,16 @@ def record(
         if u is None:
             break
         u = as_array("pilot's command", u, (*hit.shape, "p"))
-        moved = scene.move(truth, u, dt, control_cov)
-        control, cov, hit = moved.u, moved.cov, moved.hit
+        before = truth
+        truth, driven, control, cov, hit = scene.move(before, u, dt, control_cov)
         if odometer is not None:
-            control, cov = _odometry(odometer, truth, moved.pose, scene.rng)
+            control, cov = _odometry(odometer, before, truth, scene.rng)
         belief.predict(control, dt, cov)
-        truth = moved.pose
         measured = scene.measure(truth)
         _inform(belief, measured)
-        said = {"believed": belief.pose, "hit": hit, "command": u, "driven": moved.driven}
+        said = {"believed": belief.pose, "hit": hit, "command": u, "driven": driven}
         rows.append({**measured, **said, "u": control, "cov": cov})
     return _log(first, rows, dt, world, sensor)
-
-
-class _Moved(NamedTuple):
-    """Where a robot came, what its wheels did and report, and whether it met something."""
-
-    pose: Array
-    driven: Array
-    u: Array
-    cov: Array
-    hit: NDArray[np.bool_]
 
 
 class _Scene:
@@ -241,15 +230,20 @@ class _Scene:
         """Return the start, if the body is free there."""
         body, obstacles = self.body, self.obstacles
         if body is not None and obstacles is not None and obstacles.collides(body, start).any():
-            raise ValueError(
-                f"start: expected a pose at which the robot touches no obstacle, got {start}"
-            )
+            wanted = "a pose at which the robot touches no obstacle"
+            raise ValueError(f"start: expected {wanted}, got {start}")
         if start.ndim > 1 and isinstance(self.sensor, Lidar):
             raise ValueError(f"start: expected one robot (3,) with a lidar, got {start.shape}")
         return np.round(start, _DIGITS)
 
-    def move(self, pose: Array, u: Array, dt: float, control_cov: ArrayLike | None) -> _Moved:
-        """Execute a command with noise, as far as the world lets the body go."""
+    def move(
+        self, pose: Array, u: Array, dt: float, control_cov: ArrayLike | None
+    ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+        """Execute a command with noise, as far as the world lets the body go.
+
+        Returns where the robot came, what its wheels did, what they report and with which
+        covariance, and whether it met something.
+        """
         p = u.shape[-1]
         V = np.zeros((p, p)) if control_cov is None else control_cov
         V = as_covariance("control_cov", V, p)
@@ -266,7 +260,7 @@ class _Scene:
             free = np.where(hit, low, 1.0)
         driven = executed * free[..., None]
         there = np.round(self.robot.step(pose, driven, dt), _DIGITS)
-        return _Moved(there, driven, u * free[..., None], V, hit)
+        return there, driven, u * free[..., None], V, hit
 
     def _hits(self, pose: Array, u: Array, dt: float, part: Array) -> NDArray[np.bool_]:
         """Whether the body meets something on the first part (...) of a step.
@@ -306,10 +300,8 @@ def _inform(belief: Estimator, measured: dict[str, Any]) -> None:
     if belief.measures == "nothing":
         return
     if belief.measures not in measured:
-        raise ValueError(
-            f"belief: expected one that measures {' or '.join(measured)}, which is what the "
-            f"sensor gives, got one that measures {belief.measures}"
-        )
+        wanted = f"one that measures {' or '.join(measured)}, which is what the sensor gives"
+        raise ValueError(f"belief: expected {wanted}, got one that measures {belief.measures}")
     if belief.measures == "looks":
         belief.update(measured["looks"], measured["ids"])
     else:
@@ -330,14 +322,10 @@ def _log(
     first: dict[str, Any], rows: list[dict[str, Any]], dt: float, world: Any, sensor: Any
 ) -> Log:
     """Columns of rows; the first step moved nothing."""
-    if rows:
-        nothing = {
-            name: np.zeros_like(rows[0][name]) for name in ("command", "driven", "u", "cov")
-        }
-    else:
-        still = np.zeros((*first["hit"].shape, 1))
-        nothing = {"command": still, "driven": still, "u": still, "cov": np.zeros((1, 1))}
-    rows = [first | nothing, *rows]
+    still = np.zeros((*first["hit"].shape, 1))
+    blank = {"command": still, "driven": still, "u": still, "cov": np.zeros((1, 1))}
+    some = rows[0] if rows else blank
+    rows = [first | {name: np.zeros_like(some[name]) for name in blank}, *rows]
     column: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
     steps: Array = np.arange(len(rows), dtype=float)
     return Log(
