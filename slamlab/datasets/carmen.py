@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from slamlab._checks import Array, as_positive
-from slamlab._files import read_bytes
+from slamlab._files import about, read_bytes
 from slamlab.geometry import between
 from slamlab.logs import Log, ScanGeometry
 
@@ -88,7 +88,7 @@ def read_carmen(
         fields = line.split()
         if not fields or fields[0].startswith("#") or fields[0] in _IGNORED:
             continue
-        try:
+        with about(f"{path}, line {number}"):
             if fields[0] == "ODOM":
                 _check_odom(fields)
             elif fields[0] == "PARAM":
@@ -100,14 +100,10 @@ def read_carmen(
             else:
                 raise ValueError(f"expected a CARMEN tag such as FLASER or ODOM, got {_cut(line)}")
             _same_beams(scans)
-        except ValueError as error:
-            raise ValueError(f"{path}, line {number}: {error}") from error
     if not scans:
         raise ValueError(f"{path}: expected at least one FLASER or ROBOTLASER1 line, got none")
-    try:
+    with about(str(path)):
         return _log(scans, _NO_RETURN if limit is None else limit, corrected)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
 
 
 def _lines(path: Path) -> list[str]:
@@ -209,10 +205,8 @@ def _robotlaser(fields: list[str]) -> _Scan:
 
 def _same_beams(scans: list[_Scan]) -> None:
     if len(scans) > 1 and not np.array_equal(scans[-1].angles, scans[0].angles):
-        raise ValueError(
-            f"expected {len(scans[0].angles)} beams laid out as in the first scan, "
-            f"got {len(scans[-1].angles)}"
-        )
+        wanted = f"{len(scans[0].angles)} beams laid out as in the first scan"
+        raise ValueError(f"expected {wanted}, got {len(scans[-1].angles)}")
 
 
 def _log(scans: list[_Scan], limit: float, corrected: bool) -> Log:
@@ -240,6 +234,5 @@ def _durations(times: Array) -> Array:
     """Seconds between scans; where coarse time stamps stand still, the median of the others."""
     dt = np.diff(times, prepend=times[0])
     moving = dt[1:] > 0
-    usual = float(np.median(dt[1:][moving])) if moving.any() else 1.0
-    dt[1:][~moving] = usual
+    dt[1:][~moving] = np.median(dt[1:][moving]) if moving.any() else 1.0
     return dt

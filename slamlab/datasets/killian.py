@@ -82,16 +82,14 @@ class Killian:
         edges = self._odometry_edges
         n = len(self.graph.poses)
         if len(edges) != n - 1:
-            raise ValueError(
-                f"log: expected an odometry edge from each pose to the next, got {len(edges)}"
-            )
+            wanted = "an odometry edge from each pose to the next"
+            raise ValueError(f"log: expected {wanted}, got {len(edges)}")
         cov = np.zeros((n, 3, 3))
         cov[1:] = np.linalg.inv(self.graph.information[edges])
-        first: Array = np.zeros((1, 3))
         times: Array = np.arange(n, dtype=np.float64)
         return Log(
             times,
-            np.concatenate([first, self.odometry]),
+            np.concatenate([np.zeros((1, 3)), self.odometry]),
             np.minimum(times, 1.0),
             0.5 * (cov + np.swapaxes(cov, 1, 2)),
             ranges=self.scans,

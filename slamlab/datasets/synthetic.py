@@ -77,10 +77,8 @@ def manhattan_graph(
     if n_edges > most:
         raise ValueError(f"n_edges: expected at most {most} for {n_poses} poses, got {n_edges}")
     rng = as_rng("rng", rng)
-    sigma = np.array(
-        [as_positive("sigma_position", sigma_position, 1e6)] * 2
-        + [as_positive("sigma_heading", sigma_heading, 1e6)]
-    )
+    position = as_positive("sigma_position", sigma_position, 1e6)
+    sigma = np.array([position, position, as_positive("sigma_heading", sigma_heading, 1e6)])
     truth = _walk(n_poses, rng)
     odometry = np.column_stack([np.arange(n_poses - 1), np.arange(1, n_poses)])
     edges = np.concatenate([odometry, _closures(truth, n_edges - n_poses + 1, rng)])

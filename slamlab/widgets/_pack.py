@@ -99,17 +99,11 @@ def ellipses(name: str, covs: Any, shape: tuple[int | str, ...]) -> Array:
     filled = np.where(missing[..., None, None], 0.0, given)[..., :2, :2]
     plane = np.zeros((*missing.shape, 2, 2))
     plane[..., : min(size, 2), : min(size, 2)] = as_covariance(name, filled)
-    return np.where(
-        missing[..., None], np.nan, _axes(plane, float(chi2_quantile(0.95, min(size, 2))))
-    )
-
-
-def _axes(covs: Array, quantile: float) -> Array:
-    spread, directions = np.linalg.eigh(covs)
-    half = np.sqrt(np.maximum(spread, 0.0) * quantile)
-    long_axis = directions[..., :, 1]
-    angle = np.arctan2(long_axis[..., 1], long_axis[..., 0])
-    return np.stack([half[..., 1], half[..., 0], angle], axis=-1)
+    spread, directions = np.linalg.eigh(plane)
+    half = np.sqrt(np.maximum(spread, 0.0) * float(chi2_quantile(0.95, min(size, 2))))
+    angle = np.arctan2(directions[..., 1, 1], directions[..., 0, 1])
+    axes = np.stack([half[..., 1], half[..., 0], angle], axis=-1)
+    return np.where(missing[..., None], np.nan, axes)
 
 
 def points(name: str, value: Any, shape: tuple[int | str, ...], missing: bool = False) -> Array:

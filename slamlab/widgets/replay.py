@@ -133,15 +133,9 @@ class Replay(Figure):
         steps = _steps({**clock, "landmark_covs": landmark_covs}, occupancy_steps)
         _check_needs(covs, estimate, "covs", "estimate")
         _check_needs(landmark_covs, landmark_estimates, "landmark_covs", "landmark_estimates")
-        world = _world(
-            steps,
-            paths,
-            landmarks=landmarks,
-            landmark_estimates=landmark_estimates,
-            particles=particles,
-            scans=scans,
-            walls=walls,
-        )
+        layers = {"landmarks": landmarks, "landmark_estimates": landmark_estimates}
+        layers |= {"particles": particles, "scans": scans}
+        world = _world(steps, paths | layers, walls)
         arrays = world.copy()
         if covs is not None:
             arrays["ellipses"] = _pack.ellipses("covs", covs, (steps,))
@@ -162,9 +156,8 @@ class Replay(Figure):
             "robot_radius": as_scalar("robot_radius", robot_radius, 0.0, 1e6),
             "fps": as_scalar("fps", fps, 0.1, 240.0),
         }
-        super().__init__(
-            title, question, payload, step=as_index("start", start, steps, "steps") % steps
-        )
+        first = as_index("start", start, steps, "steps") % steps
+        super().__init__(title, question, payload, step=first)
 
     @classmethod
     def of(cls, run: Run, **options: Any) -> Replay:
@@ -208,23 +201,20 @@ class Replay(Figure):
     @traitlets.validate("step")
     def _step_in_range(self, proposal: dict[str, Any]) -> int:
         if self.payload and not 0 <= proposal["value"] < self.payload["steps"]:
-            raise ValueError(
-                f"step: expected 0 to {self.payload['steps'] - 1}, got {proposal['value']}"
-            )
+            last = self.payload["steps"] - 1
+            raise ValueError(f"step: expected 0 to {last}, got {proposal['value']}")
         return int(proposal["value"])
 
 
-def _world(steps: int, paths: dict[str, Any], **layers: Any) -> dict[str, Array]:
+def _world(steps: int, layers: dict[str, Any], walls: ArrayLike | None) -> dict[str, Array]:
     """Return all that lies in the plane and is given, with its number of steps checked."""
-    shapes = {name: ((steps,), False) for name in paths} | {
-        "landmarks": (("n",), False),
-        "landmark_estimates": ((steps, "m"), True),
-        "particles": ((steps, "M"), False),
-        "scans": ((steps, "k"), True),
-    }
-    given = {name: value for name, value in (paths | layers).items() if value is not None}
-    walls = given.pop("walls", None)
-    world = {name: _pack.points(name, value, *shapes[name]) for name, value in given.items()}
+    shapes: dict[str, tuple[int | str, ...]] = {"landmarks": ("n",), "particles": (steps, "M")}
+    shapes |= {"landmark_estimates": (steps, "m"), "scans": (steps, "k")}
+    world = {}
+    for name, value in layers.items():
+        if value is not None:
+            holes = name in ("landmark_estimates", "scans")
+            world[name] = _pack.points(name, value, shapes.get(name, (steps,)), holes)
     if walls is not None:
         world["walls"] = as_array("walls", walls, ("k", 2, 2))
     return world
@@ -266,10 +256,9 @@ def _check_needs(value: Any, other: Any, name: str, needed: str) -> None:
 
 def _times(times: ArrayLike, steps: int) -> Packed:
     seconds = as_array("times", times, (steps,))
-    if (np.diff(seconds) < 0).any():
-        raise ValueError(
-            f"times: expected increasing seconds, got a step of {np.diff(seconds).min():g}"
-        )
+    least = np.diff(seconds).min(initial=0.0)
+    if least < 0:
+        raise ValueError(f"times: expected increasing seconds, got a step of {least:g}")
     return _pack.pack_series(seconds)
 
 
@@ -287,15 +276,12 @@ def _maps(
     given = as_array("occupancy", given, ("S", "H", "W"))
     if given.size == 0 or given.min() < 0.0 or given.max() > 1.0:
         raise ValueError("occupancy: expected probabilities in [0, 1], got others or an empty map")
-    if first_steps is None:
-        holds = np.zeros(1) if len(given) == 1 else np.arange(len(given), dtype=np.float64)
-    else:
-        holds = as_array("occupancy_steps", first_steps, (len(given),))
+    first_steps = np.arange(len(given), dtype=float) if first_steps is None else first_steps
+    holds = as_array("occupancy_steps", first_steps, (len(given),))
     if (np.diff(holds) <= 0).any() or holds[0] < 0 or holds[-1] >= steps:
-        raise ValueError(
-            f"occupancy_steps: expected {len(given)} increasing steps in 0..{steps - 1}, "
-            f"got {holds.astype(int).tolist()}"
-        )
+        wanted = f"{len(given)} increasing steps in 0..{steps - 1}"
+        got = holds.astype(int).tolist()
+        raise ValueError(f"occupancy_steps: expected {wanted}, got {got}")
     return {
         "images": _pack.pack_image(given, 0.0, 1.0),
         "extent": _pack.box("occupancy_extent", extent),

@@ -94,13 +94,8 @@ class Simulator(Figure):
         unknown = set(given) - set(worlds)
         if unknown:
             raise ValueError(f"starts: expected names of rooms, got {sorted(unknown)}")
-        payload = {
-            "rooms": [
-                _room(name, world, given.get(name), robot) for name, world in worlds.items()
-            ],
-            "n_beams": lidar.n_beams,
-            "side": robot.side,
-        }
+        rooms = [_room(name, world, given.get(name), robot) for name, world in worlds.items()]
+        payload = {"rooms": rooms, "n_beams": lidar.n_beams, "side": robot.side}
         super().__init__(title, question, payload)
 
     def __repr__(self) -> str:
@@ -133,10 +128,8 @@ def _checked_lidar(lidar: Lidar) -> Lidar:
     full = lidar.field_of_view >= 2 * np.pi - 1e-9 and np.isinf(lidar.max_range)
     quiet = lidar.sigma_range == 0 and lidar.p_miss == 0
     if not full or not quiet or lidar.offset != 0 or not 12 <= lidar.n_beams <= 360:
-        raise ValueError(
-            "lidar: expected a full circle of 12 to 360 endless beams at the centre, without "
-            f"noise, got {lidar!r}"
-        )
+        wanted = "a full circle of 12 to 360 endless beams at the centre, without noise"
+        raise ValueError(f"lidar: expected {wanted}, got {lidar!r}")
     return lidar
 
 
@@ -164,11 +157,10 @@ def _start(
 ) -> np.ndarray:
     """Return the start asked for, or the roomy place nearest to the middle."""
     if start is not None:
-        pose = as_array(f"starts[{name!r}]", start, (3,))
-        if bool(world.collides(robot.footprint, pose)):
-            raise ValueError(
-                f"starts[{name!r}]: expected a free pose, the robot touches at {pose}"
-            )
+        argument = f"starts[{name!r}]"
+        pose = as_array(argument, start, (3,))
+        if world.collides(robot.footprint, pose):
+            raise ValueError(f"{argument}: expected a free pose, the robot touches at {pose}")
         return pose
     places = world.centres(4).reshape(-1, 2)
     places = places[world.clearance(places) > robot.circumradius]

@@ -6,7 +6,7 @@ Used where a chapter asks how an answer changes with a parameter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -64,22 +64,20 @@ class Curves:
     x_log: bool = False
 
     def _pack(self, grid: tuple[int, ...]) -> dict[str, Any]:
-        x = _logarithm(
-            f"{self.title}: x", as_array(f"{self.title}: x", self.x, ("n",)), self.x_log
-        )
+        name = f"{self.title}: x"
+        x = _logarithm(name, as_array(name, self.x, ("n",)), self.x_log)
         values = _series(self.title, self.series, grid, (len(x),))
         values = {k: _logarithm(f"{self.title}: {k}", v, self.y_log) for k, v in values.items()}
         margin = 0.04 * (x.max(initial=0.0) - x.min(initial=0.0))
         x_range = _range([x]) if len(x) < 2 else [x.min() - margin, x.max() + margin]
         return {
             "type": "curves",
-            **_frame(self.title, self.x_label, self.y_label, self.kinds, values),
+            **_frame(self, values, _pack.pack_series),
             "x": _pack.pack_series(x),
             "box": [float(v) for v in (*x_range, *_range(list(values.values()), 0.06))],
             "markers": bool(self.markers),
             "x_log": bool(self.x_log),
             "y_log": bool(self.y_log),
-            "series": {k: _pack.pack_series(v) for k, v in values.items()},
         }
 
 
@@ -123,11 +121,10 @@ class Bars:
         room = 0.06 * (high - low)
         return {
             "type": "bars",
-            **_frame(self.title, self.x_label, self.y_label, self.kinds, values),
+            **_frame(self, values, _pack.pack_series),
             "x": _pack.pack_series(x),
             "width": width,
             "box": [x[0] - width, x[-1] + width, low - room * (low < 0), high + room],
-            "series": {k: _pack.pack_series(v) for k, v in values.items()},
         }
 
 
@@ -170,11 +167,10 @@ class Scatter:
         ys = _range([v[..., 1] for v in values.values()], 0.05)
         return {
             "type": "scatter",
-            **_frame(self.title, self.x_label, self.y_label, self.kinds, values),
+            **_frame(self, values, _pack.pack_numbers),
             "box": [*xs, *ys],
             "equal": bool(self.equal),
             "lines": bool(self.lines),
-            "series": {k: _pack.pack_numbers(v) for k, v in values.items()},
         }
 
 
@@ -284,9 +280,8 @@ class Sweep(Figure):
         grid = tuple(len(v) for v in values.values())
         panels = [panels] if isinstance(panels, Panel) else list(panels)
         if not panels or not all(isinstance(p, Panel) for p in panels):
-            raise ValueError(
-                f"panels: expected a list of Curves, Bars, Scatter or Image, got {panels!r}"
-            )
+            wanted = "a list of Curves, Bars, Scatter or Image"
+            raise ValueError(f"panels: expected {wanted}, got {panels!r}")
         payload = {
             "sliders": [{"name": k, "values": _exact(v)} for k, v in values.items()],
             "panels": [p._pack(grid) for p in panels],
@@ -355,9 +350,10 @@ def _on_grid(
 
 
 def _frame(
-    title: str, x_label: str, y_label: str, kinds: Mapping[str, str], values: Mapping[str, Array]
+    panel: Any, values: Mapping[str, Array], pack: Callable[[Array], Any]
 ) -> dict[str, Any]:
-    """Texts and encoding that every panel with series has."""
+    """Texts, encoding and packed values that every panel with series has."""
+    title, kinds = panel.title, panel.kinds
     unknown = set(kinds) - set(values)
     if unknown:
         raise ValueError(f"{title}: kinds: expected labels of the series, got {sorted(unknown)}")
@@ -371,9 +367,10 @@ def _frame(
             default += 1
     return {
         "title": _pack.text("title", title),
-        "x_label": _pack.text("x_label", x_label),
-        "y_label": _pack.text("y_label", y_label),
+        "x_label": _pack.text("x_label", panel.x_label),
+        "y_label": _pack.text("y_label", panel.y_label),
         "kinds": chosen,
+        "series": {label: pack(value) for label, value in values.items()},
     }
 
 
