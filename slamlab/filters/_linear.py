@@ -7,11 +7,6 @@ import numpy as np
 from slamlab._checks import Array
 
 
-def t(matrix: Array) -> Array:
-    """Transpose, shape (..., n, m) of (..., m, n)."""
-    return np.swapaxes(matrix, -1, -2)
-
-
 def apply(matrix: Array, vector: Array) -> Array:
     """Product of matrices (..., m, n) and vectors (..., n)."""
     return (matrix @ vector[..., None])[..., 0]
@@ -37,4 +32,4 @@ def singular(S: Array) -> ValueError:
 def solve_psd(S: Array, B: Array) -> Array:
     """Solve S X = B for a positive definite S (..., m, m); a singular S is named."""
     root = innovation_root(S)
-    return np.linalg.solve(t(root), np.linalg.solve(root, B))
+    return np.linalg.solve(root.mT, np.linalg.solve(root, B))

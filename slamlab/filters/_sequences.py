@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
-from slamlab.filters._linear import apply, singular, t
+from slamlab.filters._linear import apply, singular
 from slamlab.filters._sweeps import recur, smooth_covariances, step_covariances
 from slamlab.gaussian import Gaussian, as_belief
 
@@ -224,7 +224,7 @@ def fixed_lag(result: FilterResult, lag: int) -> SmootherResult:
         stop = length - 1 - back
         C = gains[groups[back:]]
         x[:stop] = means[back:-1] + apply(C, x[:stop] - predicted[back + 1 :])
-        cov[:stop] = P[back:-1] + C @ (cov[:stop] - ahead[back + 1 :]) @ t(C)
+        cov[:stop] = P[back:-1] + C @ (cov[:stop] - ahead[back + 1 :]) @ C.mT
     return SmootherResult(_batch_first(x, batch, 1), _batch_first(cov, batch, 2))
 
 
@@ -320,7 +320,7 @@ def _smoother_gains(result: FilterResult, P: Array, ahead: Array) -> tuple[Array
         gains = np.linalg.solve(ahead[first + 1], cross)
     except np.linalg.LinAlgError:
         gains = np.linalg.pinv(ahead[first + 1], rcond=1e-12, hermitian=True) @ cross
-    return t(np.asarray(gains)), np.cumsum(new) - 1
+    return np.asarray(gains).mT, np.cumsum(new) - 1
 
 
 def _smoothed_covariances(gains: Array, groups: np.ndarray, P: Array, ahead: Array) -> Array:
@@ -417,7 +417,7 @@ def _apply_all(matrix: Array, vectors: Array) -> Array:
         flat = vectors.reshape(-1, vectors.shape[-1]) @ matrix[0, 0].T
         return flat.reshape(*vectors.shape[:-1], -1)
     if matrix.shape[1] == 1:
-        return vectors @ t(matrix[:, 0])
+        return vectors @ matrix[:, 0].mT
     return apply(matrix, vectors)
 
 

@@ -13,7 +13,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_covariance
-from slamlab.filters._linear import apply, innovation_root, solve_psd, t
+from slamlab.filters._linear import apply, innovation_root, solve_psd
 from slamlab.filters._sequences import FilterResult, SmootherResult, filter, fixed_lag, smooth
 from slamlab.gaussian import Gaussian, as_belief
 
@@ -105,7 +105,7 @@ def predict(
     # (3): mean
     mean = apply(F, belief.mean) + _control(B, u, n)
     # (4): covariance
-    cov = F @ belief.cov @ t(F) + Q
+    cov = F @ belief.cov @ F.mT + Q
     return _belief(mean, cov)
 
 
@@ -174,14 +174,14 @@ def correct(
     R = as_covariance("R", R, residual.shape[-1])
     P = belief.cov
     # (6): covariance of the innovation
-    S = H @ P @ t(H) + R
+    S = H @ P @ H.mT + R
     # (7): gain
-    K = t(solve_psd(S, H @ P))
+    K = solve_psd(S, H @ P).mT
     # (8): mean
     mean = belief.mean + apply(K, residual)
     # (9): covariance, Joseph's form
     A = np.eye(belief.dim, dtype=P.dtype) - K @ H
-    cov = A @ P @ t(A) + K @ R @ t(K)
+    cov = A @ P @ A.mT + K @ R @ K.mT
     return _belief(mean, cov), innovation(residual, S, K)
 
 
@@ -257,7 +257,7 @@ def _belief(mean: Array, cov: Array) -> Gaussian:
     """Build a belief from a covariance that is one by construction: symmetrised, not checked."""
     made = object.__new__(Gaussian)
     object.__setattr__(made, "mean", mean)
-    object.__setattr__(made, "cov", 0.5 * (cov + t(cov)))
+    object.__setattr__(made, "cov", 0.5 * (cov + cov.mT))
     return made
 
 

@@ -467,4 +467,4 @@ def _line_cov(points: Array, covs: Array, alpha: Array) -> Array:
     off = along - middle
     d_alpha = -off / (off * off).sum(-1, keepdims=True)
     d = np.stack([1.0 / k + middle * d_alpha, d_alpha], -2)
-    return (d * across[..., None, :]) @ np.swapaxes(d, -1, -2)
+    return (d * across[..., None, :]) @ d.mT

@@ -15,7 +15,7 @@ from scipy.linalg.blas import dsyr2, dsyrk
 
 from slamlab._checks import Array
 
-__all__ = ["Covariance", "block_diagonal", "diagonal", "downdate", "mirror", "times", "transposed"]
+__all__ = ["Covariance", "block_diagonal", "diagonal", "downdate", "mirror", "times"]
 
 Entries = NDArray[np.intp]
 # OpenBLAS starts threads for products of more multiplications than this. On a busy machine they
@@ -208,8 +208,3 @@ def diagonal(m: int, right: int = 0) -> tuple[Entries, Entries]:
     """Index of the blocks (m, 2, 2) on the diagonal that begins `right` of the corner."""
     entries = np.arange(2 * m)
     return entries.reshape(m, 2, 1), entries.reshape(m, 1, 2) + right
-
-
-def transposed(matrix: Array) -> Array:
-    """Transpose of a stack of matrices (..., a, b)."""
-    return np.swapaxes(matrix, -1, -2)

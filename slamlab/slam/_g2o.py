@@ -18,6 +18,7 @@ from slamlab._files import read_bytes
 # Where the six numbers of a line stand in the upper triangle of the information matrix.
 _G2O_ORDER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _TORO_ORDER = ((0, 0), (0, 1), (1, 1), (2, 2), (0, 2), (1, 2))
+_POINT_ORDER = ((0, 0), (0, 1), (1, 1))
 _LASER_HEADER = 8  # type, start, field of view, resolution, range, accuracy, remission, count
 
 
@@ -53,21 +54,27 @@ class Scans:
 
 
 @dataclass
+class Links:
+    """Edges of one kind, by vertex id, and in which line of the file each stands."""
+
+    pairs: list[tuple[int, int]] = field(default_factory=list)
+    measurements: list[list[float]] = field(default_factory=list)
+    information: list[list[list[float]]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+
+@dataclass
 class Content:
-    """What one file holds: vertices in the order of the file, edges by vertex id."""
+    """What one file holds: vertices in the order of the file; `sightings` are of points."""
 
     ids: list[int] = field(default_factory=list)
     poses: list[list[float]] = field(default_factory=list)
-    edges: list[tuple[int, int]] = field(default_factory=list)
-    measurements: list[list[float]] = field(default_factory=list)
-    information: list[list[list[float]]] = field(default_factory=list)
+    edges: Links = field(default_factory=Links)
     fixed: list[int] = field(default_factory=list)
     scans: Scans | None = None
     point_ids: list[int] = field(default_factory=list)
     points: list[list[float]] = field(default_factory=list)
-    sightings: list[tuple[int, int]] = field(default_factory=list)
-    seen: list[list[float]] = field(default_factory=list)
-    seen_information: list[list[list[float]]] = field(default_factory=list)
+    sightings: Links = field(default_factory=Links)
 
 
 class _Parser:
@@ -76,23 +83,21 @@ class _Parser:
     def __init__(self, name: str) -> None:
         self.name = name
         self.number = 0
-        self.content = Content()
-        self.rows: dict[int, int] = {}
-        self.vertex_lines: list[int] = []
-        self.edge_lines: list[int] = []
+        self.content = content = Content()
+        # The line in which each of them is defined.
+        self.poses: dict[int, int] = {}
+        self.points: dict[int, int] = {}
         self.fix_lines: list[int] = []
-        self.spots: dict[int, int] = {}  # line in which a landmark is defined
-        self.sighting_lines: list[int] = []
         self.scan_rows: list[int] = []
         self.scan_numbers: list[list[float]] = []
         self.scan_lines: list[str] = []
         self.tags: dict[str, Callable[[list[str]], None]] = {
             "VERTEX_SE2": self.vertex,
             "VERTEX2": self.vertex,
-            "EDGE_SE2": lambda words: self.edge(words, _G2O_ORDER),
-            "EDGE2": lambda words: self.edge(words, _TORO_ORDER),
+            "EDGE_SE2": lambda words: self.edge(words, content.edges, _G2O_ORDER),
+            "EDGE2": lambda words: self.edge(words, content.edges, _TORO_ORDER),
             "VERTEX_XY": self.point,
-            "EDGE_SE2_XY": self.sighting,
+            "EDGE_SE2_XY": lambda words: self.edge(words, content.sightings, _POINT_ORDER),
             "FIX": self.fix,
             "ROBOTLASER1": self.scan,
         }
@@ -137,50 +142,36 @@ class _Parser:
 
     def vertex(self, words: list[str]) -> None:
         self.words_expected(words, 5)
-        identity = self.new_vertex(words[1])
-        self.rows[identity] = len(self.content.ids)
-        self.content.ids.append(identity)
+        self.content.ids.append(self.new_vertex(words[1], self.poses))
         self.content.poses.append(self.floats(words[2:]))
-        self.vertex_lines.append(self.number)
 
-    def new_vertex(self, word: str) -> int:
+    def new_vertex(self, word: str, lines: dict[int, int]) -> int:
         identity = self.whole(word)
-        first = self.spots.get(identity)
-        if identity in self.rows:
-            first = self.vertex_lines[self.rows[identity]]
+        first = self.poses.get(identity, self.points.get(identity))
         if first is not None:
             raise self.error(f"vertex {identity} was already defined in line {first}")
+        lines[identity] = self.number
         return identity
 
     def point(self, words: list[str]) -> None:
         self.words_expected(words, 4)
-        identity = self.new_vertex(words[1])
-        self.spots[identity] = self.number
-        self.content.point_ids.append(identity)
+        self.content.point_ids.append(self.new_vertex(words[1], self.points))
         self.content.points.append(self.floats(words[2:]))
 
-    def sighting(self, words: list[str]) -> None:
-        self.words_expected(words, 8)
-        i, j = self.whole(words[1]), self.whole(words[2])
-        x, y, xx, xy, yy = self.floats(words[3:])
-        self.content.sightings.append((i, j))
-        self.content.seen.append([x, y])
-        self.content.seen_information.append([[xx, xy], [xy, yy]])
-        self.sighting_lines.append(self.number)
-
-    def edge(self, words: list[str], order: tuple[tuple[int, int], ...]) -> None:
-        self.words_expected(words, 12)
+    def edge(self, words: list[str], links: Links, order: tuple[tuple[int, int], ...]) -> None:
+        size = 1 + max(order)[0]
+        self.words_expected(words, 3 + size + len(order))
         i, j = self.whole(words[1]), self.whole(words[2])
         if i == j:
             raise self.error(f"edge joins vertex {i} with itself")
         numbers = self.floats(words[3:])
-        information = [[0.0] * 3 for _ in range(3)]
-        for (row, column), number in zip(order, numbers[3:], strict=True):
+        information = [[0.0] * size for _ in range(size)]
+        for (row, column), number in zip(order, numbers[size:], strict=True):
             information[row][column] = information[column][row] = number
-        self.content.edges.append((i, j))
-        self.content.measurements.append(numbers[:3])
-        self.content.information.append(information)
-        self.edge_lines.append(self.number)
+        links.pairs.append((i, j))
+        links.measurements.append(numbers[:size])
+        links.information.append(information)
+        links.lines.append(self.number)
 
     def fix(self, words: list[str]) -> None:
         if len(words) < 2:
@@ -217,24 +208,24 @@ class _Parser:
         content = self.content
         if not content.ids:
             raise self.error("the file ends without a vertex")
-        if not content.edges and not content.sightings:
+        edges, sightings = content.edges, content.sightings
+        if not edges.pairs and not sightings.pairs:
             raise self.error("the file ends without an edge")
-        for pair, number in zip(content.edges, self.edge_lines, strict=True):
-            for identity in pair:
-                self.defined(identity, self.rows, number)
-        for (i, j), number in zip(content.sightings, self.sighting_lines, strict=True):
-            self.defined(i, self.rows, number)
-            self.defined(j, self.spots, number, "landmark")
+        for (i, j), number in zip(edges.pairs, edges.lines, strict=True):
+            self.defined(i, self.poses, number)
+            self.defined(j, self.poses, number)
+        for (i, j), number in zip(sightings.pairs, sightings.lines, strict=True):
+            self.defined(i, self.poses, number)
+            self.defined(j, self.points, number, "landmark")
         for identity, number in zip(content.fixed, self.fix_lines, strict=True):
-            if identity not in self.rows:
+            if identity not in self.poses:
                 raise self.error(f"FIX {identity}: the vertex is not defined", number)
-        reached = {identity for pair in content.edges + content.sightings for identity in pair}
-        lines = [*zip(content.ids, self.vertex_lines, strict=True), *self.spots.items()]
-        for identity, number in lines:
+        reached = {identity for pair in edges.pairs + sightings.pairs for identity in pair}
+        for identity, number in (self.poses | self.points).items():
             if identity not in reached:
                 raise self.error(f"no edge reaches vertex {identity} (truncated file?)", number)
-        self.check_information(content.information, self.edge_lines)
-        self.check_information(content.seen_information, self.sighting_lines)
+        self.check_information(edges)
+        self.check_information(sightings)
         content.scans = self.scans()
         return content
 
@@ -243,15 +234,15 @@ class _Parser:
     ) -> None:
         if identity in where:
             return
-        if identity in self.rows or identity in self.spots:
+        if identity in self.poses or identity in self.points:
             raise self.error(f"vertex {identity} is no {kind}, as this edge needs", number)
         kind = "vertex" if kind == "pose" else kind
         raise self.error(f"edge to {kind} {identity}, which is not defined", number)
 
-    def check_information(self, matrices: list[list[list[float]]], lines: list[int]) -> None:
-        if not matrices:
+    def check_information(self, links: Links) -> None:
+        if not links.pairs:
             return
-        information = np.array(matrices)
+        information = np.array(links.information)
         scale = np.abs(information).max(axis=(1, 2))
         smallest = np.linalg.eigvalsh(information)[:, 0]
         bad = np.flatnonzero(~(smallest >= -1e-9 * scale))
@@ -259,7 +250,7 @@ class _Parser:
             raise self.error(
                 "expected a positive semi-definite information matrix, "
                 f"smallest eigenvalue is {smallest[bad[0]]:.3g}",
-                lines[bad[0]],
+                links.lines[bad[0]],
             )
 
     def scans(self) -> Scans | None:
@@ -310,33 +301,27 @@ def read(path: str | Path) -> Content:
 
 
 def _is_graph(member: str) -> bool:
-    is_graph = member.endswith((".g2o", ".toro", ".graph"))
-    return is_graph and not member.startswith("__MACOSX")
+    return member.endswith((".g2o", ".toro", ".graph")) and not member.startswith("__MACOSX")
 
 
 def write(path: str | Path, content: Content) -> None:
     """Write `content` as g2o text; every number is written so that it reads back exactly."""
-    scans = {} if content.scans is None else _lines_by_row(content.scans)
+    scans = content.scans
+    scan_of = {} if scans is None else dict(zip(scans.rows.tolist(), scans.lines, strict=True))
     with Path(path).open("w", encoding="utf-8", errors="surrogateescape", newline="\n") as file:
         for row, (identity, pose) in enumerate(zip(content.ids, content.poses, strict=True)):
             file.write(f"VERTEX_SE2 {identity} {_numbers(pose)}\n")
-            if row in scans:
-                file.write(scans[row] + "\n")
+            if row in scan_of:
+                file.write(scan_of[row] + "\n")
         for identity, point in zip(content.point_ids, content.points, strict=True):
             file.write(f"VERTEX_XY {identity} {_numbers(point)}\n")
         for identity in content.fixed:
             file.write(f"FIX {identity}\n")
-        for k, (i, j) in enumerate(content.edges):
-            upper = [content.information[k][row][column] for row, column in _G2O_ORDER]
-            file.write(f"EDGE_SE2 {i} {j} {_numbers(content.measurements[k])} {_numbers(upper)}\n")
-        for k, (i, j) in enumerate(content.sightings):
-            (xx, xy), (_, yy) = content.seen_information[k]
-            numbers = _numbers([*content.seen[k], xx, xy, yy])
-            file.write(f"EDGE_SE2_XY {i} {j} {numbers}\n")
-
-
-def _lines_by_row(scans: Scans) -> dict[int, str]:
-    return dict(zip(scans.rows.tolist(), scans.lines, strict=True))
+        for tag, links in ("EDGE_SE2", content.edges), ("EDGE_SE2_XY", content.sightings):
+            each = zip(links.pairs, links.measurements, links.information, strict=True)
+            for (i, j), z, information in each:
+                upper = [number for k, row in enumerate(information) for number in row[k:]]
+                file.write(f"{tag} {i} {j} {_numbers([*z, *upper])}\n")
 
 
 def _numbers(values: list[float]) -> str:

@@ -191,7 +191,7 @@ def information(
     weighted = np.empty((M, k, 2, 3))
     weighted[..., 0, :] = i00[..., None] * upper + i01[..., None] * lower
     weighted[..., 1, :] = i01[..., None] * upper + i11[..., None] * lower
-    stacked = np.swapaxes(weighted.reshape(M, 2 * k, 3), 1, 2)
+    stacked = weighted.reshape(M, 2 * k, 3).mT
     y = np.stack([a, b], -1).reshape(M, 2 * k, 1)
     return stacked @ prediction.H_pose.reshape(M, 2 * k, 3), (stacked @ y)[..., 0]
 
@@ -201,7 +201,7 @@ def started(sensor: LandmarkSensor, poses: Array, z: Array, R: Array) -> Landmar
     mean = sensor.locate(poses[:, None], z)
     _, G = sensor.locate_jacobians(poses[:, None], z)
     with np.errstate(over="ignore", invalid="ignore"):
-        cov = G @ R @ np.swapaxes(G, -1, -2)
+        cov = G @ R @ G.mT
     return Landmarks.from_moments(mean, cov, np.zeros(mean.shape[:-1]))
 
 

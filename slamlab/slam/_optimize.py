@@ -7,6 +7,7 @@ Grisetti et al. 2010, algorithm 1; Huber 1964; dynamic covariance scaling, Agarw
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +22,8 @@ KERNEL_WIDTH = 2.7955
 _NEAR = 0.15
 # Levenberg-Marquardt gives up beyond this multiple of the diagonal.
 _LARGEST_DAMPING = 1e12
+
+Kernel = Callable[[Array, float], tuple[Array, Array]]
 
 
 # Robust kernels: cost and weight of an edge as functions of its x = e^T Omega e.
@@ -49,15 +52,16 @@ def _max_mixture(x: Array, width: float) -> tuple[Array, Array]:
     return rho, np.where(false, scale, 1.0)
 
 
-KERNELS: dict[str, Callable[[Array, float], tuple[Array, Array]]] = {
+KERNELS: dict[str, Kernel] = {
     "huber": _huber,
     "dcs": _dcs,
     "max-mixture": _max_mixture,
 }
 
 
+@dataclass(eq=False)
 class NormalEquations:
-    """H step = -gradient of the free poses, at the poses where it was last linearised.
+    """H step = -gradient of the free poses, at the poses where `edges` were last linearised.
 
     Parameters
     ----------
@@ -65,24 +69,18 @@ class NormalEquations:
     system : BlockSystem
     names : callable
         Turns rows of poses into words, for the message about a singular graph.
+    weights : ndarray, shape (m,), optional
+        Of the edges.
     """
 
-    def __init__(
-        self, edges: Edges, system: BlockSystem, names: Callable[[np.ndarray], str]
-    ) -> None:
-        self.edges = edges
-        self.system = system
-        self.names = names
-        self.free = system.free
-        self.weights: Array | None = None
-
-    def linearise(self, poses: Array) -> Array:
-        """Move to `poses` (n, 3); return e^T Omega e of all edges, shape (m,)."""
-        return self.edges.linearise(poses)
+    edges: Edges
+    system: BlockSystem
+    names: Callable[[np.ndarray], str]
+    weights: Array | None = None
 
     def gradient(self) -> Array:
         """J^T Omega e of the free poses, shape (n_free, 3)."""
-        return self.edges.gradient(self.weights)[self.free]
+        return self.edges.gradient(self.weights)[self.system.free]
 
     def factorise(self, damping: float = 0.0, check: bool = True) -> Solve:
         """Return the function that solves (H + damping diag H) x = b."""
@@ -97,10 +95,6 @@ class NormalEquations:
                 f"free to move: {self.names(error.rows)}"
             ) from error
 
-    def diagonal(self) -> Array:
-        """Diagonal of the matrix factorised last, shape (n_free, 3)."""
-        return self.system.diagonal()
-
     def inverse_blocks(self, places: np.ndarray) -> Array:
         """Diagonal blocks (k, 3, 3) of the inverse of H, for places (k,) among the free poses."""
         solve = self.factorise()
@@ -108,45 +102,39 @@ class NormalEquations:
         for start in range(0, len(places), 32):  # a few columns at a time keep memory linear
             part = places[start : start + 32]
             k = np.arange(len(part))
-            unit = np.zeros((len(self.free), 3, len(part), 3))
+            unit = np.zeros((self.system.n, 3, len(part), 3))
             unit[part, :, k, :] = np.eye(3)
-            columns = solve(unit.reshape(len(self.free), 3, -1)).reshape(unit.shape)
+            columns = solve(unit.reshape(self.system.n, 3, -1)).reshape(unit.shape)
             blocks[start : start + 32] = columns[part, :, k, :]
-        return 0.5 * (blocks + np.swapaxes(blocks, 1, 2))
+        return 0.5 * (blocks + blocks.mT)
 
 
+@dataclass(eq=False)
 class Optimization:
     """One run of `PoseGraph.optimize`: its state, and the two algorithms that move it."""
 
-    def __init__(
-        self,
-        poses: Array,
-        equations: NormalEquations,
-        kernel: str | None,
-        kernel_width: float,
-        groups: list[np.ndarray],
-        max_iterations: int,
-        tolerance: float,
-    ) -> None:
-        self.equations = equations
-        self.kernel = None if kernel is None else KERNELS[kernel]
-        self.kernel_width = kernel_width
-        self.groups = groups
+    poses: Array
+    equations: NormalEquations
+    kernel: Kernel | None
+    kernel_width: float
+    groups: list[np.ndarray]
+    max_iterations: int
+    tolerance: float
+
+    def __post_init__(self) -> None:
         self.converged = False
-        self.max_iterations = max_iterations
-        self.tolerance = tolerance
-        if groups:
-            self.log_information = equations.edges.log_information()
-        self.history = [self.move_to(poses)]
+        if self.groups:
+            self.log_information = self.equations.edges.log_information()
         # What is left of the cost when all measurements agree and only rounding is seen.
-        ulp = 4 * np.finfo(float).eps * max(1.0, np.abs(poses).max())
-        self.rounding = equations.edges.trace() * ulp**2
+        ulp = 4 * np.finfo(float).eps * max(1.0, np.abs(self.poses).max())
+        self.rounding = self.equations.edges.trace() * ulp**2
+        self.history = [self.move_to(self.poses)]
         self.solve: Solve | None = None
         self.gain = np.inf
 
     def move_to(self, poses: Array) -> float:
         """Linearise at `poses`; return the cost there."""
-        squared = self.equations.linearise(poses)
+        squared = self.equations.edges.linearise(poses)
         self.poses = poses
         self.chi2 = float(squared.sum())
         rho, self.weights = squared, np.ones(len(squared))
@@ -161,7 +149,7 @@ class Optimization:
 
     def minimise(self, method: str) -> str:
         """Run to the end; return why it ended. `converged` and `poses` hold the rest."""
-        if len(self.equations.free) == 0:
+        if self.equations.system.n == 0:
             self.converged, message = True, "every pose is fixed"
         elif method == "gauss-newton":
             self.converged, message = self.gauss_newton()
@@ -173,7 +161,7 @@ class Optimization:
         """Move the free poses by `step`; return the cost there, inf where that overflows."""
         poses = self.poses.copy()
         with np.errstate(over="ignore"):
-            poses[self.equations.free] += step
+            poses[self.equations.system.free] += step
         if not np.isfinite(poses).all():
             return np.inf
         poses[:, 2] = wrap_angle(poses[:, 2])
@@ -247,7 +235,7 @@ class Optimization:
         gradient = self.equations.gradient()
         while damping <= _LARGEST_DAMPING:
             solve = self.equations.factorise(damping, check=False)
-            diagonal = self.equations.diagonal() * damping / (1 + damping)
+            diagonal = self.equations.system.diagonal() * damping / (1 + damping)
             step = solve(-gradient)
             # model: -2 g.s - s.H s with (H + damping D) s = -g
             promised = float(np.vdot(step, diagonal * step) - np.vdot(gradient, step))

@@ -75,8 +75,8 @@ class ParticleView:
         """Innovation covariance of each of these landmarks, (m, 2, 2), R included."""
         rows = np.asarray(rows, dtype=np.intp)
         H_pose, H = self.sensor.jacobians(self.pose, self.landmarks[rows])
-        robot = H_pose @ self.pose_cov @ np.swapaxes(H_pose, -1, -2)
-        return robot + H @ self.landmark_covs[rows] @ np.swapaxes(H, -1, -2) + self.sensor.cov
+        robot = H_pose @ self.pose_cov @ H_pose.mT
+        return robot + H @ self.landmark_covs[rows] @ H.mT + self.sensor.cov
 
     def innovation_cov(self, rows: ArrayLike) -> Array:
         """Joint innovation covariance of these landmarks, (2 m, 2 m), R included.
@@ -87,7 +87,7 @@ class ParticleView:
         H_pose, H = self.sensor.jacobians(self.pose, self.landmarks[rows])
         tall = H_pose.reshape(-1, 3)
         joint = tall @ self.pose_cov @ tall.T
-        own = H @ self.landmark_covs[rows] @ np.swapaxes(H, -1, -2) + self.sensor.cov
+        own = H @ self.landmark_covs[rows] @ H.mT + self.sensor.cov
         for j, block in enumerate(own):
             part = slice(2 * j, 2 * j + 2)
             joint[part, part] += block

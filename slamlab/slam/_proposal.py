@@ -79,7 +79,7 @@ def draw(odometry: Odometry, inform: Inform, rng: np.random.Generator) -> tuple[
     factor = np.linalg.cholesky(precision)
     white = rng.standard_normal(mean.shape)
     # n ~ N(mean, precision^-1) with precision = L L^T: n = mean + L^-T white.
-    noise = mean + np.linalg.solve(np.swapaxes(factor, 1, 2), white[..., None])[..., 0]
+    noise = mean + np.linalg.solve(factor.mT, white[..., None])[..., 0]
     log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(1)
     log_prior, log_proposal = _log_normal(noise), _log_normal(white) + log_determinant
     return odometry.roll(noise)[0], log_prior - log_proposal
@@ -89,7 +89,7 @@ def _posterior(odometry: Odometry, noise: Array, inform: Inform) -> tuple[Array,
     """Mean (M, q) and precision (M, q, q) of the noise, linearised at `noise`; prior N(0, I)."""
     poses, A = odometry.roll(noise)
     matrix, vector = inform(poses)
-    pull = np.swapaxes(A, 1, 2) @ matrix @ A
+    pull = A.mT @ matrix @ A
     precision = np.eye(A.shape[2]) + pull
     # The residual was taken at `noise`, the prior is centred at 0.
     right = (vector[:, None] @ A)[:, 0] + (pull @ noise[..., None])[..., 0]

@@ -18,7 +18,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from slamlab._checks import Array
 from slamlab.geometry import rotation
-from slamlab.slam._sparse import splu_in_order
+from slamlab.slam._sparse import factors
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def hermitian_factor(H: csc_matrix) -> Any:
     if not np.isfinite(H.data).all():
         raise ValueError("poses: expected a graph of moderate size, the equations overflow")
     try:
-        return splu_in_order(H.tocsc())
+        return factors(H.tocsc(), "MMD_AT_PLUS_A")
     except RuntimeError as error:
         raise ValueError("information: the measurements do not determine the graph") from error
 

@@ -119,7 +119,7 @@ class BlockSystem:
             If H is singular (without `check`: only if it is so to the last bit).
         """
         try:
-            factor = _splu(H)
+            factor = factors(H)
         except RuntimeError as error:
             raise SingularError(self._loose(H)) from error
         # Rounding hides an exact zero, so ask for a known vector back: sound graphs of 20000 poses
@@ -140,7 +140,7 @@ class BlockSystem:
         H = H.copy()
         diagonal = H.diagonal()
         H.data[self._diagonal.ravel()] += 1e-12 * np.where(diagonal > 0, diagonal, 1.0)
-        factor = _splu(H)
+        factor = factors(H)
         v = np.cos(np.arange(3 * self.n))
         for _ in range(3):
             v = factor.solve(v)
@@ -149,22 +149,12 @@ class BlockSystem:
         return np.sort(self.free[self.order[moved]])
 
 
-def _splu(H: csc_matrix, permc_spec: str = "NATURAL") -> Any:
-    # H is symmetric and positive definite: no pivoting. Its supernodes are narrow: no panels, no
-    # relaxation. (Never raise these above SuperLU's 20 and 10: relax=32 overruns its memory.)
-    return splu(
-        H,
-        permc_spec,
-        diag_pivot_thresh=0.0,
-        panel_size=1,
-        relax=1,
-        options={"SymmetricMode": True},
-    )
-
-
-def splu_in_order(H: csc_matrix) -> Any:
-    """Factors of a Hermitian matrix in a minimum-degree order, without pivoting."""
-    return _splu(H, "MMD_AT_PLUS_A")
+def factors(H: csc_matrix, order: str = "NATURAL") -> Any:
+    """Factors of a Hermitian matrix in its own order, or one that `splu` knows; no pivoting."""
+    # Supernodes are narrow here: no panels, no relaxation. (Never raise these above SuperLU's 20
+    # and 10: relax=32 overruns its memory.)
+    symmetric = {"SymmetricMode": True}
+    return splu(H, order, diag_pivot_thresh=0.0, panel_size=1, relax=1, options=symmetric)
 
 
 def _fill_reducing_order(n: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
@@ -174,4 +164,4 @@ def _fill_reducing_order(n: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     rows, columns = np.concatenate([i, j, diagonal]), np.concatenate([j, i, diagonal])
     values = np.append(np.full(2 * len(i), -1.0), np.full(n, 2.0 * len(i) + 1))
     pattern = csc_matrix((values, (rows, columns)), shape=(n, n))
-    return np.argsort(_splu(pattern, "MMD_AT_PLUS_A").perm_c)
+    return np.argsort(factors(pattern, "MMD_AT_PLUS_A").perm_c)

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
-from slamlab.slam._covariance import transposed
 from slamlab.slam._linearise import as_linearisation, carried, corrected
 
 __all__ = ["BatchInnovation", "EKFSlamBatch"]
@@ -140,14 +139,14 @@ class EKFSlamBatch:
         V = as_covariance("control_cov", control_cov, u.shape[-1])
         F_x, F_u = self.motion.jacobians(pose, u, dt)
         moved = self.motion.step(pose, u, dt)
-        self.move_cov(self._carried(F_x, pose), F_u @ V @ transposed(F_u))
+        self.move_cov(self._carried(F_x, pose), F_u @ V @ F_u.mT)
         self._mean[:, :3] = self._first[:, :3] = moved
 
     def move_cov(self, F: Array, Q: Array) -> None:
         """P1 (11): the covariance of the pose and its cross-covariance with the map."""
         P = self._P
         P[:, :3] = F @ P[:, :3]
-        P[:, :, :3] = P[:, :, :3] @ transposed(F)
+        P[:, :, :3] = P[:, :, :3] @ F.mT
         P[:, :3, :3] += Q
 
     def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> BatchInnovation:
@@ -200,19 +199,19 @@ class EKFSlamBatch:
         # (33)
         i = np.concatenate([np.tile(np.arange(3), (runs, 1)), _entries(rows).reshape(runs, -1)], 1)
         HP = H @ self._P[run, i]
-        S = np.take_along_axis(HP, i[:, None, :], 2) @ transposed(H)
+        S = np.take_along_axis(HP, i[:, None, :], 2) @ H.mT
         S.reshape(runs, m, 2, m, 2)[:, np.arange(m), :, np.arange(m)] += self.sensor.cov
         # (34)-(36): K = B^T L^-1 and K S K^T = B^T B with S = L L^T
         root = np.linalg.cholesky(S)
         white = np.linalg.solve(root, np.concatenate([v.reshape(runs, 2 * m, 1), HP], 2))
         y, B = white[..., :1], white[..., 1:]
-        change = (transposed(B) @ y)[..., 0]
+        change = (B.mT @ y)[..., 0]
         self._mean, a = corrected(self._mean, change, self.linearisation)
-        self._P -= transposed(B) @ B
+        self._P -= B.mT @ B
         if a is not None:
             b = self._P[:, 2] + 0.5 * self._P[:, 2, 2, None] * a
             both = a[:, :, None] * b[:, None, :]
-            self._P += both + transposed(both)
+            self._P += both + both.mT
         return BatchInnovation((y**2).sum((1, 2)), 2 * counts.sum(1))
 
     def _augment(self, k: int, runs: NDArray[np.intp], z: Array) -> None:
@@ -222,8 +221,8 @@ class EKFSlamBatch:
         G_pose, G_z = self.sensor.locate_jacobians(pose, z[runs])
         G = self._carried(G_pose, pose, runs)
         cross = G @ self._P[runs, :3, :]
-        self._P[runs, i, :], self._P[runs, :, i] = cross, transposed(cross)
-        own = cross[..., :3] @ transposed(G) + G_z @ self.sensor.cov @ transposed(G_z)
+        self._P[runs, i, :], self._P[runs, :, i] = cross, cross.mT
+        own = cross[..., :3] @ G.mT + G_z @ self.sensor.cov @ G_z.mT
         self._P[runs, i, i] = own
         self.known[runs, k] = True
 

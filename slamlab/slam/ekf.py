@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 from slamlab._checks import Array, all_finite, as_array, as_count, as_covariance
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
-from slamlab.slam._covariance import POSE, Covariance, block_diagonal, diagonal, times, transposed
+from slamlab.slam._covariance import POSE, Covariance, block_diagonal, diagonal, times
 from slamlab.slam._linearise import as_linearisation, carried, corrected
 from slamlab.slam.association import IGNORED, NEW, nearest_neighbour
 
@@ -390,9 +390,9 @@ class EKFSlam:
         i = entries_of(rows).reshape(-1, 2)
         P_lp = self._P.pairs(i[..., None], POSE)
         P_ll = self._P.pairs(i[:, :, None], i[:, None, :])
-        cross = H_landmark @ P_lp @ transposed(H_pose)
-        own = H_landmark @ P_ll @ transposed(H_landmark) + self.sensor.cov
-        return H_pose @ self._P.pose @ transposed(H_pose) + cross + transposed(cross) + own
+        cross = H_landmark @ P_lp @ H_pose.mT
+        own = H_landmark @ P_ll @ H_landmark.mT + self.sensor.cov
+        return H_pose @ self._P.pose @ H_pose.mT + cross + cross.mT + own
 
     def innovation_cov(self, rows: ArrayLike) -> Array:
         """Joint covariance (2m, 2m) of what the landmarks in `rows` would measure together.
@@ -423,7 +423,7 @@ class EKFSlam:
         """P1 (37)-(42): new landmarks (2k,), their slopes by the pose and their own noise."""
         points = self.sensor.locate(pose, z)
         G_pose, G_z = self.sensor.locate_jacobians(pose, z)
-        noise = G_z @ R @ transposed(G_z)
+        noise = G_z @ R @ G_z.mT
         if not (np.isfinite(points).all() and np.isfinite(noise).all()):
             raise ValueError("z: expected measurements of landmarks that can be placed, got inf")
         G = self._carried(G_pose.reshape(-1, 3), pose)

@@ -25,6 +25,7 @@ from slamlab._checks import (
     as_choice,
     as_count,
     as_covariance,
+    as_positive,
     as_scalar,
     as_tuple,
 )
@@ -181,7 +182,11 @@ class PoseGraph:
         if n == 0:
             raise ValueError("poses: expected at least one pose, got none")
         self.ids = _checked_ids("ids", ids, n, 0)
-        self.edges = _checked_edges(edges, n)
+        self.edges = _checked_edges("edges", edges, (n, n), "poses")
+        loop = np.flatnonzero(self.edges[:, 0] == self.edges[:, 1])
+        if loop.size:
+            itself = f"edge {loop[0]} joins pose {self.edges[loop[0], 0]} with itself"
+            raise ValueError(f"edges: expected two different poses, {itself}")
         m = len(self.edges)
         self.measurements = as_array("measurements", measurements, (m, 3)).astype(np.float64)
         self.information = _checked_information("information", information, m, 3)
@@ -195,8 +200,8 @@ class PoseGraph:
         points = nothing if landmarks is None else landmarks
         self.landmarks = as_array("landmarks", points, ("k", 2)).astype(np.float64)
         k = len(self.landmarks)
-        links: ArrayLike = [] if landmark_edges is None else landmark_edges
-        self.landmark_edges = _checked_links(links, n, k)
+        links = nothing if landmark_edges is None else landmark_edges
+        self.landmark_edges = _checked_edges("landmark_edges", links, (n, k), "landmarks")
         seen = nothing if landmark_measurements is None else landmark_measurements
         s = len(self.landmark_edges)
         self.landmark_measurements = as_array("landmark_measurements", seen, (s, 2)).astype(float)
@@ -280,18 +285,19 @@ class PoseGraph:
         content = _g2o.read(path)
         row = {identity: k for k, identity in enumerate(content.ids)}
         spot = {identity: k for k, identity in enumerate(content.point_ids)}
+        edges, sightings = content.edges, content.sightings
         return cls(
             content.poses,
-            [(row[i], row[j]) for i, j in content.edges],
-            np.reshape(content.measurements, (-1, 3)),
-            np.reshape(content.information, (-1, 3, 3)),
+            [(row[i], row[j]) for i, j in edges.pairs],
+            np.reshape(edges.measurements, (-1, 3)),
+            np.reshape(edges.information, (-1, 3, 3)),
             ids=content.ids,
             fixed=[row[identity] for identity in content.fixed] or (0,),
             scans=content.scans,
             landmarks=np.reshape(content.points, (-1, 2)),
-            landmark_edges=[(row[i], spot[j]) for i, j in content.sightings],
-            landmark_measurements=np.reshape(content.seen, (-1, 2)),
-            landmark_information=np.reshape(content.seen_information, (-1, 2, 2)),
+            landmark_edges=[(row[i], spot[j]) for i, j in sightings.pairs],
+            landmark_measurements=np.reshape(sightings.measurements, (-1, 2)),
+            landmark_information=np.reshape(sightings.information, (-1, 2, 2)),
             landmark_ids=content.point_ids,
         )
 
@@ -303,20 +309,19 @@ class PoseGraph:
         path : str or Path
         """
         ids, names = self.ids.tolist(), self.landmark_ids.tolist()
-        content = _g2o.Content(
-            ids=ids,
-            poses=self.poses.tolist(),
-            edges=[(ids[i], ids[j]) for i, j in self.edges.tolist()],
-            measurements=self.measurements.tolist(),
-            information=self.information.tolist(),
-            fixed=[] if self.fixed == (0,) else [ids[row] for row in self.fixed],
-            scans=self.scans,
-            point_ids=names,
-            points=self.landmarks.tolist(),
-            sightings=[(ids[i], names[j]) for i, j in self.landmark_edges.tolist()],
-            seen=self.landmark_measurements.tolist(),
-            seen_information=self.landmark_information.tolist(),
+        edges = _g2o.Links(
+            [(ids[i], ids[j]) for i, j in self.edges.tolist()],
+            self.measurements.tolist(),
+            self.information.tolist(),
         )
+        sightings = _g2o.Links(
+            [(ids[i], names[j]) for i, j in self.landmark_edges.tolist()],
+            self.landmark_measurements.tolist(),
+            self.landmark_information.tolist(),
+        )
+        fixed = [] if self.fixed == (0,) else [ids[row] for row in self.fixed]
+        poses, points = self.poses.tolist(), self.landmarks.tolist()
+        content = _g2o.Content(ids, poses, edges, fixed, self.scans, names, points, sightings)
         _g2o.write(path, content)
 
     def with_poses(self, poses: ArrayLike, landmarks: ArrayLike | None = None) -> PoseGraph:
@@ -362,14 +367,12 @@ class PoseGraph:
         self._check_connected()
         edges, measurements, information = self._all_edges()
         tau, kappa = isotropic(information)
-        first, n, guesses = self.fixed[0], len(self.poses), []
+        n, k, guesses = len(self.poses), len(self.landmarks), []
         for weight in (1.0, 1e-9):
-            relaxation = Relaxation(
-                edges, measurements, weight * tau, kappa, n, len(self.landmarks)
-            )
+            relaxation = Relaxation(edges, measurements, weight * tau, kappa, n, k)
             with np.errstate(all="ignore"):
                 try:
-                    x = relaxation.guess(self._stack(None, None), first)
+                    x = relaxation.guess(self._stack(None, None), self.fixed[0])
                 except ValueError:  # singular without the other half of the measurements
                     continue
             if np.isfinite(x).all():
@@ -481,21 +484,20 @@ class PoseGraph:
             graph is not connected to a fixed pose, or is singular. The message names the poses.
         """
         as_choice("method", method, ["gauss-newton", "levenberg-marquardt"])
-        if kernel is not None:
-            as_choice("kernel", kernel, list(KERNELS))
-        tiny = np.finfo(float).tiny
-        widths = [as_scalar("kernel_width", w, tiny, 1e150) for w in np.atleast_1d(kernel_width)]
+        robust = None if kernel is None else KERNELS[as_choice("kernel", kernel, list(KERNELS))]
+        widths = [as_positive("kernel_width", w, 1e150) for w in np.atleast_1d(kernel_width)]
         if not widths:
             raise ValueError("kernel_width: expected at least one width, got none")
         max_iterations = as_count("max_iterations", max_iterations)
         tolerance = as_scalar("tolerance", tolerance, 0.0, 1.0)
         groups = self._groups(alternatives)
-        equations, poses = self._equations(), self._stack(None, None)
+        equations = self._equations(self._all_edges(), self.fixed)
+        poses = self._stack(None, None)
         # Poses of astronomic size overflow; they end in a message, not in a warning.
         with np.errstate(over="ignore", invalid="ignore"):
-            for width in widths if kernel else widths[:1]:
+            for width in widths if robust else widths[:1]:
                 run = Optimization(
-                    poses, equations, kernel, width, groups, max_iterations, tolerance
+                    poses, equations, robust, width, groups, max_iterations, tolerance
                 )
                 message = run.minimise(method)
                 poses = run.poses
@@ -552,10 +554,7 @@ class PoseGraph:
         ValueError
             If a row is unknown or the graph is disconnected or singular.
         """
-        n = len(self.poses)
-        rows = _checked_rows("i", np.atleast_1d(i), n)
-        covs = self._marginals(rows, self._stack(poses, landmarks))
-        return covs[0] if np.ndim(i) == 0 else covs
+        return self._marginals(i, len(self.poses), 0, self._stack(poses, landmarks))
 
     def landmark_cov(
         self, i: Any, poses: ArrayLike | None = None, landmarks: ArrayLike | None = None
@@ -581,22 +580,17 @@ class PoseGraph:
             If a row is unknown or the graph is disconnected or singular.
         """
         k, n = len(self.landmarks), len(self.poses)
-        rows = _checked_rows("i", np.atleast_1d(i), k)
-        covs = self._marginals(n + rows, self._stack(poses, landmarks))[:, :2, :2]
-        return covs[0] if np.ndim(i) == 0 else covs
+        return self._marginals(i, k, n, self._stack(poses, landmarks))[..., :2, :2]
 
     # Helpers
 
     def _stack(self, poses: ArrayLike | None, landmarks: ArrayLike | None) -> Array:
         """Poses, then landmarks as poses whose heading nothing measures, shape (n + k, 3)."""
-        if poses is not None:
-            poses = as_array("poses", poses, self.poses.shape)
+        x = self.poses if poses is None else as_array("poses", poses, self.poses.shape)
+        points = self.landmarks
         if landmarks is not None:
-            landmarks = as_array("landmarks", landmarks, self.landmarks.shape)
-        points = self.landmarks if landmarks is None else landmarks
-        return np.vstack(
-            [self.poses if poses is None else poses, np.pad(points, ((0, 0), (0, 1)))]
-        )
+            points = as_array("landmarks", landmarks, points.shape)
+        return np.vstack([x, np.pad(points, ((0, 0), (0, 1)))])
 
     def _all_edges(self) -> tuple[np.ndarray, Array, Array]:
         """Edges, measurements and information between the rows of `_stack`."""
@@ -609,18 +603,16 @@ class PoseGraph:
             np.vstack([self.information, np.pad(self.landmark_information, (*pad, (0, 1)))]),
         )
 
-    def _equations(self) -> NormalEquations:
+    def _equations(self, edges: tuple[Any, ...], fixed: Sequence[int]) -> NormalEquations:
         self._check_connected()
-        n, k = len(self.poses), len(self.landmarks)
-        free = np.setdiff1d(np.arange(n + k), self.fixed)
-        all_edges = self._all_edges()
-        system = BlockSystem(n + k, all_edges[0], free, np.arange(n, n + k))
-        return NormalEquations(Edges(*all_edges), system, self._names)
+        n, size = len(self.poses), len(self.poses) + len(self.landmarks)
+        free = np.setdiff1d(np.arange(size), fixed)
+        system = BlockSystem(size, edges[0], free, np.arange(n, size))
+        return NormalEquations(Edges(*edges), system, self._names)
 
     def _result(self, run: Optimization, message: str) -> Result:
         n, m = len(self.poses), len(self.edges)
-        doubted = run.kernel is not None
-        closures = self.closures if doubted else np.zeros(m, dtype=bool)
+        closures = self.closures & (run.kernel is not None)
         rejected = int((run.weights[:m][closures] < REJECTED).sum())
         if rejected > 0.5 * closures.sum():
             warnings.warn(
@@ -644,38 +636,31 @@ class PoseGraph:
             _graph=self,
         )
 
-    def _certificate(self, x: Array, weights: Array, tolerance: float = 0.01) -> Certificate:
+    def _certificate(self, x: Array, weights: Array) -> Certificate:
         """Certificate for the edges as weighted; the bound is taken where x settles."""
-        self._check_connected()
-        n, k = len(self.poses), len(self.landmarks)
         edges, measurements, information = self._all_edges()
         information = weights[:, None, None] * information
-        weighted = Edges(edges, measurements, information)
-        chi2 = float(weighted.linearise(x).sum())
-        free = np.setdiff1d(np.arange(n + k), self.fixed[0])
-        if len(free):
-            system = BlockSystem(n + k, edges, free, np.arange(n, n + k))
-            run = Optimization(
-                x, NormalEquations(weighted, system, self._names), None, 1.0, [], 10, 0.0
-            )
-            run.minimise("gauss-newton")
-            x = run.poses
+        equations = self._equations((edges, measurements, information), self.fixed[:1])
+        run = Optimization(x, equations, None, 1.0, [], 10, 0.0)
+        run.minimise("gauss-newton")
         i, j = edges.T
-        e = edge_error(x[i], x[j], measurements)
+        e = edge_error(run.poses[i], run.poses[j], measurements)
         measurements, tau, kappa, raised = touching(e, measurements, information)
+        n, k = len(self.poses), len(self.landmarks)
         relaxation = Relaxation(edges, measurements, tau, kappa, n, k)
-        return certify(relaxation, x, chi2, tolerance, raised)
+        return certify(relaxation, run.poses, run.history[0], 0.01, raised)
 
-    def _marginals(self, rows: np.ndarray, x: Array) -> Array:
-        equations = self._equations()
+    def _marginals(self, i: Any, count: int, first: int, x: Array) -> Array:
+        rows = first + _checked_rows("i", np.atleast_1d(i), count)
+        equations = self._equations(self._all_edges(), self.fixed)
         place = np.full(len(x), -1)
-        place[equations.free] = np.arange(len(equations.free))
+        place[equations.system.free] = np.arange(equations.system.n)
         wanted = np.flatnonzero(place[rows] >= 0)
         covs = np.zeros((len(rows), 3, 3))
         if wanted.size:
-            equations.linearise(x)
+            equations.edges.linearise(x)
             covs[wanted] = equations.inverse_blocks(place[rows[wanted]])
-        return covs
+        return covs[0] if np.ndim(i) == 0 else covs
 
     def _groups(self, alternatives: Sequence[Sequence[int]]) -> list[np.ndarray]:
         m = len(self.edges)
@@ -702,15 +687,11 @@ class PoseGraph:
             )
 
     def _names(self, rows: np.ndarray) -> str:
-        n = len(self.poses)
-        all_names = [str(name) for name in self.ids]
-        all_names += [f"{name} (landmark)" for name in self.landmark_ids]
+        kind, mark = ("pose", " (landmark)") if rows.min() < len(self.poses) else ("landmark", "")
+        all_names = [*map(str, self.ids), *(f"{name}{mark}" for name in self.landmark_ids)]
         names = ", ".join(all_names[row] for row in rows[:8])
         more = f" and {len(rows) - 8} more" if len(rows) > 8 else ""
-        if rows.min() >= n:
-            names = names.replace(" (landmark)", "")
-            return f"{'landmarks' if len(rows) > 1 else 'landmark'} {names}{more}"
-        return f"{'poses' if len(rows) > 1 else 'pose'} {names}{more}"
+        return f"{kind}{'s' if len(rows) > 1 else ''} {names}{more}"
 
 
 # Checks at the door
@@ -740,25 +721,7 @@ def _checked_ids(name: str, ids: Sequence[int] | None, n: int, first: int) -> np
     return array
 
 
-def _checked_edges(edges: ArrayLike, n: int) -> np.ndarray:
-    array = _checked_pairs("edges", edges)
-    _check_rows("edges", array, (n, n), ("poses", "poses"))
-    same = np.flatnonzero(array[:, 0] == array[:, 1])
-    if same.size:
-        raise ValueError(
-            f"edges: expected two different poses, edge {same[0]} joins pose "
-            f"{array[same[0], 0]} with itself"
-        )
-    return array
-
-
-def _checked_links(edges: ArrayLike, n: int, k: int) -> np.ndarray:
-    array = _checked_pairs("landmark_edges", edges)
-    _check_rows("landmark_edges", array, (n, k), ("poses", "landmarks"))
-    return array
-
-
-def _checked_pairs(name: str, edges: ArrayLike) -> np.ndarray:
+def _checked_edges(name: str, edges: ArrayLike, counts: tuple[int, int], of: str) -> np.ndarray:
     try:
         array = np.asarray(edges)
     except ValueError as error:
@@ -770,18 +733,13 @@ def _checked_pairs(name: str, edges: ArrayLike) -> np.ndarray:
             f"{name}: expected whole numbers of shape (m, 2), "
             f"got {array.dtype} of shape {array.shape}"
         )
-    return array.astype(np.intp)
-
-
-def _check_rows(
-    name: str, array: np.ndarray, counts: tuple[int, int], of: tuple[str, str]
-) -> None:
+    array = array.astype(np.intp)
     unknown = np.argwhere((array < 0) | (array >= counts))
     if len(unknown):
         k, side = unknown[0]
-        raise ValueError(
-            f"{name}: expected rows of {counts[side]} {of[side]}, got {array[k, side]} in edge {k}"
-        )
+        wanted = f"rows of {counts[side]} {('poses', of)[side]}"
+        raise ValueError(f"{name}: expected {wanted}, got {array[k, side]} in edge {k}")
+    return array
 
 
 def _checked_information(name: str, information: ArrayLike, m: int, size: int) -> Array:
