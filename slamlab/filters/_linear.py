@@ -15,10 +15,9 @@ def apply(matrix: Array, vector: Array) -> Array:
 def innovation_root(S: Array) -> Array:
     """Lower Cholesky factor of an innovation covariance (..., m, m); a singular S is named."""
     try:
-        root = np.linalg.cholesky(S)
+        return np.asarray(np.linalg.cholesky(S))
     except np.linalg.LinAlgError as error:
         raise singular(S) from error
-    return np.asarray(root)
 
 
 def singular(S: Array) -> ValueError:

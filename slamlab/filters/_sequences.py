@@ -9,6 +9,7 @@ recurrences are compiled (`_sweeps`). Inside, time is the first axis.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
 from slamlab.filters._linear import apply, singular
-from slamlab.filters._sweeps import recur, smooth_covariances, step_covariances
+from slamlab.filters._sweeps import Arrays, recur, smooth_covariances, step_covariances
 from slamlab.gaussian import Gaussian, as_belief
 
 # Covariances count as settled when what is left of their way is below this many units of
@@ -142,20 +143,34 @@ def filter(
     if length == 0:
         raise ValueError(f"z: expected at least one step, got shape {z.shape}")
     batch = _batch_shape(z, initial, F, H, Q, R, B, u)
-    evolution = _model("F", as_array("F", F, ("...", n, n)), length, batch)
-    observe = _model("H", as_array("H", H, ("...", m, n)), length, batch)
-    motion_noise = _model("Q", as_covariance("Q", Q, n), length, batch)
-    noise = _model("R", as_covariance("R", R, m), length, batch)
+    F = _model("F", as_array("F", F, ("...", n, n)), length, batch)
+    H = _model("H", as_array("H", H, ("...", m, n)), length, batch)
+    Q = _model("Q", as_covariance("Q", Q, n), length, batch)
+    R = _model("R", as_covariance("R", R, m), length, batch)
     push = _push(B, u, n, length, batch)
     z = _time_first(z, batch, 1)
     seen = _shared(~np.isnan(z))
     P = _shared(_flat(initial.cov, batch, 2)[None])[0]
-    steps, rows = _covariances(evolution, observe, motion_noise, noise, P, seen)
+    steps, rows = _covariances((F, H, Q, R), P, seen)
     mean = _flat(initial.mean, batch, 1)
-    means = _means(steps, rows, observe, np.where(seen, z, 0), push, mean)
+    means = _means(steps, rows, H, np.where(seen, z, 0), push, mean)
     before = np.concatenate([np.broadcast_to(mean, (1, *means.shape[1:])), means[:-1]])
-    predicted = _apply_all(evolution, before) + push
-    return _result(batch, steps, rows, evolution, means, predicted, z, observe, seen)
+    predicted = _apply_all(F, before) + push
+    residuals = z - _apply_all(H, predicted)
+    nis, log_density = _fit(steps, rows, np.where(seen, residuals, 0), seen.sum(-1))
+    return FilterResult(
+        means=_batch_first(means, batch),
+        covs=_batch_first(steps.cov[rows], batch),
+        predicted_means=_batch_first(predicted, batch),
+        predicted_covs=_batch_first(steps.predicted[rows], batch),
+        residuals=_batch_first(residuals, batch),
+        innovation_covs=_batch_first(steps.S[rows], batch),
+        gains=_batch_first(steps.K[rows], batch),
+        nis=_batch_first(nis, batch),
+        log_likelihood=np.broadcast_to(log_density.sum(0), (prod(batch),)).reshape(batch),
+        evolution=F,
+        rows=rows,
+    )
 
 
 def smooth(result: FilterResult) -> SmootherResult:
@@ -182,9 +197,10 @@ def smooth(result: FilterResult) -> SmootherResult:
     # x_k|T = x_k|k + C_k (x_k+1|T - x_k+1|k): the recurrence of the filter, backwards
     offset = means.copy()
     offset[:-1] -= _grouped(gains, groups, predicted[1:])
-    offset[:-1] = _recurrence(gains[::-1], _backwards(groups), offset[:-1][::-1], means[-1])[::-1]
+    backwards = len(gains) - 1 - groups[::-1]
+    offset[:-1] = _recurrence(gains[::-1], backwards, offset[:-1][::-1], means[-1])[::-1]
     covs = _smoothed_covariances(gains, groups, P, ahead)
-    return SmootherResult(_batch_first(offset, batch, 1), _batch_first(covs, batch, 2))
+    return SmootherResult(_batch_first(offset, batch), _batch_first(covs, batch))
 
 
 def fixed_lag(result: FilterResult, lag: int) -> SmootherResult:
@@ -225,30 +241,29 @@ def fixed_lag(result: FilterResult, lag: int) -> SmootherResult:
         C = gains[groups[back:]]
         x[:stop] = means[back:-1] + apply(C, x[:stop] - predicted[back + 1 :])
         cov[:stop] = P[back:-1] + C @ (cov[:stop] - ahead[back + 1 :]) @ C.mT
-    return SmootherResult(_batch_first(x, batch, 1), _batch_first(cov, batch, 2))
+    return SmootherResult(_batch_first(x, batch), _batch_first(cov, batch))
 
 
 # --- covariances: once for a batch, until they settle ---
 
 
-def _covariances(
-    F: Array, H: Array, Q: Array, R: Array, P: Array, seen: np.ndarray
-) -> tuple[_Step, np.ndarray]:
+def _covariances(model: Arrays, P: Array, seen: np.ndarray) -> tuple[_Step, np.ndarray]:
     """Distinct steps of P5 (4), (6), (7), (9), stacked, and which of them each time uses."""
     # Copies of one type, in one order: each other combination would be compiled anew.
-    dtype = np.result_type(F, H, Q, R, P)
-    F, H, Q, R, P = (np.array(matrix, dtype, order="C") for matrix in (F, H, Q, R, P))
+    dtype = np.result_type(*model, P)
+    F, H, Q, R, P = (np.array(matrix, dtype, order="C") for matrix in (*model, P))
+    model = F, H, Q, R
     seen, length = np.array(seen, order="C"), len(seen)
     complete = np.asarray(seen.all(axis=(1, 2)))
     gaps = np.append(np.flatnonzero(~complete), length)
-    constant = all(len(matrix) == 1 for matrix in (F, H, Q, R))
+    constant = all(len(matrix) == 1 for matrix in model)
     parts: list[_Step] = []
     rows = np.empty(length, dtype=int)
     limit = SETTLED * float(np.finfo(P.dtype).eps) if constant else -1.0
     k = n_distinct = 0
     while k < length:
         steps = _empty_steps(min(length - k, max(64, n_distinct)), H, F, seen, P)
-        done = step_covariances(F, H, Q, R, P, seen, k, limit, tuple(steps))
+        done = step_covariances(model, P, seen, k, limit, tuple(steps))
         if done < 0:
             raise singular(steps.S[-1 - done])
         stop = k + done
@@ -338,10 +353,6 @@ def _smoothed_covariances(gains: Array, groups: np.ndarray, P: Array, ahead: Arr
     return out
 
 
-def _backwards(groups: np.ndarray) -> np.ndarray:
-    return (groups[-1] - groups)[::-1] if len(groups) else groups
-
-
 # --- shapes: time first, one flat batch axis of length 1 or the batch's size ---
 
 
@@ -368,17 +379,9 @@ def _time_first(array: Array, batch: tuple[int, ...], n_axes: int) -> Array:
     return np.ascontiguousarray(np.moveaxis(_flat(array, batch, n_axes + 1), 1, 0))
 
 
-def _batch_first(array: Array, batch: tuple[int, ...], n_axes: int) -> Array:
-    core = array.shape[2:]
-    size = int(np.prod(batch, dtype=int))
-    out = np.moveaxis(np.broadcast_to(array, (len(array), size, *core)), 0, 1)
-    return out[0] if batch == () else _split(out, batch)
-
-
-def _split(array: Array, batch: tuple[int, ...]) -> Array:
-    if len(batch) == 1:
-        return array
-    return array.reshape(*batch, *array.shape[1:])
+def _batch_first(array: Array, batch: tuple[int, ...]) -> Array:
+    out = np.moveaxis(np.broadcast_to(array, (len(array), prod(batch), *array.shape[2:])), 0, 1)
+    return out.reshape(*batch, *out.shape[1:])
 
 
 def _model(name: str, matrix: Array, length: int, batch: tuple[int, ...]) -> Array:
@@ -426,39 +429,13 @@ def _grouped(matrices: Array, rows: np.ndarray, vectors: Array) -> Array:
     return _apply_all(matrices if len(matrices) == 1 else matrices[rows], vectors)
 
 
-def _result(
-    batch: tuple[int, ...],
-    steps: _Step,
-    rows: np.ndarray,
-    F: Array,
-    means: Array,
-    predicted: Array,
-    z: Array,
-    H: Array,
-    seen: np.ndarray,
-) -> FilterResult:
-    residuals = z - _apply_all(H, predicted)
-    white = _grouped(steps.whitening, rows, np.where(seen, residuals, 0))
+def _fit(steps: _Step, rows: np.ndarray, residuals: Array, seen: Array) -> tuple[Array, Array]:
+    """Normalised innovations squared (T, batch) and log densities, `seen` components a step."""
+    white = _grouped(steps.whitening, rows, residuals)
     nis = (white * white).sum(-1)
-    count = seen.sum(-1)
     log_det = -2 * np.log(np.diagonal(steps.whitening, axis1=-2, axis2=-1)).sum(-1)
-    log_density = -0.5 * (nis + log_det[rows] + count * np.log(2 * np.pi))
-    nis = np.where(count > 0, nis, np.nan)
-    size = int(np.prod(batch, dtype=int))
-    total = np.broadcast_to(log_density.sum(0), (size,)).reshape(batch)
-    return FilterResult(
-        means=_batch_first(means, batch, 1),
-        covs=_batch_first(steps.cov[rows], batch, 2),
-        predicted_means=_batch_first(predicted, batch, 1),
-        predicted_covs=_batch_first(steps.predicted[rows], batch, 2),
-        residuals=_batch_first(residuals, batch, 1),
-        innovation_covs=_batch_first(steps.S[rows], batch, 2),
-        gains=_batch_first(steps.K[rows], batch, 2),
-        nis=_batch_first(nis, batch, 0),
-        log_likelihood=total,
-        evolution=F,
-        rows=rows,
-    )
+    log_density = -0.5 * (nis + log_det[rows] + seen * np.log(2 * np.pi))
+    return np.where(seen > 0, nis, np.nan), log_density
 
 
 def _unpack(result: FilterResult) -> tuple[tuple[int, ...], Array, Array, Array, Array]:

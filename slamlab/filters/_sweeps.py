@@ -12,6 +12,8 @@ import numpy as np
 from slamlab._checks import Array
 from slamlab._compiling import njit
 
+Arrays = tuple[Array, ...]
+
 # A sweep that stopped where little changed goes on for so many steps before it stops again.
 _PATIENCE = 8
 
@@ -98,21 +100,15 @@ def _is_still(new: Array, old: Array, limit: float) -> bool:
 
 @njit(cache=True)
 def step_covariances(
-    F: Array,
-    H: Array,
-    Q: Array,
-    R: Array,
-    P: Array,
-    seen: Array,
-    start: int,
-    limit: float,
-    out: tuple[Array, ...],
+    model: Arrays, P: Array, seen: Array, start: int, limit: float, out: Arrays
 ) -> int:
     """P5 (4), (6), (7), (9) from step `start` on, as many as `out` holds; how many were done.
 
+    The model is F, H, Q, R; `out` are the parts of a `_Step`.
     Ends early where no covariance changes by more than `limit`, and returns -1 - i where the
     innovation covariance of the i-th step is singular.
     """
+    F, H, Q, R = model
     predicted, S, K, cov, whitening, A = out
     for i in range(len(cov)):
         k, still = start + i, i >= _PATIENCE

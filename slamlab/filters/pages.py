@@ -52,9 +52,7 @@ class SharedPages:
     """
 
     def __init__(self, n_particles: int, empty: ArrayLike) -> None:
-        self.table: NDArray[np.int32] = np.zeros(
-            (as_count("n_particles", n_particles, 1), 0), "i4"
-        )
+        self.table = np.zeros((as_count("n_particles", n_particles, 1), 0), np.int32)
         self.pages: NDArray = np.array([empty])
         self._owners = np.zeros(1, np.int64)
         self._free: Indices = np.zeros(0, np.intp)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_count, as_rng, as_scalar, as_shaped
+from slamlab._checks import Array, as_a, as_array, as_count, as_rng, as_shaped
 from slamlab.filters.particle import KLD, ParticleFilter, PoseParticles
 from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.models import MotionModel, as_motion, as_scan_sensor, as_sensor
@@ -125,7 +125,12 @@ class MonteCarloLocalization(PoseParticles):
                 f"bounds: expected ((x_min, x_max), (y_min, y_max)), got {self._bounds.tolist()}"
             )
         self._rng = as_rng("rng", rng)
-        self._rates = _checked_rates(injection)
+        self._rates = injection
+        if injection is not None:
+            slow, fast = self._rates = as_array("injection", injection, (2,)).tolist()
+            if not 0 < slow < fast <= 1:
+                rates = f"{slow:g}, {fast:g}"
+                raise ValueError(f"injection: expected rates 0 < slow < fast <= 1, got {rates}")
         self._slow = self._fast = -1.0
         self.injected = 0.0
         start = self._anywhere(as_count("n_particles", n_particles, 1))
@@ -262,15 +267,6 @@ class MonteCarloLocalization(PoseParticles):
         position = self._rng.uniform(low, high, (n, 2))
         heading = -self._rng.uniform(-np.pi, np.pi, (n, 1))
         return np.concatenate([position, heading], 1)
-
-
-def _checked_rates(injection: tuple[float, float] | None) -> tuple[float, float] | None:
-    if injection is None:
-        return None
-    slow, fast = as_array("injection", injection, (2,))
-    if not 0 < slow < fast <= 1:
-        raise ValueError(f"injection: expected rates 0 < slow < fast <= 1, got {slow:g}, {fast:g}")
-    return as_scalar("injection", slow), as_scalar("injection", fast)
 
 
 def _checked_ids(ids: ArrayLike, count: int, n_landmarks: int) -> NDArray[np.intp]:

@@ -9,13 +9,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_distances, as_scalar
 from slamlab._files import read_npz
 from slamlab._optional import with_bar
 from slamlab.geometry import wrap_angle
@@ -28,20 +27,20 @@ __all__ = ["Location", "SignatureMap", "autocorrelation", "spectrum", "three_num
 
 Bools = NDArray[np.bool_]
 
+# Harmonics that a map compares: the low ones hold the room, the high ones mostly how the beams
+# happen to fall.
 N_HARMONICS = 16
-"""Harmonics that a map compares: the low ones hold the room, the high ones mostly how the beams
-happen to fall."""
+# Places more than this many pitches apart are distinct: at P5's stride of two pixels 14 pixels,
+# half the side of its robot.
 SEPARATION = 7
-"""Places more than this many pitches apart are distinct: at P5's stride of two pixels 14 pixels,
-half the side of its robot."""
+# A beam that misfits by more than this many pitches counts as this many: at the edge of an
+# obstacle a range jumps.
 CAP = 5
-"""A beam that misfits by more than this many pitches counts as this many: at the edge of an
-obstacle a range jumps."""
+# Places that the tree proposes and whose whole scans are compared. At most 149 points of a grid
+# lie within SEPARATION of one of them, so that many stand elsewhere.
 N_CANDIDATES = 192
-"""Places that the tree proposes and whose whole scans are compared. At most 149 points of a grid
-lie within SEPARATION of one of them, so that many stand elsewhere."""
+# The same place counts as a distinct pose if the heading differs by more than this (rad).
 OTHER_HEADING = np.deg2rad(30)
-"""The same place counts as a distinct pose if the heading differs by more than this (rad)."""
 
 FORMAT = "slamlab signature map 1"
 
@@ -271,14 +270,14 @@ class SignatureMap:
         self.places = as_array("places", places, ("n", 2)).astype(float)
         if len(self.places) == 0:
             raise ValueError("places: expected at least one, got none: no cell is free")
-        ranges = as_shaped("scans", scans, (len(self.places), "n_beams"))
+        ranges = as_distances("scans", scans, (len(self.places), "n_beams"))
         if ranges.shape[1] < 3:
             raise ValueError(f"scans: expected at least three beams, got {ranges.shape[1]}")
         self.pitch = as_scalar("pitch", pitch, low=tiny, high=1e300)
         self.reach = as_scalar("reach", reach, low=tiny, high=1e300)
         self.offset = as_scalar("offset", offset, low=-1e300, high=1e300)
         self.signature = as_choice("signature", signature, tuple(SIGNATURES))
-        self.scans = self._bounded("scans", ranges).astype(np.float32)
+        self.scans = np.minimum(ranges, self.reach).astype(np.float32)
         if np.isnan(self.scans).any():
             raise ValueError("scans: expected no missed return (NaN) in the scans of a map")
         self.tree = cKDTree(SIGNATURES[self.signature](_as_scan(self.scans, "scans")))
@@ -376,9 +375,9 @@ class SignatureMap:
         ValueError
             If the number of beams differs, a range is negative, or fewer than three returns came.
         """
-        scan = as_shaped("scan", scan, ("...", self.n_beams))
+        scan = as_distances("scan", scan, ("...", self.n_beams))
         n_candidates = as_count("n_candidates", n_candidates, low=1)
-        ranges = self._bounded("scan", scan).reshape(-1, self.n_beams)
+        ranges = np.minimum(scan, self.reach).reshape(-1, self.n_beams)
         few = np.flatnonzero((~np.isnan(ranges)).sum(1) < 3)
         if few.size:
             raise ValueError(
@@ -386,8 +385,8 @@ class SignatureMap:
                 f"{(~np.isnan(ranges[few[0]])).sum()}"
             )
         # A few scans at a time: their candidates then stay in the cache.
-        parts = [self._locate(ranges[i : i + 8], n_candidates) for i in range(0, len(ranges), 8)]
-        parts = parts or [self._locate(ranges, n_candidates)]
+        eights = range(0, max(len(ranges), 1), 8)
+        parts = [self._locate(ranges[i : i + 8], n_candidates) for i in eights]
         lead = scan.shape[:-1]
         poses = np.concatenate([part[0] for part in parts]).reshape(*lead, 2, 3)
         residuals = np.concatenate([part[1] for part in parts]).reshape(*lead, 2)
@@ -423,7 +422,10 @@ class SignatureMap:
         FileNotFoundError
             If there is no file.
         """
-        parts = _read_parts(path)
+        parts = read_npz(path, what="signature map, npz")
+        for name in ("format", "places", "scans", "numbers", "signature"):
+            if name not in parts:
+                raise ValueError(f"{path}: expected a signature map, npz ({name!r} is missing)")
         if str(parts["format"]) != FORMAT:
             raise ValueError(f"{path}: format: expected {FORMAT!r}, got {str(parts['format'])!r}")
         try:
@@ -434,12 +436,6 @@ class SignatureMap:
             raise ValueError(f"{path}: {error}") from error
 
     # Inside the house.
-
-    def _bounded(self, name: str, ranges: Array) -> Array:
-        """Ranges with `reach` for beams that met nothing; NaN stays."""
-        if (ranges < 0).any():
-            raise ValueError(f"{name}: expected distances, got {np.nanmin(ranges):g}")
-        return np.minimum(ranges, self.reach)
 
     def _locate(self, ranges: Array, n_candidates: int) -> tuple[Array, Array]:
         """Best and second poses (M, 2, 3) of the body, with residuals (M, 2), of M scans."""
@@ -591,13 +587,3 @@ def _ranges(world: World, grid: Array, free: Bools, stride: int, angles: Array) 
         # All cells share their directions: one sweep over the bitmap for each.
         return world.cast_everywhere(angles, stride=stride)[:, free].T
     return world.cast(grid[free][:, None], angles)
-
-
-def _read_parts(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
-    """All arrays of the file, or an error that names what is wrong with it."""
-    names = ("format", "places", "scans", "numbers", "signature")
-    file = read_npz(path, what="signature map, npz")
-    missing = [name for name in names if name not in file]
-    if missing:
-        raise ValueError(f"{path}: expected a signature map, npz ({missing[0]!r} is missing)")
-    return {name: file[name] for name in names}

@@ -122,7 +122,6 @@ def extract_walls(
     """
     points = as_shaped("points", points, ("k", 2)).astype(float)
     sigma_range = as_positive("sigma_range", sigma_range, 1e300)
-    sigma_bearing = as_scalar("sigma_bearing", sigma_bearing, 0, 1e300)
     method = as_choice("method", method, ("split-and-merge", "incremental"))
     threshold = as_positive("threshold", threshold, 1e300)
     max_gap = as_scalar("max_gap", max_gap, 0)
@@ -259,11 +258,8 @@ def point_covs(
     beam = as_array("points", points, ("...", 2)) - as_array("origin", origin, (2,))
     sigma_range = as_scalar("sigma_range", sigma_range, 0, 1e300)
     sigma_bearing = as_scalar("sigma_bearing", sigma_bearing, 0, 1e300)
-    squared = (beam**2).sum(-1)
-    ray = (
-        np.einsum("...i,...j->...ij", beam, beam)
-        / np.where(squared > 0, squared, 1.0)[..., None, None]
-    )
+    squared = (beam**2).sum(-1)[..., None, None]
+    ray = np.einsum("...i,...j->...ij", beam, beam) / np.where(squared > 0, squared, 1.0)
     side = np.stack([-beam[..., 1], beam[..., 0]], -1)
     across = np.einsum("...i,...j->...ij", side, side)
     # C = sigma_range^2 u u^T + sigma_bearing^2 rho^2 v v^T, u along the beam, v across.
@@ -298,12 +294,8 @@ def _split(points: Array, threshold: float) -> list[int]:
             continue
         # The corner is the point farthest from the chord; the fit only said that there is one.
         chord = piece[-1] - piece[0]
-        if not chord.any():
-            off = np.hypot(*(piece - piece[0]).T)
-        else:
-            off = np.abs(
-                chord[0] * (piece[:, 1] - piece[0, 1]) - chord[1] * (piece[:, 0] - piece[0, 0])
-            )
+        dx, dy = (piece - piece[0]).T
+        off = np.abs(chord[0] * dy - chord[1] * dx) if chord.any() else np.hypot(dx, dy)
         corner = start + 1 + int(np.argmax(off[1:-1]))
         todo += [(corner, stop), (start, corner)]
     return cuts
@@ -381,10 +373,7 @@ def _alike(points: Array, covs: Array, pieces: list[Indices]) -> Iterator[tuple[
     )
     i, j = np.triu_indices(len(pieces), 1)
     difference = Wall(1.0, 1.0).residual(lines[i], lines[j])
-    # Where the residual took the other name of line i, its r changed sign, and so does cov(r, a).
-    opposite = np.abs(wrap_angle(lines[i, 1] - lines[j, 1])) > np.pi / 2
-    turned = np.where(opposite[:, None, None], [[1.0, -1.0], [-1.0, 1.0]], 1.0)
-    total = line_covs[i] * turned + line_covs[j]
+    total = in_name_of(lines[i, 1], lines[j, 1], line_covs[i]) + line_covs[j]
     squared = (difference * np.linalg.solve(total, difference[..., None])[..., 0]).sum(-1)
     for k in np.argsort(squared):
         if squared[k] > _SAME_LINE:
@@ -417,13 +406,27 @@ def _walls(
     lines, line_covs, ends = np.empty((len(pieces), 2)), np.empty((len(pieces), 2, 2)), []
     for row, piece in enumerate(pieces):
         labels[valid[piece]] = row
-        lines[row] = r, alpha = fit_line(points[piece])
-        line_covs[row] = _line_cov(points[piece], covs[piece], alpha)
-        normal = np.array([np.cos(alpha), np.sin(alpha)])
-        along = _along(points[piece], alpha)
-        reach = np.array([along.min(), along.max()])
-        ends.append(r * normal + reach[:, None] * [-normal[1], normal[0]])
+        lines[row] = line = fit_line(points[piece])
+        line_covs[row] = _line_cov(points[piece], covs[piece], line[1])
+        along = _along(points[piece], line[1])
+        ends.append(on_line(line, np.array([along.min(), along.max()])))
     return Walls(lines, line_covs, np.array(ends).reshape(-1, 2, 2), labels)
+
+
+def in_name_of(alpha: ArrayLike, other: ArrayLike, covs: Array) -> Array:
+    """Covariances (..., 2, 2) of lines, as they are called by the side of others.
+
+    Where a line is called by its other name (-r, alpha + pi), cov(r, alpha) changes its sign.
+    """
+    turned = np.abs(wrap_angle(np.subtract(alpha, other))) > np.pi / 2
+    return covs * np.where(turned[..., None, None], [[1.0, -1.0], [-1.0, 1.0]], 1.0)
+
+
+def on_line(line: Array, places: Array) -> Array:
+    """Points (..., 2) of a line (r, alpha) at places (...) along it."""
+    r, alpha = line
+    normal, along = np.array([np.cos(alpha), np.sin(alpha)]), [-np.sin(alpha), np.cos(alpha)]
+    return r * normal + places[..., None] * np.array(along)
 
 
 def _fit(points: Array) -> tuple[float, float]:

@@ -6,7 +6,7 @@ each one costs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -88,18 +88,27 @@ class LeverlessBearingSlopes(RangeBearing):
     place of +p_y s + L.
     """
 
+    _illegible = 1.0  # the two signs that cannot be read
+
     def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
         """Return H with the printed C, D, F; A, B and E are right."""
-        return _slopes_as_printed(self, pose, landmark, sign=1.0)
+        H_pose, _ = super().jacobians(pose, landmark)
+        pose, d_x, d_y, c, s = _lever(self, pose, landmark)
+        L, squared = self.offset, d_x * d_x + d_y * d_y
+        p_x, p_y = d_x - L * c, d_y - L * s
+        # (26), (27)
+        H_pose[..., 1, 0], H_pose[..., 1, 1] = -self._illegible * p_y / squared, p_x / squared
+        # (29)
+        wrong = p_x * c - p_y * s + L * np.cos(2 * pose[..., 2])
+        H_pose[..., 1, 2] = self._illegible * wrong * L / squared - 1.0
+        # (31), (32)
+        return H_pose, -H_pose[..., :2]
 
 
-@dataclass(frozen=True)
-class LeverlessBearingSlopesWorst(RangeBearing):
+class LeverlessBearingSlopesWorst(LeverlessBearingSlopes):
     """P1 (26), (27), (29) in their worst reading: the illegible signs of C and F are wrong too."""
 
-    def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
-        """Return H with the printed C, D, F, the doubtful signs reversed."""
-        return _slopes_as_printed(self, pose, landmark, sign=-1.0)
+    _illegible = -1.0
 
 
 @dataclass(frozen=True)
@@ -181,13 +190,7 @@ def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
         The repaired one first.
     """
     sensor = as_a("sensor", sensor, RangeBearing)
-    arguments = (
-        sensor.sigma_range,
-        sensor.sigma_bearing,
-        sensor.offset,
-        sensor.max_range,
-        sensor.field_of_view,
-    )
+    arguments = [getattr(sensor, field.name) for field in fields(RangeBearing) if field.init]
     return {
         "repaired": Variant(motion, sensor),
         "(17) without dt": Variant(MotionAsPrinted(motion), sensor),
@@ -210,20 +213,3 @@ def _lever(
     d_x = pose[..., 0] + sensor.offset * c - landmark[..., 0]
     d_y = pose[..., 1] + sensor.offset * s - landmark[..., 1]
     return pose, d_x, d_y, c, s
-
-
-def _slopes_as_printed(
-    sensor: RangeBearing, pose: ArrayLike, landmark: ArrayLike, sign: float
-) -> tuple[Array, Array]:
-    """H with (26), (27), (29) as printed; `sign` reads the two signs that cannot be read."""
-    H_pose, _ = RangeBearing.jacobians(sensor, pose, landmark)
-    pose, d_x, d_y, c, s = _lever(sensor, pose, landmark)
-    L, squared = sensor.offset, d_x * d_x + d_y * d_y
-    p_x, p_y = d_x - L * c, d_y - L * s
-    # (26), (27)
-    H_pose[..., 1, 0], H_pose[..., 1, 1] = -sign * p_y / squared, p_x / squared
-    # (29)
-    wrong = p_x * c - p_y * s + L * np.cos(2 * pose[..., 2])
-    H_pose[..., 1, 2] = sign * wrong * L / squared - 1.0
-    # (31), (32)
-    return H_pose, -H_pose[..., :2]

@@ -53,12 +53,6 @@ class Landmarks:
             y = np.where(absent, poses[:, 1:2], y)
         return cls(x, y, (xx, xy, yy), log_odds)
 
-    @classmethod
-    def from_moments(cls, mean: Array, cov: Array, log_odds: Array) -> Landmarks:
-        """Take means (M, k, 2), covariances (M, k, 2, 2) and log odds (M, k)."""
-        entries = cov[..., 0, 0], 0.5 * (cov[..., 0, 1] + cov[..., 1, 0]), cov[..., 1, 1]
-        return cls(mean[..., 0], mean[..., 1], entries, log_odds)
-
     def columns(self, some: NDArray[np.bool_]) -> Landmarks:
         """Return only these columns, those of a mask (k,)."""
         if some.all():
@@ -201,8 +195,9 @@ def started(sensor: LandmarkSensor, poses: Array, z: Array, R: Array) -> Landmar
     mean = sensor.locate(poses[:, None], z)
     _, G = sensor.locate_jacobians(poses[:, None], z)
     with np.errstate(over="ignore", invalid="ignore"):
-        cov = G @ R @ G.mT
-    return Landmarks.from_moments(mean, cov, np.zeros(mean.shape[:-1]))
+        xx, xy, yx, yy = _entries(G @ R @ G.mT)
+    x, y = mean[..., 0], mean[..., 1]
+    return Landmarks(x, y, (xx, 0.5 * (xy + yx), yy), np.zeros(x.shape))
 
 
 def as_noise(sensor: LandmarkSensor, covs: ArrayLike | None, k: int) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from slamlab._checks import Array
 from slamlab.filters.pages import SharedPages
 
-__all__ = ["ABSENT", "FIELDS", "PAGE", "LandmarkMaps"]
+__all__ = ["ABSENT", "FIELDS", "PAGE", "LandmarkMaps", "moments"]
 
 Indices = NDArray[np.intp]
 
@@ -82,17 +82,20 @@ class LandmarkMaps:
         """Means (M, n, 2) and covariances (M, n, 2, 2) of the first n columns."""
         empty = np.zeros((FIELDS, len(self.shared.table), 0))
         fields = np.concatenate([empty, *(block for _, block in self.blocks())], 2)[:, :, :n]
-        x, y, xx, xy, yy, _ = fields
-        return np.stack([x, y], -1), np.stack([xx, xy, xy, yy], -1).reshape(*x.shape, 2, 2)
+        return moments(fields)
 
     def mixture(self, weights: Array, n: int) -> tuple[Array, Array]:
         """Means (n, 2) and covariances (n, 2, 2) of the first n columns over all particles."""
-        means, entries = [np.zeros((0, 2))], [np.zeros((0, 4))]
+        blocks = [np.zeros((5, 0))]
         for _, (x, y, xx, xy, yy, _) in self.blocks():
             mean_x, mean_y = weights @ x, weights @ y
             x, y = x - mean_x, y - mean_y
-            means.append(np.stack([mean_x, mean_y], -1))
-            both = weights @ (xy + x * y)
-            spread = weights @ (xx + x * x), both, both, weights @ (yy + y * y)
-            entries.append(np.stack(spread, -1))
-        return np.concatenate(means)[:n], np.concatenate(entries)[:n].reshape(n, 2, 2)
+            spread = xx + x * x, xy + x * y, yy + y * y
+            blocks.append(np.stack([mean_x, mean_y, *(weights @ entry for entry in spread)]))
+        return moments(np.concatenate(blocks, 1)[:, :n])
+
+
+def moments(fields: Array) -> tuple[Array, Array]:
+    """Means (..., 2) and covariances (..., 2, 2) from x, y, xx, xy, yy; more fields may follow."""
+    x, y, xx, xy, yy = fields[:5]
+    return np.stack([x, y], -1), np.stack([xx, xy, xy, yy], -1).reshape(*x.shape, 2, 2)

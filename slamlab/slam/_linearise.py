@@ -36,12 +36,15 @@ def turned(points: Array) -> Array:
     return np.stack([-points[..., 1], points[..., 0]], -1)
 
 
-def carried(slopes: Array, pose: Array, first: Array) -> Array:
+def carried(slopes: Array, pose: Array, first: Array, linearisation: str) -> Array:
     """Slopes (..., 3) by the pose, so that a turn of the world is carried from `first` on.
 
     Slopes taken at `pose` turn the world as the estimate says now, those of the last step were
-    taken at its first estimate; the column of the heading makes up for the difference.
+    taken at its first estimate; the column of the heading makes up for the difference. With
+    other linearisations than first estimates they stay as they are.
     """
+    if linearisation != "first-estimates":
+        return slopes
     slopes = np.array(slopes)
     slopes[..., 2] += (slopes[..., :2] @ turned(pose[..., :2] - first[..., :2])[..., None])[..., 0]
     return slopes

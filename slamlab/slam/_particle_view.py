@@ -15,7 +15,8 @@ from scipy.special import expit
 
 from slamlab._checks import Array
 from slamlab.models import LandmarkSensor
-from slamlab.slam._landmark_maps import LandmarkMaps
+from slamlab.slam._covariance import diagonal
+from slamlab.slam._landmark_maps import LandmarkMaps, moments
 
 __all__ = ["IGNORED", "NEW", "ParticleView"]
 
@@ -57,9 +58,8 @@ class ParticleView:
     @classmethod
     def of(cls, i: int, maps: LandmarkMaps, *rest: Any) -> ParticleView:
         """Particle i of these maps; then pose, its covariance, sensor and perhaps names."""
-        x, y, xx, xy, yy, log_odds = maps.map_of(i)[maps.present(i)].T
-        means, covs = np.stack([x, y], -1), np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2)
-        return cls(i, means, covs, expit(log_odds), *rest)
+        fields = maps.map_of(i)[maps.present(i)].T
+        return cls(i, *moments(fields), expit(fields[5]), *rest)
 
     @property
     def n_landmarks(self) -> int:
@@ -87,8 +87,5 @@ class ParticleView:
         H_pose, H = self.sensor.jacobians(self.pose, self.landmarks[rows])
         tall = H_pose.reshape(-1, 3)
         joint = tall @ self.pose_cov @ tall.T
-        own = H @ self.landmark_covs[rows] @ H.mT + self.sensor.cov
-        for j, block in enumerate(own):
-            part = slice(2 * j, 2 * j + 2)
-            joint[part, part] += block
+        joint[diagonal(len(rows))] += H @ self.landmark_covs[rows] @ H.mT + self.sensor.cov
         return joint

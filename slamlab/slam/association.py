@@ -592,21 +592,17 @@ class _Pairs:
 
 
 def _candidates(
-    slam: Surface,
-    z: ArrayLike,
-    probability: float,
-    new_probability: float,
-    covs: ArrayLike | None = None,
+    slam: Surface, z: ArrayLike, low: float, high: float, covs: ArrayLike | None = None
 ) -> _Pairs:
-    """All pairs within the wider gate, found by a tree of the predicted landmarks.
+    """All pairs within the gate of probability `high`, found by a tree of predicted landmarks.
 
     A pair in the gate has |v_i| <= sqrt(gate S_ii), so seen from the sensor its two places are
     apart by no more than the reach in range plus the measured range times that in bearing.
     """
     as_a("slam", slam, Surface)
     z = as_array("z", z, ("k", 2))
-    low = as_scalar("probability", probability, *_ODDS)
-    high = as_scalar("new_probability", new_probability, low, _ODDS[1])
+    low = as_scalar("probability", low, *_ODDS)
+    high = as_scalar("new_probability", high, low, _ODDS[1])
     inner, outer = chi2_quantile([low, high], 2)
     landmarks = np.asarray(slam.landmarks)
     if len(landmarks) == 0 or len(z) == 0:
@@ -626,17 +622,15 @@ def _candidates(
     v, S = slam.sensor.residual(z[j], predicted[row]), S[row] + more[j]
     distance = _squared(v, S)
     near = distance <= outer
-    log_det = np.log(np.linalg.det(S[near]))
-    distance = distance[near]
-    inside, more = distance <= inner, more[j[near]]
-    return _Pairs(len(z), j[near], row[near], distance, inside, v[near], log_det, more)
+    j, row, v, S, distance = (found[near] for found in (j, row, v, S, distance))
+    log_det = np.log(np.linalg.det(S))
+    return _Pairs(len(z), j, row, distance, distance <= inner, v, log_det, more[j])
 
 
 def _plane(polar: Array) -> Array:
     """Points (..., 2) of the sensor's plane; both names of a wall, (r, a), (-r, a + pi), agree."""
-    return np.stack(
-        [polar[..., 0] * np.cos(polar[..., 1]), polar[..., 0] * np.sin(polar[..., 1])], -1
-    )
+    r, angle = polar[..., 0], polar[..., 1]
+    return np.stack([r * np.cos(angle), r * np.sin(angle)], -1)
 
 
 def _flat(lists: Any) -> tuple[Rows, Rows]:

@@ -7,7 +7,6 @@ and to the belief in it. One run of it is `EKFSlam`, number for number; tests ho
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -139,7 +138,7 @@ class EKFSlamBatch:
         V = as_covariance("control_cov", control_cov, u.shape[-1])
         F_x, F_u = self.motion.jacobians(pose, u, dt)
         moved = self.motion.step(pose, u, dt)
-        self.move_cov(self._carried(F_x, pose), F_u @ V @ F_u.mT)
+        self.move_cov(carried(F_x, pose, self._first, self.linearisation), F_u @ V @ F_u.mT)
         self._mean[:, :3] = self._first[:, :3] = moved
 
     def move_cov(self, F: Array, Q: Array) -> None:
@@ -219,18 +218,11 @@ class EKFSlamBatch:
         pose, i = self._mean[runs, :3], slice(3 + 2 * k, 5 + 2 * k)
         self._mean[runs, i] = self._first[runs, i] = self.sensor.locate(pose, z[runs])
         G_pose, G_z = self.sensor.locate_jacobians(pose, z[runs])
-        G = self._carried(G_pose, pose, runs)
+        G = carried(G_pose, pose, self._first[runs], self.linearisation)
         cross = G @ self._P[runs, :3, :]
         self._P[runs, i, :], self._P[runs, :, i] = cross, cross.mT
-        own = cross[..., :3] @ G.mT + G_z @ self.sensor.cov @ G_z.mT
-        self._P[runs, i, i] = own
+        self._P[runs, i, i] = cross[..., :3] @ G.mT + G_z @ self.sensor.cov @ G_z.mT
         self.known[runs, k] = True
-
-    def _carried(self, slopes: Array, pose: Array, runs: Any = slice(None)) -> Array:
-        """Slopes by the pose, taken at `pose`, as the linearisation wants them."""
-        if self.linearisation != "first-estimates":
-            return slopes
-        return carried(slopes, pose, self._first[runs])
 
     def _as_measurements(self, z: ArrayLike, ids: ArrayLike | None) -> Array:
         """Measurements (M, n, 2) of all landmarks, NaN where one was not seen."""

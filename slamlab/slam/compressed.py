@@ -16,7 +16,7 @@ from slamlab._checks import Array, as_scalar
 from slamlab.gaussian import root
 from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.slam._covariance import Covariance, times
-from slamlab.slam.ekf import Associate, Correction, EKFSlam, as_names, with_pose
+from slamlab.slam.ekf import Associate, Correction, EKFSlam, Names, as_names, with_pose
 
 __all__ = ["CompressedEKFSlam"]
 
@@ -103,7 +103,7 @@ class CompressedEKFSlam:
         """How far the sensor sees (m), as given; half of `radius` if it was not."""
         return self.radius / 2 if self._reach is None else self._reach
 
-    def enter(self, ids: Sequence[Hashable] | ArrayLike) -> None:
+    def enter(self, ids: Names) -> None:
         """Settle and go on with these landmarks as the region.
 
         Parameters
@@ -173,10 +173,7 @@ class CompressedEKFSlam:
         self.local.predict(u, dt, control_cov)
 
     def update(
-        self,
-        z: ArrayLike,
-        ids: Sequence[Hashable | None] | ArrayLike | None = None,
-        covs: ArrayLike | None = None,
+        self, z: ArrayLike, ids: Names | None = None, covs: ArrayLike | None = None
     ) -> Correction:
         """Correct by landmarks of the region and add new ones, as `EKFSlam.update`."""
         names = () if ids is None else as_names("ids", ids)
@@ -218,7 +215,10 @@ class CompressedEKFSlam:
         self._rows, self._known = full.rows_of(names), set(full.ids)
         a = with_pose(self._rows)
         self._accounts = _Accounts(full._P.block(a))
-        self.local = _filter(full, full.next_id, full.mean[a], self._accounts, names)
+        self.local = EKFSlam(
+            full.motion, full.sensor, full.mean[a], self._accounts, names, associate=full.associate
+        )
+        self.local.next_id = full.next_id  # new landmarks must not take names used elsewhere
         self.local.sightings = full.sightings[self._rows]
         self.local.unseen_for = full.unseen_for[self._rows]
 
@@ -248,12 +248,3 @@ class _Accounts(Covariance):
         super().append(G, own)
         self.Phi = np.concatenate([self.Phi, G @ self.Phi[:3]])
         self.is_untouched = False
-
-
-def _filter(
-    like: EKFSlam, next_id: int, mean: Array, P: Covariance, ids: Sequence[Hashable]
-) -> EKFSlam:
-    """Return a filter with another's models; new landmarks must not take names used elsewhere."""
-    slam = EKFSlam(like.motion, like.sensor, mean, P, ids, associate=like.associate)
-    slam.next_id = next_id
-    return slam

@@ -6,7 +6,7 @@ Chapter 09 derives it, chapter 10 asks what it costs and whether it may be belie
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, log, pi
 from typing import Any
@@ -26,6 +26,7 @@ __all__ = ["Correction", "EKFSlam"]
 
 Rows = NDArray[np.intp]
 Associate = Callable[..., ArrayLike]
+Names = Sequence[Hashable | None] | ArrayLike
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +214,7 @@ class EKFSlam:
         """Covariance (2, 2) of the landmark named `id`; ValueError if it is not in the map."""
         return self._P.block(entries_of(self.rows_of(as_names("id", [id]))))
 
-    def rows_of(self, ids: Iterable[Hashable]) -> Rows:
+    def rows_of(self, ids: Names) -> Rows:
         """Rows (k,) of `landmarks` that have these names; ValueError if one is not in the map."""
         names = as_names("ids", ids)
         missing = [name for name in names if name not in self._row_of]
@@ -253,15 +254,12 @@ class EKFSlam:
         if not all_finite(Q):
             raise ValueError(f"control_cov: expected a finite motion noise, got {Q.tolist()}")
         # (11), P2 (9)
-        self._P.move(self._carried(F_x, pose), Q)
+        self._P.move(carried(F_x, pose, self._first, self.linearisation), Q)
         self._mean[:3] = self._first[:3] = moved
         self.unseen_for += 1
 
     def update(
-        self,
-        z: ArrayLike,
-        ids: Sequence[Hashable | None] | ArrayLike | None = None,
-        covs: ArrayLike | None = None,
+        self, z: ArrayLike, ids: Names | None = None, covs: ArrayLike | None = None
     ) -> Correction:
         """Stages 2 and 3: correct by the landmarks known already, then add the new ones.
 
@@ -330,7 +328,7 @@ class EKFSlam:
         self.unseen_for[seen] = 0
         return Correction(v, S, float(y @ y), names, (W, B))
 
-    def remove(self, ids: Sequence[Hashable] | ArrayLike) -> None:
+    def remove(self, ids: Names) -> None:
         """Take landmarks out of the map: drop their rows and columns, which marginalises them.
 
         What they taught about the rest stays.
@@ -346,7 +344,7 @@ class EKFSlam:
             If a name is not in the map or comes twice; the filter is then as it was.
         """
         keep = np.ones(self.n_landmarks, dtype=bool)
-        keep[self.rows_of(as_names("ids", ids))] = False
+        keep[self.rows_of(ids)] = False
         entries = with_pose(np.flatnonzero(keep))
         self._P.keep(entries)
         self._mean, self._first = self._mean[entries], self._first[entries]
@@ -410,14 +408,7 @@ class EKFSlam:
     def _slopes(self, rows: Rows) -> tuple[Array, Array]:
         """H_pose (m, 2, 3) and H_landmark (m, 2, 2) of landmarks, P1 (22)-(32)."""
         at = self._first if self.linearisation == "first-estimates" else self._mean
-        H_pose, H_landmark = self.sensor.jacobians(at[:3], at[3:].reshape(-1, 2)[rows])
-        return H_pose, H_landmark
-
-    def _carried(self, slopes: Array, pose: Array) -> Array:
-        """Slopes (..., 3) by the pose, taken at `pose`, as the linearisation wants them."""
-        if self.linearisation == "first-estimates":
-            return carried(slopes, pose, self._first)
-        return slopes
+        return self.sensor.jacobians(at[:3], at[3:].reshape(-1, 2)[rows])
 
     def _locate(self, pose: Array, z: Array, R: Array) -> tuple[Array, Array, Array]:
         """P1 (37)-(42): new landmarks (2k,), their slopes by the pose and their own noise."""
@@ -426,7 +417,7 @@ class EKFSlam:
         noise = G_z @ R @ G_z.mT
         if not (np.isfinite(points).all() and np.isfinite(noise).all()):
             raise ValueError("z: expected measurements of landmarks that can be placed, got inf")
-        G = self._carried(G_pose.reshape(-1, 3), pose)
+        G = carried(G_pose.reshape(-1, 3), pose, self._first, self.linearisation)
         return points.ravel(), G, block_diagonal(noise)
 
     def _enrol(self, names: Sequence[Hashable]) -> None:
@@ -519,24 +510,20 @@ def whitener(S: Array) -> Array:
     return np.asarray(dtrtri(root)[0].T)
 
 
-def as_names(argument: str, ids: Any, length: int | None = None) -> tuple[Hashable | None, ...]:
+def as_names(name: str, ids: Any, length: int | None = None) -> tuple[Hashable | None, ...]:
     """Names as a tuple of plain Python values, none twice; numbers of an array become ints."""
     try:
-        if isinstance(ids, np.ndarray):
-            names = tuple(ids.tolist())
-        else:
-            names = tuple(one.item() if isinstance(one, np.generic) else one for one in ids)
+        listed = ids.tolist() if isinstance(ids, np.ndarray) else ids
+        names = tuple(one.item() if isinstance(one, np.generic) else one for one in listed)
         different = len(set(names))
     except TypeError as error:
-        raise ValueError(f"{argument}: expected a sequence of names, got {ids!r}") from error
+        raise ValueError(f"{name}: expected a sequence of names, got {ids!r}") from error
     if length is not None and len(names) != length:
-        raise ValueError(
-            f"{argument}: expected one for each of {length} rows of z, got {len(names)}"
-        )
+        raise ValueError(f"{name}: expected one for each of {length} rows of z, got {len(names)}")
     if any(isinstance(one, float) and one != one for one in names):
-        raise ValueError(f"{argument}: expected names, got NaN, which is never the same twice")
+        raise ValueError(f"{name}: expected names, got NaN, which is never the same twice")
     if different < len(names):
         twice = [one for k, one in enumerate(names) if one is not None and one in names[:k]]
         if twice:
-            raise ValueError(f"{argument}: expected every landmark once, got {twice[0]!r} twice")
+            raise ValueError(f"{name}: expected every landmark once, got {twice[0]!r} twice")
     return names

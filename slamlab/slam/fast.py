@@ -16,6 +16,7 @@ from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_
 from slamlab.gaussian import chi2_quantile, root
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
+from slamlab.slam._covariance import diagonal
 from slamlab.slam._landmark_filters import (
     Landmarks,
     as_noise,
@@ -34,6 +35,7 @@ from slamlab.slam.ekf import as_names
 __all__ = ["FastSlam", "ParticleView"]
 
 Indices = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 
 
 class FastSlam(PoseParticles):
@@ -242,7 +244,7 @@ class FastSlam(PoseParticles):
         return evidence
 
     def _proposed(
-        self, z: Array, R: Array, old: Landmarks, met: NDArray[np.bool_]
+        self, z: Array, R: Array, old: Landmarks, met: Bools
     ) -> tuple[Array, Array | float]:
         """Poses of this step and log P(x | ...) / pi(x | ...), the correction in (14)."""
         if self.version == 1 or not self._odometry.steps or not met.any():
@@ -255,7 +257,7 @@ class FastSlam(PoseParticles):
         return draw(self._odometry, inform, self._rng)
 
     def _weighed(
-        self, poses: Array, z: Array, R: Array, old: Landmarks, met: NDArray[np.bool_]
+        self, poses: Array, z: Array, R: Array, old: Landmarks, met: Bools
     ) -> tuple[Array, Landmarks]:
         """Log likelihood (15) of each particle (M,), and its landmarks after the update."""
         prediction = predict(self.sensor, poses, old)
@@ -264,13 +266,7 @@ class FastSlam(PoseParticles):
         return log_likelihood, correct(prediction, comparison, old)
 
     def _corrected(
-        self,
-        corrected: Landmarks,
-        some: NDArray[np.bool_],
-        fresh: NDArray[np.bool_],
-        poses: Array,
-        z: Array,
-        R: Array,
+        self, corrected: Landmarks, some: Bools, fresh: Bools, poses: Array, z: Array, R: Array
     ) -> Array:
         """Fields (FIELDS, M, k) of what was measured: `corrected`, or started where `fresh`."""
         new = np.zeros((FIELDS, *fresh.shape))
@@ -412,10 +408,7 @@ class FastSlam(PoseParticles):
         pose[:, 2] = wrap_angle(pose[:, 2])
         deviation = np.concatenate([pose, (means - self.landmarks).reshape(M, 2 * n)], 1)
         cov = (deviation * self.weights[:, None]).T @ deviation
-        inner = np.tensordot(self.weights, covs, 1)
-        for j in range(n):
-            part = slice(3 + 2 * j, 5 + 2 * j)
-            cov[part, part] += inner[j]
+        cov[3:, 3:][diagonal(n)] += np.tensordot(self.weights, covs, 1)
         return cov
 
     @property

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_scalar
 from slamlab.gaussian import chi2_quantile
-from slamlab.geometry import transform, wrap_angle
-from slamlab.mapping.walls import Walls, extract_walls
+from slamlab.geometry import transform
+from slamlab.mapping.walls import Walls, extract_walls, in_name_of, on_line
 from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
 from slamlab.sensors import Wall
 from slamlab.slam.ekf import EKFSlam
@@ -178,7 +178,7 @@ class WallSlam:
     def segments(self) -> Array:
         """The map: stretches of the confirmed walls that were seen, (k, 2, 2) in the world (m)."""
         lines = dict(zip(self.filter.ids, self.filter.landmarks, strict=True))
-        found = [_on_line(lines[id], self._stretches(id)) for id in self.confirmed]
+        found = [on_line(lines[id], self._stretches(id)) for id in self.confirmed]
         return np.concatenate(found) if found else np.empty((0, 2, 2))
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
@@ -217,8 +217,7 @@ class WallSlam:
         for id, ends in zip(names, walls.ends, strict=True):
             if id is not None:
                 self._extend(id, ends)
-        gone = ekf.remove_unseen(self._patience, max(self._confirm - 1, 1))
-        for id in gone:
+        for id in ekf.remove_unseen(self._patience, max(self._confirm - 1, 1)):
             del self._counts[id]
         return WallSighting(walls, names, float(innovation.nis))
 
@@ -250,7 +249,7 @@ class WallSlam:
             return np.empty((len(walls), 0))
         v = ekf.sensor.residual(walls.lines[:, None], predicted[None])
         own = ekf.innovation_covs(np.arange(ekf.n_landmarks)) - ekf.sensor.cov
-        S = own[None] + _in_name_of(walls.lines[:, None, 1], predicted[None, :, 1], covs[:, None])
+        S = own[None] + in_name_of(walls.lines[:, None, 1], predicted[None, :, 1], covs[:, None])
         distances: Array = (v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1)
         return distances
 
@@ -261,7 +260,7 @@ class WallSlam:
         alpha = walls.lines[:, 1].copy()
         known = [k for k, name in enumerate(names) if name in self.filter.ids]
         alpha[known] = predicted[self.filter.rows_of([names[k] for k in known]), 1]
-        return _in_name_of(walls.lines[:, 1], alpha, covs)
+        return in_name_of(walls.lines[:, 1], alpha, covs)
 
     def _extend(self, id: Hashable, ends: Array) -> None:
         """Note which stretch of the wall was seen."""
@@ -285,16 +284,3 @@ class WallSlam:
         cuts = np.flatnonzero(np.diff(pieces) > _JOIN / _PIECE)
         starts, ends = pieces[np.r_[0, cuts + 1]], pieces[np.r_[cuts, -1]] + 1
         return _PIECE * np.stack([starts, ends], -1)
-
-
-def _in_name_of(alpha: ArrayLike, other: ArrayLike, covs: Array) -> Array:
-    """Covariance of (r, alpha), or of (-r, alpha + pi) where that name is nearer to `other`."""
-    turned = np.abs(wrap_angle(np.subtract(alpha, other))) > np.pi / 2
-    return covs * np.where(turned[..., None, None], [[1.0, -1.0], [-1.0, 1.0]], 1.0)
-
-
-def _on_line(line: Array, spans: Array) -> Array:
-    """End points (k, 2, 2) of stretches of a line."""
-    r, alpha = line
-    normal, along = np.array([np.cos(alpha), np.sin(alpha)]), [-np.sin(alpha), np.cos(alpha)]
-    return r * normal + spans[:, :, None] * np.array(along)

@@ -132,8 +132,8 @@ def test_a_second_wall_in_the_gate_leaves_the_sighting_out():
 def test_a_line_through_the_lidar_keeps_its_name_and_its_covariance():
     # The wall's line passes the sensor on the other side: (r, alpha) becomes (-r, alpha + pi).
     cov = np.array([[4.0, 1.0], [1.0, 9.0]])
-    same = wall_slam._in_name_of(np.array([0.3]), np.array([0.4]), cov[None])
-    other = wall_slam._in_name_of(np.array([0.3]), np.array([0.3 - np.pi]), cov[None])
+    same = wall_slam.in_name_of(np.array([0.3]), np.array([0.4]), cov[None])
+    other = wall_slam.in_name_of(np.array([0.3]), np.array([0.3 - np.pi]), cov[None])
     np.testing.assert_array_equal(same[0], cov)
     np.testing.assert_array_equal(other[0], [[4.0, -1.0], [-1.0, 9.0]])
 
