@@ -162,7 +162,7 @@ class _Parser:
         size = 1 + max(order)[0]
         self.words_expected(words, 3 + size + len(order))
         i, j = self.whole(words[1]), self.whole(words[2])
-        if i == j:
+        if i == j and links is self.content.edges:
             raise self.error(f"edge joins vertex {i} with itself")
         numbers = self.floats(words[3:])
         information = [[0.0] * size for _ in range(size)]
