@@ -313,10 +313,9 @@ class Log:
             raise ValueError("run: expected a batch of runs, the log is of one robot")
         run = as_index("run", run, self.n_runs, "runs")
         own: dict[str, Any] = {}
-        if self.u.ndim == 3:
-            own["u"] = self.u[:, run]
-        if self.truth is not None and self.truth.ndim == 3:
-            own["truth"] = self.truth[:, run]
+        for name, part in (("u", self.u), ("truth", self.truth)):
+            if part is not None and part.ndim == 3:
+                own[name] = part[:, run]
         if self.landmarks is not None and self.landmarks.ndim == 3:
             own["landmarks"] = self.landmarks[run]
         if self.looks is not None:

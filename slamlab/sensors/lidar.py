@@ -170,7 +170,6 @@ def refuse_walls(world: BeamWorld, positions: Array) -> None:
     if inside.any():
         where = tuple(int(i) for i in np.argwhere(inside)[0])
         x, y = positions[where]
-        raise ValueError(
-            f"poses: expected the sensor in free space, at index {where} it stands at "
-            f"({x:.3g}, {y:.3g}), inside an obstacle or outside the world"
-        )
+        place = f"({x:.3g}, {y:.3g}), inside an obstacle or outside the world"
+        found = f"at index {where} it stands at {place}"
+        raise ValueError(f"poses: expected the sensor in free space, {found}")

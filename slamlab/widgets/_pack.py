@@ -90,10 +90,7 @@ def ellipses(name: str, covs: Any, shape: tuple[int | str, ...]) -> Array:
     The variance of a one-dimensional world gives an interval: a flat ellipse.
     """
     given = as_shaped(name, covs)
-    size = given.shape[-1] if given.ndim else 0
-    if size not in (1, 2, 3):
-        wanted = ", ".join(str(s) for s in shape)
-        raise ValueError(f"{name}: expected shape ({wanted}, 2, 2), got {given.shape}")
+    size = given.shape[-1] if given.ndim and given.shape[-1] in (1, 3) else 2
     given = as_shaped(name, given, (*shape, size, size))
     missing = np.asarray(np.isnan(given).any(axis=(-2, -1)))
     filled = np.where(missing[..., None, None], 0.0, given)[..., :2, :2]
@@ -111,11 +108,9 @@ def points(name: str, value: Any, shape: tuple[int | str, ...], missing: bool = 
     given = as_shaped(name, value)
     if given.ndim == len(shape):
         given = given[..., None]
-    if given.ndim != len(shape) + 1 or given.shape[-1] not in (1, 2, 3):
-        wanted = ", ".join(str(s) for s in shape)
-        raise ValueError(f"{name}: expected shape ({wanted}, 2), got {given.shape}")
+    other = given.ndim == len(shape) + 1 and given.shape[-1] in (1, 3)
     check = as_shaped if missing else as_array
-    given = check(name, given, (*shape, given.shape[-1]))
+    given = check(name, given, (*shape, given.shape[-1] if other else 2))
     if np.isinf(given).any():
         raise ValueError(f"{name}: expected finite numbers or NaN, got infinity")
     if given.shape[-1] == 1:

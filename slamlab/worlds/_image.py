@@ -34,10 +34,9 @@ def read_map(path: Path, threshold: float = 0.5) -> MapImage:
     grey = read_grey(path)
     occupied = grey < 255 * threshold
     if not occupied.any():
-        raise ValueError(
-            f"{path}: expected pixels darker than {threshold:g} of white, for walls, found none; "
-            f"the darkest is {grey.min() / 255:.2f}, so give a threshold above that"
-        )
+        wanted = f"pixels darker than {threshold:g} of white, for walls"
+        hint = f"the darkest is {grey.min() / 255:.2f}, so give a threshold above that"
+        raise ValueError(f"{path}: expected {wanted}, found none; {hint}")
     return MapImage(occupied, None, (0.0, 0.0))
 
 
