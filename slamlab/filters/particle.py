@@ -602,10 +602,9 @@ def _normalised(weights: ArrayLike, size: int | None = None) -> Array:
     """Weights that sum to 1, or a ValueError that says what is wrong with them."""
     weights = as_array("weights", weights, ("M" if size is None else size,))
     weights = weights.astype(np.float64, copy=False)
-    if len(weights) == 0 or weights.min() < 0:
-        raise ValueError(
-            f"weights: expected numbers that are not negative, got {weights.min(initial=0):g}"
-        )
+    least = weights.min(initial=0)
+    if len(weights) == 0 or least < 0:
+        raise ValueError(f"weights: expected numbers that are not negative, got {least:g}")
     largest = weights.max()
     if largest == 0:
         raise ValueError("weights: expected a positive sum, all weights are 0")

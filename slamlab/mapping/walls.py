@@ -320,14 +320,13 @@ def _extend(points: Array, threshold: float) -> list[int]:
 
 def _merge(points: Array, cuts: list[int], threshold: float) -> list[int]:
     """Split-and-merge, second half: drop a cut if both sides together are straight."""
-    merged = True
-    while merged:
-        merged = False
-        for i in range(1, len(cuts) - 1):
-            if _straight(points[cuts[i - 1] : cuts[i + 1]], threshold):
-                cuts = cuts[:i] + cuts[i + 1 :]
-                merged = True
-                break
+    cuts, i = list(cuts), 1
+    while i < len(cuts) - 1:
+        if _straight(points[cuts[i - 1] : cuts[i + 1]], threshold):
+            del cuts[i]
+            i = max(i - 1, 1)  # the side before has grown, and is asked again
+        else:
+            i += 1
     return cuts
 
 

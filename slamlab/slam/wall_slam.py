@@ -144,8 +144,7 @@ class WallSlam:
         if (own < 0).any():
             raise ValueError(f"sigma_wall: expected no negative number, got {own.tolist()}")
         self._wall_cov = np.diag(own**2)
-        gate = as_positive("probability", probability, 1 - 1e-12)
-        self._gate = float(chi2_quantile(gate, 2))
+        self._gate = float(chi2_quantile(as_positive("probability", probability, 1 - 1e-12), 2))
         self._min_length = as_scalar("min_length", min_length, 0, 1e300)
         self._confirm = as_count("confirm", confirm, 1)
         self._patience = as_count("patience", patience, 1)
@@ -227,6 +226,8 @@ class WallSlam:
         """Nearest line inside the gate; left out if two fit, a new wall if none does."""
         distances, fresh = self._distances(walls, covs, predicted), self.filter.next_id
         inside = distances < self._gate
+        # A new wall must lie well outside every gate, or it would be an old one's double.
+        new = ~(distances < 4 * self._gate).any(1) & (walls.lengths >= self._min_length)
         # One wall of the map may be seen in several pieces: only the longest counts.
         taken: set[Hashable] = set()
         answer: list[Hashable | None] = [None] * len(walls)
@@ -235,10 +236,7 @@ class WallSlam:
             if len(rows) == 1 and self.filter.ids[rows[0]] not in taken:
                 answer[k] = self.filter.ids[rows[0]]
                 taken.add(answer[k])
-            # A new wall must lie well outside every gate, or it would be an old one's double.
-            elif not (distances[k] < 4 * self._gate).any() and (
-                walls.lengths[k] >= self._min_length
-            ):
+            elif new[k]:
                 answer[k], fresh = fresh, fresh + 1
         return tuple(answer)
 
@@ -250,8 +248,7 @@ class WallSlam:
         v = ekf.sensor.residual(walls.lines[:, None], predicted[None])
         own = ekf.innovation_covs(np.arange(ekf.n_landmarks)) - ekf.sensor.cov
         S = own[None] + in_name_of(walls.lines[:, None, 1], predicted[None, :, 1], covs[:, None])
-        distances: Array = (v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1)
-        return distances
+        return np.asarray((v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1))
 
     def _named(
         self, walls: Walls, covs: Array, names: tuple[Hashable | None, ...], predicted: Array
