@@ -122,14 +122,15 @@ class PointField(Field):
         self.points = good_points("points", points)
         # Cells lie at whole multiples of the resolution, a slope's width more on every side.
         reach = 4 * self.sigma + resolution
-        low = np.floor((self.points.min(axis=0) - reach) / resolution)
-        columns, rows = np.ceil((self.points.max(axis=0) + reach) / resolution) - low
+        x, y = self.points.T  # a coordinate at a time: numpy is slow along the short axis
+        low = np.floor((np.array([x.min(), y.min()]) - reach) / resolution)
+        columns, rows = np.ceil((np.array([x.max(), y.max()]) + reach) / resolution) - low
         if columns * rows > MOST_CELLS:
             raise ValueError(
                 f"points: expected them on one floor, they need {columns * rows:g} cells"
             )
-        values = np.zeros((int(rows), int(columns)), np.float32)
-        super().__init__(values, resolution, low * resolution)
+        self.values, self.log_odds = np.zeros((int(rows), int(columns)), np.float32), False
+        Grid.__init__(self, self.values.shape, resolution, low * resolution)
         self._stamp(self.points)
 
     def add(self, points: ArrayLike) -> None:
