@@ -32,7 +32,7 @@ def thinned(points, spacing):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def hashed(points, side):  # type: ignore[no-untyped-def]
-    """Sort points into squares: (corner x, corner y, side, columns), starts, order."""
+    """Sort points into squares: frame (x, y, side, columns, rows), starts, order, points in it."""
     x0, y0 = points[:, 0].min(), points[:, 1].min()
     columns = int((points[:, 0].max() - x0) / side) + 1
     rows = int((points[:, 1].max() - y0) / side) + 1
@@ -47,17 +47,18 @@ def hashed(points, side):  # type: ignore[no-untyped-def]
         start[cell[k] + 1] += 1
     start = np.cumsum(start)
     fill = start.copy()
-    order = np.empty(len(points), np.int64)
+    order, laid = np.empty(len(points), np.int64), np.empty_like(points)
     for k in range(len(points)):
-        order[fill[cell[k]]] = k
+        at = fill[cell[k]]
+        order[at], laid[at, 0], laid[at, 1] = k, points[k, 0], points[k, 1]
         fill[cell[k]] += 1
-    return (x0, y0, side, columns, rows), start, order
+    return (x0, y0, side, columns, rows), start, order, laid
 
 
 @njit(cache=True)
-def nearest(points, frame, start, order, x, y, limit):  # type: ignore[no-untyped-def]
+def nearest(hashes, x, y, limit):  # type: ignore[no-untyped-def]
     """Row of the nearest point within `limit`, -1 if there is none."""
-    x0, y0, side, columns, rows = frame
+    (x0, y0, side, columns, rows), start, order, laid = hashes
     best, least = -1, limit * limit
     # Most points have a partner near by: a look at few squares finds it.
     for reach in (min(0.25 * side, limit), limit):
@@ -68,13 +69,12 @@ def nearest(points, frame, start, order, x, y, limit):  # type: ignore[no-untype
                 break
             # The squares of a row follow one another.
             for n in range(start[r * columns + left], start[r * columns + right + 1]):
-                k = order[n]
-                d = (points[k, 0] - x) ** 2 + (points[k, 1] - y) ** 2
+                d = (laid[n, 0] - x) ** 2 + (laid[n, 1] - y) ** 2
                 if d < least:
-                    best, least = k, d
+                    best, least = n, d
         if least <= reach * reach:
             break
-    return best
+    return order[best] if best >= 0 else -1
 
 
 @njit(cache=True)
@@ -84,7 +84,7 @@ def lines_through(points, hashes, neighbours, radius, flatness):  # type: ignore
     Noise s turns the normal by s / sqrt(a), with a the sum of squares along the wall; and the sum
     of squares across it, over count - 2 degrees of freedom, estimates s^2.
     """
-    (x0, y0, side, columns, rows), start, order = hashes
+    (x0, y0, side, columns, rows), start, order, laid = hashes
     normals, turned = np.full((len(points), 2), np.nan), np.zeros(len(points))
     near = np.empty(neighbours, np.int64)
     far = np.empty(neighbours)
@@ -96,7 +96,7 @@ def lines_through(points, hashes, neighbours, radius, flatness):  # type: ignore
         for r in range(max(first_r, 0), min(last_r, rows - 1) + 1):
             for c in range(max(first_c, 0), min(last_c, columns - 1) + 1):
                 for n in range(start[r * columns + c], start[r * columns + c + 1]):
-                    d = (points[order[n], 0] - x) ** 2 + (points[order[n], 1] - y) ** 2
+                    d = (laid[n, 0] - x) ** 2 + (laid[n, 1] - y) ** 2
                     if d > radius * radius or (count == neighbours and d >= far[count - 1]):
                         continue
                     if count < neighbours:
@@ -129,15 +129,14 @@ def lines_through(points, hashes, neighbours, radius, flatness):  # type: ignore
 
 
 @njit(cache=True)
-def _pairs(reference, hashes, points, pose, gate, pair):  # type: ignore[no-untyped-def]
+def _pairs(hashes, points, pose, gate, pair):  # type: ignore[no-untyped-def]
     """Nearest reference point of each moved point, -1 beyond the gate; returns how many."""
-    frame, start, order = hashes
     c, s = np.cos(pose[2]), np.sin(pose[2])
     count = 0
     for k in range(len(points)):
         x = c * points[k, 0] - s * points[k, 1] + pose[0]
         y = s * points[k, 0] + c * points[k, 1] + pose[1]
-        pair[k] = nearest(reference, frame, start, order, x, y, gate)
+        pair[k] = nearest(hashes, x, y, gate)
         count += pair[k] >= 0
     return count
 
@@ -195,7 +194,7 @@ def iterate(reference, normals, hashes, points, pose, width, gates, n_iterations
     H, g, step = np.empty((3, 3)), np.empty(3), np.zeros(3)
     for gate in gates:
         for _ in range(n_iterations):
-            if _pairs(reference, hashes, points, pose, gate, pair) < 3:
+            if _pairs(hashes, points, pose, gate, pair) < 3:
                 return False
             icp_equations(reference, normals, points, pose, pair, width, line, H, g)
             # Next to nothing on the diagonal keeps a direction that no wall holds where it is.
@@ -207,7 +206,7 @@ def iterate(reference, normals, hashes, points, pose, width, gates, n_iterations
             pose += step
             if abs(step[0]) + abs(step[1]) < 1e-6 and abs(step[2]) < 1e-7:
                 break
-    return _pairs(reference, hashes, points, pose, gates[-1], pair) >= 3
+    return _pairs(hashes, points, pose, gates[-1], pair) >= 3
 
 
 @njit(cache=True)
