@@ -100,7 +100,7 @@ def main() -> int:
 
 def machine() -> str:
     """One paragraph: when, processor, cores, versions."""
-    versions = ", ".join(f"{name} {version(name)}" for name in ["slamlab", *VERSIONS])
+    versions = ", ".join(f"{name} {version(name)}" for name in ["slamlab-course", *VERSIONS])
     return (
         f"Measured on {datetime.now(UTC):%d %B %Y}: {processor()}, {os.cpu_count()} cores, "
         f"{platform.system()}, Python {platform.python_version()}, {versions}; one BLAS thread."
