@@ -36,6 +36,10 @@ def stamp(values, cells, sigma):  # type: ignore[no-untyped-def]
 def _gaussian(a, sigma, fixed, out):  # type: ignore[no-untyped-def]
     """exp(-(i - a)^2 / 2 sigma^2) = exp(-a^2 / 2 sigma^2) exp(a / sigma^2)^i fixed[i]."""
     reach = len(out) // 2 - 1
+    if reach == 1:  # so sharp a one that the step might overflow
+        for i in range(-1, 3):
+            out[i + 1] = np.exp(-0.5 * ((i - a) / sigma) ** 2)
+        return
     middle, step = np.exp(-0.5 * (a / sigma) ** 2), np.exp(a / sigma**2)
     up = down = middle
     for i in range(reach + 1):

@@ -85,6 +85,21 @@ def test_a_point_field_is_the_gaussian_of_the_distance():
     np.testing.assert_allclose(field.values[near], due[near], atol=1e-6)
 
 
+@pytest.mark.parametrize("sigma", [1e-4, 0.01, 0.03, 0.1, 0.285, 0.287, 1.0, 3.0])
+def test_a_point_field_is_right_for_wide_and_for_sharp_slopes(sigma):
+    """In cells of 1 m: of a slope far below a cell, factors one after the other overflow."""
+    points = np.random.default_rng(3).uniform(0, 12, (30, 2))
+    points[0] = 3.5, 4.5  # upon the centre of a cell
+    field = PointField(points, sigma, 1.0)
+    centres = field.centres()
+    squared = ((centres[..., None, :] - points) ** 2).sum(-1).min(-1)
+    due = np.where(squared < (3 * sigma) ** 2, np.exp(-0.5 * squared / sigma**2), 0.0)
+    seen = np.where(squared < (3 * sigma) ** 2, field.values, 0.0)
+    np.testing.assert_allclose(seen, due, atol=1e-6)
+    assert np.isfinite(field.values).all()
+    assert field.values.max() == 1.0
+
+
 def test_points_may_come_one_after_the_other_and_the_sheet_grows():
     points = np.random.default_rng(2).uniform(-5, 5, (60, 2))
     one, other = PointField(points), PointField(points[:7])
