@@ -27,9 +27,10 @@ def stamp(values, cells, sigma):  # type: ignore[no-untyped-def]
         left, low = column - reach, row - reach
         first, last = max(0, -left), min(2 * reach + 2, columns - left)
         for j in range(max(0, -low), min(2 * reach + 2, rows - low)):
-            for i in range(first, last):
-                value = np.float32(across[j] * along[i])
-                values[low + j, left + i] = max(values[low + j, left + i], value)
+            line, height = values[low + j, left + first : left + last], across[j]
+            for i in range(len(line)):
+                value, old = np.float32(height * along[first + i]), line[i]
+                line[i] = value if value > old else old
 
 
 @njit(cache=True)

@@ -57,11 +57,11 @@ def hashed(points, side):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def nearest(hashes, x, y, limit):  # type: ignore[no-untyped-def]
-    """Row of the nearest point within `limit`, -1 if there is none."""
+    """Row and distance of the nearest point within `limit`, else -1; and how near no other is."""
     (x0, y0, side, columns, rows), start, order, laid = hashes
-    best, least = -1, limit * limit
     # Most points have a partner near by: a look at few squares finds it.
     for reach in (min(0.25 * side, limit), limit):
+        best, least, second = -1, limit * limit, limit * limit
         left, low = max(0, int(np.floor((x - reach - x0) / side))), y - reach - y0
         right, high = min(int((x + reach - x0) / side), columns - 1), y + reach - y0
         for r in range(max(0, int(np.floor(low / side))), min(int(high / side), rows - 1) + 1):
@@ -71,10 +71,12 @@ def nearest(hashes, x, y, limit):  # type: ignore[no-untyped-def]
             for n in range(start[r * columns + left], start[r * columns + right + 1]):
                 d = (laid[n, 0] - x) ** 2 + (laid[n, 1] - y) ** 2
                 if d < least:
-                    best, least = n, d
+                    best, least, second = n, d, least
+                elif d < second:
+                    second = d
         if least <= reach * reach:
             break
-    return order[best] if best >= 0 else -1
+    return order[best] if best >= 0 else -1, np.sqrt(least), min(np.sqrt(second), reach)
 
 
 @njit(cache=True)
@@ -129,15 +131,27 @@ def lines_through(points, hashes, neighbours, radius, flatness):  # type: ignore
 
 
 @njit(cache=True)
-def _pairs(hashes, points, pose, gate, pair):  # type: ignore[no-untyped-def]
-    """Nearest reference point of each moved point, -1 beyond the gate; returns how many."""
+def _pairs(reference, hashes, points, pose, gate, pair, places):  # type: ignore[no-untyped-def]
+    """Nearest reference point of each moved point, -1 beyond the gate; returns how many.
+
+    `places` (k, 3) says where each point was when its partner was looked for, and how near no
+    other was. While others cannot have come nearer than the partner, nobody looks again.
+    """
     c, s = np.cos(pose[2]), np.sin(pose[2])
     count = 0
     for k in range(len(points)):
         x = c * points[k, 0] - s * points[k, 1] + pose[0]
         y = s * points[k, 0] + c * points[k, 1] + pose[1]
-        pair[k] = nearest(hashes, x, y, gate)
-        count += pair[k] >= 0
+        others = places[k, 2] - np.sqrt((x - places[k, 0]) ** 2 + (y - places[k, 1]) ** 2)
+        j, d = pair[k], gate
+        if j >= 0:
+            d = np.sqrt((x - reference[j, 0]) ** 2 + (y - reference[j, 1]) ** 2)
+        if (j >= 0 and d >= gate) or d > others:
+            j, d, others = nearest(hashes, x, y, 1.1 * gate)
+            if d >= gate:
+                j, others = -1, d
+            pair[k], places[k, 0], places[k, 1], places[k, 2] = j, x, y, others
+        count += j >= 0
     return count
 
 
@@ -192,9 +206,10 @@ def iterate(reference, normals, hashes, points, pose, width, gates, n_iterations
     False if the points hold no pose.
     """
     H, g, step = np.empty((3, 3)), np.empty(3), np.zeros(3)
+    places = np.zeros((len(points), 3))
     for gate in gates:
         for _ in range(n_iterations):
-            if _pairs(hashes, points, pose, gate, pair) < 3:
+            if _pairs(reference, hashes, points, pose, gate, pair, places) < 3:
                 return False
             icp_equations(reference, normals, points, pose, pair, width, line, H, g)
             # Next to nothing on the diagonal keeps a direction that no wall holds where it is.
@@ -206,7 +221,7 @@ def iterate(reference, normals, hashes, points, pose, width, gates, n_iterations
             pose += step
             if abs(step[0]) + abs(step[1]) < 1e-6 and abs(step[2]) < 1e-7:
                 break
-    return _pairs(hashes, points, pose, gates[-1], pair) >= 3
+    return _pairs(reference, hashes, points, pose, gates[-1], pair, places) >= 3
 
 
 @njit(cache=True)

@@ -209,8 +209,6 @@ def match_field(
     >>> match_field(fields, scan, guess=[0, 0, 0]).pose[:2].round(2).tolist()
     [0.06, 0.04]
     """
-    from slamlab.matching._field_kernels import gauss_newton
-
     fields = [field] if isinstance(field, Field) else as_tuple("field", field)
     if not fields or not all(isinstance(one, Field) for one in fields):
         raise ValueError(f"field: expected a Field or a sequence of them, got {field!r}")
@@ -221,11 +219,28 @@ def match_field(
     if prior_cov is not None:
         prior[:] = np.linalg.inv(as_covariance("prior_cov", prior_cov, 3))
     for one in fields:
-        frame = np.array([one.resolution, *one.origin])
-        H, total, left = gauss_newton(one.values, frame, one.log_odds, points, pose, prior, rounds)
+        H, total, left = _climb(one, points, pose, prior, rounds)
     pose[2] = wrap_angle(pose[2])
     n = len(points)
     arm = float(np.sqrt((points**2).sum(1).mean()))
     s2 = max(left / max(n - 3, 1), 1e-9)
     cov = capped_inverse(H / s2, arm)
     return Match(pose, cov, total / n, n, residual=float(np.sqrt(left / n)))
+
+
+def climbed(field: Field, points: Array, guess: Array) -> tuple[Array, float]:
+    """Pose and residual of `match_field` alone, of arguments that were checked before."""
+    pose = guess.copy()
+    *_, left = _climb(field, points, pose, np.zeros((3, 3)), 10)
+    pose[2] = wrap_angle(pose[2])
+    return pose, float(np.sqrt(left / len(points)))
+
+
+def _climb(
+    field: Field, points: Array, pose: Array, prior: Array, rounds: int
+) -> tuple[Array, float, float]:
+    """Move `pose` up one field; return H, sum M and sum (1 - M)^2 there."""
+    from slamlab.matching._field_kernels import gauss_newton
+
+    frame = np.array([field.resolution, *field.origin])
+    return gauss_newton(field.values, frame, field.log_odds, points, pose, prior, rounds)

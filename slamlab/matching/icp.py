@@ -55,7 +55,7 @@ def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
 
     points = good_points("points", points, 0)
     spacing = as_scalar("spacing", spacing, 1e-3, 1e6)
-    return points[thinned(points, spacing)] if len(points) else points
+    return points.take(thinned(points, spacing), 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +110,14 @@ class Outline:
         (x, y), (nx, ny) = self.points.T, self.normals.T
         points = np.stack([c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]], -1)
         return Outline(points, np.stack([c * nx - s * ny, s * nx + c * ny], -1), self.turned)
+
+    def walls(self) -> Outline:
+        """Return the outline without the points whose neighbours draw no line."""
+        on_wall = np.isfinite(self.normals[:, 0])
+        if on_wall.all():
+            return self
+        rows = np.flatnonzero(on_wall)
+        return Outline(*(one.take(rows, 0) for one in (self.points, self.normals, self.turned)))
 
     @classmethod
     def joined(cls, outlines: Iterable[Outline]) -> Outline:
@@ -203,7 +211,7 @@ def match_icp(
     rounds = as_count("n_iterations", n_iterations, 1)
     gates = np.array([gate, fine_gate])
     hashes = kernels.hashed(base.points, 0.5 * gate)
-    pose, pair = guess.copy(), np.empty(len(points), np.int64)
+    pose, pair = guess.copy(), np.full(len(points), -1)
     held = kernels.iterate(
         base.points, base.normals, hashes, points, pose, width, gates, rounds, line, pair
     )
@@ -217,7 +225,7 @@ def match_icp(
     )
     # Heading counts as metres at the rim of the scan.
     scale = np.array([1.0, 1.0, 1.0 / max(arm, 1e-3)])
-    axes = scale[:, None] * np.linalg.eigh(H * np.outer(scale, scale))[1]
+    axes = scale[:, None] * np.linalg.eigh(scale[:, None] * H * scale)[1]
     kernels.noise_of(
         *(base.points, base.normals, base.turned, points, pose, pair, width, line),
         *(axes, noise, blur, shares),
@@ -247,9 +255,8 @@ def _covariance(
     A, pretended = axes.T @ (H - blur) @ axes, axes.T @ blur @ axes
     crowded = shares[0] ** 2 >= FEW * shares[1]
     held = (np.diag(A) > np.maximum(np.diag(pretended), s2 / CAP**2)) & crowded
-    both = np.outer(held, held)
-    gain = axes @ (both * np.linalg.inv(np.where(both, A, np.eye(3)))) @ axes.T
-    loose = CAP * axes[:, ~held]
+    tight, loose = axes[:, held], CAP * axes[:, ~held]
+    gain = tight @ np.linalg.inv(A[held][:, held]) @ tight.T
     cov = 0.5 * s2 * gain @ noise @ gain + loose @ loose.T
     return 0.5 * (cov + cov.T)
 
@@ -264,11 +271,8 @@ def _reference(reference: ArrayLike | Outline, line: bool) -> Outline:
             reference = Outline(points, np.zeros_like(points), np.zeros(len(points)))
     if not line:
         return reference
-    on_wall = np.isfinite(reference.normals[:, 0])
-    if on_wall.sum() < 3:
-        raise ValueError(
-            f"reference: expected at least 3 points on walls, got {int(on_wall.sum())}"
-        )
-    rows = np.flatnonzero(on_wall)
-    arrays = (reference.points, reference.normals, reference.turned)
-    return Outline(*(one.take(rows, axis=0) for one in arrays))
+    walls = reference.walls()
+    n = len(walls.points)
+    if n < 3:
+        raise ValueError(f"reference: expected at least 3 points on walls, got {n}")
+    return walls

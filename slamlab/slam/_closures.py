@@ -101,9 +101,9 @@ def verify(
         return None
     climbed = match_field(ground.field, query, found.pose)
     fit = 1 - climbed.residual**2
-    if fit < FIT or ground.n_walls < 3:
+    if fit < FIT or len(ground.walls.points) < 3:
         return None
-    match = match_icp(ground.outline, nodes[k].points, climbed.pose)
+    match = match_icp(ground.walls, nodes[k].points, climbed.pose)
     if match.score == 0 or np.hypot(*(match.pose - climbed.pose)[:2]) > SLIDE:
         return None
     cov = 4 * match.cov

@@ -22,10 +22,10 @@ from slamlab.matching import (
     Outline,
     PointField,
     match_correlative,
-    match_field,
     match_icp,
     thin,
 )
+from slamlab.matching.field import climbed
 from slamlab.models import ScanSensor, as_scan_sensor
 
 REACH = 30.0  # points farther away than this (m) are not matched
@@ -96,12 +96,12 @@ def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
 
 
 class LocalMap:
-    """Some keyframes at their places, as a field to climb and an outline to lie on."""
+    """Some keyframes at their places, as a field to climb and walls to lie on."""
 
     def __init__(self, placed: Iterable[Outline]) -> None:
-        self.outline = Outline.joined(placed)
-        self.n_walls = int(np.isfinite(self.outline.normals[:, 0]).sum())
-        self.field = PointField(thin(self.outline.points, SPACING), *FIELD)
+        outline = Outline.joined(placed)
+        self.walls = outline.walls()
+        self.field = PointField(thin(outline.points, SPACING), *FIELD)
 
 
 def track(ground: LocalMap, points: Array, guess: Array, cov: Array) -> Match | None:
@@ -111,16 +111,16 @@ def track(ground: LocalMap, points: Array, guess: Array, cov: Array) -> Match | 
     """
     window = 0.3 + 2 * float(np.sqrt(max(cov[0, 0], cov[1, 1])))
     turn = min(np.deg2rad(10) + 2 * float(np.sqrt(cov[2, 2])), np.pi)
-    match = match_field(ground.field, points, guess)
-    if match.residual > BAD_FIT:
+    pose, misfit = climbed(ground.field, points, guess)
+    if misfit > BAD_FIT:
         found = match_correlative(ground.field, points, guess, min(window, 3.0), turn)
         if found is not None:
-            climbed = match_field(ground.field, points, found.pose)
-            if climbed.residual < BETTER * match.residual:
-                match = climbed
-    if ground.n_walls < 3:
+            other, left = climbed(ground.field, points, found.pose)
+            if left < BETTER * misfit:
+                pose = other
+    if len(ground.walls.points) < 3:
         return None
-    match = match_icp(ground.outline, points, match.pose)
+    match = match_icp(ground.walls, points, pose)
     dx, dy, dtheta = between(guess, match.pose)
     possible = np.hypot(dx, dy) <= window and abs(dtheta) <= turn
     return match if possible and _good(match, len(points)) else None

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from slamlab.geometry import between, compose, inverse, rotation, transform
 from slamlab.matching import Outline, match_icp, normals, thin
-from slamlab.matching._icp_kernels import icp_equations
+from slamlab.matching._icp_kernels import _pairs, hashed, icp_equations
 from slamlab.sensors import Lidar
 from slamlab.worlds import rooms
 
@@ -222,3 +223,27 @@ def test_one_wrong_pair_at_the_end_of_a_corridor_does_not_hold_its_length(monkey
             sure[few].append(error > 0.1 and error > 4 * np.sqrt(match.cov[0, 0]))
     assert not any(sure[3.0])
     assert sum(sure[0.0]) >= 3
+
+
+def test_partners_are_the_nearest_although_few_are_looked_for_again():
+    rng = np.random.default_rng(3)
+    reference, points = rng.uniform(-2, 2, (400, 2)), rng.uniform(-2.3, 2.3, (200, 2))
+    hashes, gate = hashed(reference, 0.25), 0.15
+    pair, places, kept = np.full(200, -1), np.zeros((200, 3)), None
+    looked, wrong, pose = [], 0, np.zeros(3)
+    for step in 0.2 ** np.arange(7):
+        pose = pose + step * rng.uniform(-0.1, 0.1, 3)
+        before = places.copy()
+        count = _pairs(reference, hashes, points, pose, gate, pair, places)
+        distance, nearest = cKDTree(reference).query(transform(pose, points))
+        assert np.array_equal(pair, np.where(distance < gate, nearest, -1))
+        assert count == (distance < gate).sum()
+        looked.append((places != before).any(1).sum())
+        # Who takes the others for far away keeps partners that are not the nearest any more.
+        kept = pair.copy() if kept is None else kept
+        far_away = np.tile([0.0, 0.0, np.inf], (200, 1))
+        _pairs(reference, hashes, points, pose, gate, kept, far_away)
+        wrong += not np.array_equal(kept, pair)
+    assert looked[0] == 200
+    assert looked[-1] < 5
+    assert wrong >= 5
