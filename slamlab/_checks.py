@@ -107,6 +107,8 @@ def as_batch(name: str, lead: Sequence[int], other: Sequence[int]) -> tuple[int,
     ValueError
         If those of argument `name` do not fit the others.
     """
+    if lead == other:
+        return tuple(lead)
     try:
         return np.broadcast_shapes(tuple(lead), tuple(other))
     except ValueError as error:
@@ -142,15 +144,18 @@ def as_covariance(name: str, value: ArrayLike, dim: int | None = None) -> Array:
     cov = as_array(name, value, ("...", size, size))
     if cov.shape[-1] != cov.shape[-2]:
         raise ValueError(f"{name}: expected a square matrix, got shape {cov.shape}")
-    transposed = np.swapaxes(cov, -1, -2)
-    scale = np.abs(cov).max(axis=(-2, -1), initial=0.0)
-    uneven = np.abs(cov - transposed).max(axis=(-2, -1), initial=0.0)
-    if (uneven > 1e-9 * scale).any():
-        raise ValueError(f"{name}: expected a symmetric matrix, asymmetry is {uneven.max():.3g}")
-    cov = 0.5 * cov + 0.5 * transposed
+    even = cov.mT
+    if (cov == even).all():
+        cov = cov.copy()
+    else:
+        uneven = np.abs(cov - even).max((-2, -1))
+        if (uneven > 1e-9 * np.abs(cov).max((-2, -1))).any():
+            wanted = f"a symmetric matrix, asymmetry is {uneven.max():.3g}"
+            raise ValueError(f"{name}: expected {wanted}")
+        cov = 0.5 * cov + 0.5 * even
     if cov.size:
         smallest = np.linalg.eigvalsh(cov)[..., 0]
-        if (smallest < -1e-9 * scale).any():
+        if (smallest < 0).any() and (smallest < -1e-9 * np.abs(cov).max((-2, -1))).any():
             found = f"smallest eigenvalue is {smallest.min():.3g}"
             raise ValueError(f"{name}: expected a positive semi-definite matrix, {found}")
     return cov
@@ -277,6 +282,8 @@ def as_a(name: str, value: Any, kind: Any, wanted: str = "") -> Any:
     ValueError
         If it is not, or is the class itself; of a protocol, the message names what is missing.
     """
+    if type(value) is kind:
+        return value
     wanted = wanted or f"a {kind.__name__}"
     if isinstance(value, type):
         raise ValueError(f"{name}: expected {wanted}, got the class {value.__name__} itself")

@@ -48,6 +48,8 @@ def wrap_angle(a: ArrayLike) -> Array:
     >>> wrap_angle([0.5, 2 * np.pi + 0.5]).round(12).tolist()
     [0.5, 0.5]
     """
+    if isinstance(a, float) and -np.pi < a < np.pi:
+        return np.float64(a)
     angle = as_shaped("a", a).astype(np.float64, copy=False)
     # An angle already inside keeps its last bit.
     inside = np.abs(angle) < np.pi

@@ -56,11 +56,11 @@ class RelativePose(MotionModel):
     def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
         """Return the derivatives of `step` by pose and motion, both of shape (..., 3, 3)."""
         pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 3))
-        theta, dx, dy = np.broadcast_arrays(pose[..., 2], u[..., 0], u[..., 1])
+        theta, dx, dy = pose[..., 2], u[..., 0], u[..., 1]
         c, s = np.cos(theta), np.sin(theta)
-        F_x = np.zeros((*theta.shape, 3, 3))
+        ahead, left = c * dx - s * dy, s * dx + c * dy
+        F_x, F_u = np.zeros((2, *ahead.shape, 3, 3))
         F_x[...] = np.eye(3)
-        F_x[..., 0, 2], F_x[..., 1, 2] = -s * dx - c * dy, c * dx - s * dy
-        F_u = np.zeros_like(F_x)
+        F_x[..., 0, 2], F_x[..., 1, 2] = -left, ahead
         F_u[..., :2, :2], F_u[..., 2, 2] = rotation(theta), 1.0
         return F_x, F_u
