@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -108,6 +109,17 @@ class PolarSensor(ABC):
         return z, ids
 
 
-def matrix(rows: list[list[Array]]) -> Array:
-    """Stack arrays of one shape (...), given as rows of a matrix, into (..., rows, columns)."""
-    return np.stack([np.stack(row, -1) for row in rows], -2)
+def pair(first: Array, second: Array) -> Array:
+    """Put two arrays of one shape (...) side by side, (..., 2)."""
+    both = np.empty((*first.shape, 2))
+    both[..., 0], both[..., 1] = first, second
+    return both
+
+
+def matrix(rows: list[list[Any]]) -> Array:
+    """Matrices (..., rows, columns) of entries that broadcast to the last one of the first row."""
+    filled = np.empty((*rows[0][-1].shape, len(rows), len(rows[0])))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            filled[..., i, j] = entry
+    return filled

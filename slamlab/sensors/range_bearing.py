@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array
 from slamlab.geometry import wrap_angle
-from slamlab.sensors._polar import PolarSensor, matrix
+from slamlab.sensors._polar import PolarSensor, matrix, pair
 
 __all__ = ["RangeBearing"]
 
@@ -79,7 +79,7 @@ class RangeBearing(PolarSensor):
         pose, dx, dy, _, _ = self._to_landmark(pose, landmark)
         # (18): range, and bearing by atan2 of the vector sensor -> landmark.
         bearing = wrap_angle(np.arctan2(dy, dx) - pose[..., 2])
-        return np.stack([np.hypot(dx, dy), bearing], -1)
+        return pair(np.hypot(dx, dy), bearing)
 
     def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
         """Return the derivatives of `observe`, P1 (22)-(32) repaired.
@@ -143,7 +143,7 @@ class RangeBearing(PolarSensor):
         beam = theta + z[..., 1]
         x = pose[..., 0] + self.offset * np.cos(theta) + distance * np.cos(beam)
         y = pose[..., 1] + self.offset * np.sin(theta) + distance * np.sin(beam)
-        return np.stack([x, y], -1)
+        return pair(x, y)
 
     def locate_jacobians(self, pose: ArrayLike, z: ArrayLike) -> tuple[Array, Array]:
         """Return the derivatives of `locate`, P1 (39)-(42) repaired.
@@ -164,13 +164,13 @@ class RangeBearing(PolarSensor):
             If a shape is wrong or a number is not finite.
         """
         pose, z = as_array("pose", pose, ("...", 3)), as_array("z", z, ("...", 2))
-        theta, distance, bearing = np.broadcast_arrays(pose[..., 2], z[..., 0], z[..., 1])
-        c, s = np.cos(theta + bearing), np.sin(theta + bearing)
-        zero, one = np.zeros_like(c), np.ones_like(c)
+        theta, distance = pose[..., 2], z[..., 0]
+        beam = theta + z[..., 1]
+        c, s = np.cos(beam), np.sin(beam)
         # (41): the beam turns with the body, not the lever of the sensor alone.
         turn_x = -self.offset * np.sin(theta) - distance * s
         turn_y = self.offset * np.cos(theta) + distance * c
-        G_pose = matrix([[one, zero, turn_x], [zero, one, turn_y]])
+        G_pose = matrix([[1.0, 0.0, turn_x], [0.0, 1.0, turn_y]])
         # (42)
         return G_pose, matrix([[c, -distance * s], [s, distance * c]])
 

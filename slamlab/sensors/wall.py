@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array
 from slamlab.geometry import wrap_angle
-from slamlab.sensors._polar import PolarSensor, matrix
+from slamlab.sensors._polar import PolarSensor, matrix, pair
 
 __all__ = ["Wall"]
 
@@ -105,14 +105,13 @@ class Wall(PolarSensor):
             If a shape is wrong or a number is not finite.
         """
         pose, wall, x, y = self._arrays(pose, "landmark", landmark)
-        alpha, theta = np.broadcast_arrays(wall[..., 1], pose[..., 2])
+        alpha = wall[..., 1]
         c, s = np.cos(alpha), np.sin(alpha)
         # A wall seen from its other side turns over: the range changes sign, the bearing does not.
         side = np.where(wall[..., 0] - x * c - y * s < 0, -1.0, 1.0)
-        lever = -self.offset * np.sin(alpha - theta)
-        zero, one = np.zeros_like(c), np.ones_like(c)
-        H_pose = matrix([[-side * c, -side * s, side * lever], [zero, zero, -one]])
-        return H_pose, matrix([[side, side * (x * s - y * c)], [zero, one]])
+        lever = -self.offset * np.sin(alpha - pose[..., 2])
+        H_pose = matrix([[-side * c, -side * s, side * lever], [0.0, 0.0, -1.0]])
+        return H_pose, matrix([[side, side * (x * s - y * c)], [0.0, 1.0]])
 
     def locate(self, pose: ArrayLike, z: ArrayLike) -> Array:
         """Return the wall that a measurement tells of: the inverse of `observe`.
@@ -159,11 +158,10 @@ class Wall(PolarSensor):
         alpha = pose[..., 2] + z[..., 1]
         c, s = np.cos(alpha), np.sin(alpha)
         side = np.where(z[..., 0] + x * c + y * s < 0, -1.0, 1.0)
-        zero, one = np.zeros_like(c), np.ones_like(c)
         # The sensor's own lever cancels here: what turns the wall is the body centre.
         turn = pose[..., 1] * c - pose[..., 0] * s
-        G_pose = matrix([[side * c, side * s, side * turn], [zero, zero, one]])
-        return G_pose, matrix([[side, side * (y * c - x * s)], [zero, one]])
+        G_pose = matrix([[side * c, side * s, side * turn], [0.0, 0.0, 1.0]])
+        return G_pose, matrix([[side, side * (y * c - x * s)], [0.0, 1.0]])
 
     def residual(self, z: ArrayLike, predicted: ArrayLike) -> Array:
         """Return z - predicted, both walls first written with normals less than 90 deg apart.
@@ -184,7 +182,7 @@ class Wall(PolarSensor):
         opposite = np.abs(turn) > np.pi / 2
         turn = np.where(opposite, turn - np.copysign(np.pi, turn), turn)
         distance = np.where(opposite, -z[..., 0], z[..., 0])
-        return np.stack([distance - predicted[..., 0], turn], -1)
+        return pair(distance - predicted[..., 0], turn)
 
     def reach(self, z: ArrayLike) -> Array:
         """Return how far from the body a wall's parameters may lie: they are no place, inf."""
@@ -210,4 +208,4 @@ class Wall(PolarSensor):
 
 def _one_name(signed: Array, angle: Array) -> Array:
     """Of the two names of a line, the one with r >= 0 and the angle wrapped, (..., 2)."""
-    return np.stack([np.abs(signed), wrap_angle(np.where(signed < 0, angle + np.pi, angle))], -1)
+    return pair(np.abs(signed), wrap_angle(np.where(signed < 0, angle + np.pi, angle)))
