@@ -6,6 +6,7 @@ Chapter 12; after Montemerlo et al. (2002, 2003), maps shared between particles 
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Hashable, Sequence
 
 import numpy as np
@@ -204,10 +205,11 @@ class FastSlam(PoseParticles):
         z = as_array("z", z, ("k", 2))
         R, names = as_noise(self.sensor, covs, len(z)), self._checked_ids(ids, len(z))
         with restored_on_failure(self._rng):
-            book = self._columns_with(names)
+            added = self._columns_of_new(names or ())
             if names is None:
                 columns = self._associated(z, R, covs is not None)
             else:
+                book = ChainMap(self._columns, added)
                 same = np.array([book[name] for name in names], dtype=np.intp)
                 columns = np.tile(same, (self.n_particles, 1))
             seen, old = columns >= 0, self._landmarks(columns)
@@ -230,7 +232,8 @@ class FastSlam(PoseParticles):
             if not all_finite(maps):
                 raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         # Nothing can fail any more: change the filter.
-        self._columns, self._unknown = book, self._unknown or (names is None and len(z) > 0)
+        self._columns |= added
+        self._unknown = self._unknown or (names is None and len(z) > 0)
         self.columns, self.started = columns, fresh
         self._cloud.particles = poses
         self._maps.write(np.nonzero(seen)[0], columns[seen], maps)
@@ -299,11 +302,10 @@ class FastSlam(PoseParticles):
             raise ValueError("ids: expected a name for every measurement, got None")
         return names
 
-    def _columns_with(self, names: Sequence[Hashable] | None) -> dict[Hashable, int]:
-        """Column of each name; new names get the next ones."""
-        if all(name in self._columns for name in names or ()):
-            return self._columns
-        return {name: i for i, name in enumerate(dict.fromkeys([*self._columns, *(names or ())]))}
+    def _columns_of_new(self, names: Sequence[Hashable]) -> dict[Hashable, int]:
+        """Column of each name that was never met: the next ones."""
+        new = [name for name in names if name not in self._columns]
+        return {name: i for i, name in enumerate(new, len(self._columns))}
 
     def _associated(self, z: Array, R: Array, told: bool) -> Indices:
         """Column (M, k) of every measurement in every particle's own map; -2: left out."""
