@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -206,7 +207,7 @@ def maximum_likelihood(
     """
     pairs = _candidates(slam, z, probability, new_probability, covs)
     margin = _as_margin(margin)
-    inside, gate = pairs.inside, chi2_quantile(probability, 2)
+    inside, gate = pairs.inside, _gate(float(probability), 2)
     score = pairs.distance + pairs.log_det
     rows, column = np.unique(pairs.row[inside], return_inverse=True)
     cost = np.full((pairs.k, len(rows) + pairs.k), np.inf)
@@ -333,7 +334,7 @@ def joint_search(
     """Search as `joint_compatibility`, and tell how far it went; same parameters, no warning."""
     margin, max_nodes = _as_margin(margin), as_count("max_nodes", max_nodes, 1)
     pairs = _candidates(slam, z, probability, new_probability, covs)
-    search = _Search(slam, pairs, probability, margin, max_nodes)
+    search = _Search(slam, pairs, float(probability), margin, max_nodes)
     answer = pairs.unpaired()
     for j, row in search.agreed():
         answer[j] = row
@@ -361,7 +362,7 @@ class _Search:
         by_place = np.argsort(place, kind="stable")
         self.place, self.column, self.v = place[by_place], column[by_place], v[by_place]
         self.more = more[by_place]
-        self.gates = chi2_quantile(probability, 2 * np.arange(len(self.order) + 1))
+        self.gates = [_gate(probability, 2 * pairs) for pairs in range(len(self.order) + 1)]
         self.margin, self.max_nodes = margin, max_nodes
         self.nodes, self.complete = 0, True
         self.chosen: list[tuple[int, int]] = []
@@ -395,11 +396,12 @@ class _Search:
         added = _squared(v, S)
         # Adding pairs never lowers the distance: what is too far now stays so further down.
         fits = distance + added <= self.gates[m + len(self.order) - depth]
-        waiting = np.unique(self.place[options[fits]])
+        waiting = np.zeros(len(self.order), dtype=bool)
+        waiting[self.place[options[fits]]] = True
         here = np.flatnonzero(self.place[options] == depth)
         for i in here[np.argsort(added[here])]:
             total = distance + float(added[i])
-            if total > self.gates[m + 1] or self._hopeless(m + len(waiting), total):
+            if total > self.gates[m + 1] or self._hopeless(m + np.count_nonzero(waiting), total):
                 break
             c = int(column[i])
             given = self._given(own, shift, c, v[i], S[i])
@@ -410,7 +412,7 @@ class _Search:
             self.chosen.pop()
             if not self.complete:
                 return
-        if not self._hopeless(m + int((waiting > depth).sum()), distance):
+        if not self._hopeless(m + np.count_nonzero(waiting[depth + 1 :]), distance):
             self._descend(depth + 1, distance, own, shift)
 
     def _given(self, own: Array, shift: Array, c: int, v: Array, S: Array) -> tuple[Array, Array]:
@@ -603,7 +605,7 @@ def _candidates(
     z = as_array("z", z, ("k", 2))
     low = as_scalar("probability", low, *_ODDS)
     high = as_scalar("new_probability", high, low, _ODDS[1])
-    inner, outer = chi2_quantile([low, high], 2)
+    inner, outer = _gate(low, 2), _gate(high, 2)
     landmarks = np.asarray(slam.landmarks)
     if len(landmarks) == 0 or len(z) == 0:
         empty = np.empty(0, dtype=np.intp)
@@ -625,6 +627,12 @@ def _candidates(
     j, row, v, S, distance = (found[near] for found in (j, row, v, S, distance))
     log_det = np.log(np.linalg.det(S))
     return _Pairs(len(z), j, row, distance, distance <= inner, v, log_det, more[j])
+
+
+@lru_cache(maxsize=256)
+def _gate(probability: float, dof: int) -> float:
+    """Chi-square quantile; every look asks for the same few."""
+    return float(chi2_quantile(probability, dof))
 
 
 def _plane(polar: Array) -> Array:
