@@ -209,8 +209,7 @@ class EKFSlamBatch:
         self._P -= B.mT @ B
         if a is not None:
             b = self._P[:, 2] + 0.5 * self._P[:, 2, 2, None] * a
-            both = a[:, :, None] * b[:, None, :]
-            self._P += both + both.mT
+            self._P += a[:, :, None] * b[:, None, :] + b[:, :, None] * a[:, None, :]
         return BatchInnovation((y**2).sum((1, 2)), 2 * counts.sum(1))
 
     def _augment(self, k: int, runs: NDArray[np.intp], z: Array) -> None:
