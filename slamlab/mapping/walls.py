@@ -27,6 +27,8 @@ Indices = NDArray[np.intp]
 _GRAZING = np.deg2rad(5.0)
 # Two pieces are one wall if their (r, alpha) differ by less than this: chi-square, 2 dof, 99.9 %.
 _SAME_LINE = 13.816
+# What tells lines apart; its noise does not matter.
+_SENSOR = Wall(1.0, 1.0)
 # A corner moves by at most so many points when they are shared out anew.
 _MOST_MOVES = 5
 
@@ -135,13 +137,15 @@ def extract_walls(
     grow = _split if method == "split-and-merge" else _extend
     pieces: list[Indices] = []
     for start, stop in _runs(seen - origin, valid, threshold, max_gap):
+        if stop - start < min_points:
+            continue
         cuts = grow(seen[start:stop], threshold)
         cuts = _settle_corners(seen[start:stop], _merge(seen[start:stop], cuts, threshold))
         pieces += [np.arange(start + a, start + b) for a, b in zip(cuts, cuts[1:], strict=False)]
     pieces = [p for p in pieces if len(p) >= min_points]
     pieces = _join(seen, covs, pieces, threshold, max_gap)
-    pieces = [_without_strangers(seen[p], covs[p], p, threshold) for p in pieces]
-    pieces = [p for p in pieces if len(p) >= min_points and _length(seen[p]) >= min_length]
+    cleaned = [_without_strangers(seen[p], covs[p], p, threshold) for p in pieces]
+    pieces = [p for p, length in cleaned if len(p) >= min_points and length >= min_length]
     return _walls(seen, covs, sorted(pieces, key=lambda p: int(p[0])), valid, len(points))
 
 
@@ -338,7 +342,7 @@ def _settle_corners(points: Array, cuts: list[int]) -> list[int]:
             before, after = points[cuts[i - 1] : cuts[i]], points[cuts[i] : cuts[i + 1]]
             if min(len(before), len(after)) < 4:
                 break
-            pair = np.stack([before[-1], after[0]])
+            pair = points[cuts[i] - 1 : cuts[i] + 1]
             nearer_before = _distance(pair, before[:-1]) < _distance(pair, after[1:])
             if nearer_before[0] and not nearer_before[1]:
                 break
@@ -350,28 +354,34 @@ def _join(
     points: Array, covs: Array, pieces: list[Indices], threshold: float, max_gap: float
 ) -> list[Indices]:
     """Join pieces of one line that something cut apart, the most alike first."""
+    fits = [_fit_and_cov(points[p], covs[p]) for p in pieces]
     while len(pieces) > 1:
-        for i, j in _alike(points, covs, pieces):
+        for i, j in _alike(fits):
             both = np.sort(np.concatenate([pieces[i], pieces[j]]))
-            alpha = _fit(points[both])[1]
-            one, two = _along(points[pieces[i]], alpha), _along(points[pieces[j]], alpha)
+            fit = _fit_and_cov(points[both], covs[both])
+            one, two = (_along(points[pieces[k]], fit[0][1]) for k in (i, j))
             gap = max(one.min() - two.max(), two.min() - one.max())
-            if gap <= max_gap and _straight(points[both], threshold):
-                pieces = [p for k, p in enumerate(pieces) if k not in (i, j)] + [both]
+            if gap <= max_gap and _across(points[both], fit[0]).max() <= threshold:
+                others = [k for k in range(len(pieces)) if k not in (i, j)]
+                pieces = [*(pieces[k] for k in others), both]
+                fits = [*(fits[k] for k in others), fit]
                 break
         else:
             break
     return pieces
 
 
-def _alike(points: Array, covs: Array, pieces: list[Indices]) -> Iterator[tuple[int, int]]:
+def _fit_and_cov(points: Array, covs: Array) -> tuple[tuple[float, float], Array]:
+    """Line (r, alpha) of a piece and its covariance."""
+    line = _fit(points)
+    return line, _line_cov(points, covs, line[1])
+
+
+def _alike(fits: list[tuple[tuple[float, float], Array]]) -> Iterator[tuple[int, int]]:
     """Pairs of pieces whose lines agree within their covariances, the most alike first."""
-    lines = np.array([_fit(points[p]) for p in pieces])
-    line_covs = np.array(
-        [_line_cov(points[p], covs[p], a) for p, (_, a) in zip(pieces, lines, strict=True)]
-    )
-    i, j = np.triu_indices(len(pieces), 1)
-    difference = Wall(1.0, 1.0).residual(lines[i], lines[j])
+    lines, line_covs = (np.array(every) for every in zip(*fits, strict=True))
+    i, j = np.triu_indices(len(fits), 1)
+    difference = _SENSOR.residual(lines[i], lines[j])
     total = in_name_of(lines[i, 1], lines[j, 1], line_covs[i]) + line_covs[j]
     squared = (difference * np.linalg.solve(total, difference[..., None])[..., 0]).sum(-1)
     for k in np.argsort(squared):
@@ -380,8 +390,13 @@ def _alike(points: Array, covs: Array, pieces: list[Indices]) -> Iterator[tuple[
         yield int(i[k]), int(j[k])
 
 
-def _without_strangers(points: Array, covs: Array, piece: Indices, threshold: float) -> Indices:
-    """Drop points that their noise does not explain, the worst first; nothing if many are."""
+def _without_strangers(
+    points: Array, covs: Array, piece: Indices, threshold: float
+) -> tuple[Indices, float]:
+    """Drop points that their noise does not explain, the worst first; all of them if many are.
+
+    Returns what is left, and how far it reaches along its line.
+    """
     kept = np.ones(len(piece), dtype=bool)
     while True:
         r, alpha = _fit(points[kept])
@@ -391,25 +406,25 @@ def _without_strangers(points: Array, covs: Array, piece: Indices, threshold: fl
         off = np.abs(points @ normal - r) / np.maximum(4 * noise, 0.3 * threshold)
         worst = int(np.argmax(np.where(kept, off, 0.0)))
         if off[worst] <= 1:
-            return piece[kept]
+            return piece[kept], float(np.ptp(_along(points[kept], alpha)))
         kept[worst] = False
         if kept.sum() < max(4, 0.75 * len(piece)):
-            return piece[:0]
+            return piece[:0], 0.0
 
 
 def _walls(
     points: Array, covs: Array, pieces: list[Indices], valid: Indices, n_points: int
 ) -> Walls:
     """Fit each piece anew and put the result together."""
-    labels = np.full(n_points, -1)
-    lines, line_covs, ends = np.empty((len(pieces), 2)), np.empty((len(pieces), 2, 2)), []
+    labels, n = np.full(n_points, -1), len(pieces)
+    lines, line_covs, ends = np.empty((n, 2)), np.empty((n, 2, 2)), np.empty((n, 2))
     for row, piece in enumerate(pieces):
         labels[valid[piece]] = row
-        lines[row] = line = fit_line(points[piece])
-        line_covs[row] = _line_cov(points[piece], covs[piece], line[1])
-        along = _along(points[piece], line[1])
-        ends.append(on_line(line, np.array([along.min(), along.max()])))
-    return Walls(lines, line_covs, np.array(ends).reshape(-1, 2, 2), labels)
+        lines[row] = fit_line(points[piece])
+        line_covs[row] = _line_cov(points[piece], covs[piece], lines[row, 1])
+        along = _along(points[piece], lines[row, 1])
+        ends[row] = along.min(), along.max()
+    return Walls(lines, line_covs, on_line(lines, ends), labels)
 
 
 def in_name_of(alpha: ArrayLike, other: ArrayLike, covs: Array) -> Array:
@@ -421,11 +436,10 @@ def in_name_of(alpha: ArrayLike, other: ArrayLike, covs: Array) -> Array:
     return covs * np.where(turned[..., None, None], [[1.0, -1.0], [-1.0, 1.0]], 1.0)
 
 
-def on_line(line: Array, places: Array) -> Array:
-    """Points (..., 2) of a line (r, alpha) at places (...) along it."""
-    r, alpha = line
-    normal, along = np.array([np.cos(alpha), np.sin(alpha)]), [-np.sin(alpha), np.cos(alpha)]
-    return r * normal + places[..., None] * np.array(along)
+def on_line(lines: Array, places: Array) -> Array:
+    """Points (..., k, 2) of lines (..., 2), r and alpha each, at places (..., k) along them."""
+    r, c, s = lines[..., :1], np.cos(lines[..., 1:]), np.sin(lines[..., 1:])
+    return np.stack([r * c - places * s, r * s + places * c], -1)
 
 
 def _fit(points: Array) -> tuple[float, float]:
@@ -438,7 +452,12 @@ def _fit(points: Array) -> tuple[float, float]:
 
 def _distance(points: Array, of_wall: Array) -> Array:
     """Distances of points from the line fitted to others."""
-    r, alpha = _fit(of_wall)
+    return _across(points, _fit(of_wall))
+
+
+def _across(points: Array, line: tuple[float, float]) -> Array:
+    """Distances of points from a line (r, alpha)."""
+    r, alpha = line
     return np.abs(points[:, 0] * math.cos(alpha) + points[:, 1] * math.sin(alpha) - r)
 
 
@@ -452,12 +471,7 @@ def _along(points: Array, alpha: float | Array) -> Array:
     return points[..., 1] * np.cos(alpha) - points[..., 0] * np.sin(alpha)
 
 
-def _length(points: Array) -> float:
-    """How far points reach along their own line."""
-    return float(np.ptp(_along(points, _fit(points)[1])))
-
-
-def _line_cov(points: Array, covs: Array, alpha: Array) -> Array:
+def _line_cov(points: Array, covs: Array, alpha: float | Array) -> Array:
     """`line_cov` for a line already fitted."""
     alpha = np.asarray(alpha)[..., None]
     c, s = np.cos(alpha), np.sin(alpha)
@@ -467,6 +481,7 @@ def _line_cov(points: Array, covs: Array, alpha: Array) -> Array:
     k = points.shape[-2]
     middle = along.sum(-1, keepdims=True) / k
     off = along - middle
-    d_alpha = -off / (off * off).sum(-1, keepdims=True)
-    d = np.stack([1.0 / k + middle * d_alpha, d_alpha], -2)
+    d = np.empty((*off.shape[:-1], 2, k))
+    d[..., 1, :] = d_alpha = -off / (off * off).sum(-1, keepdims=True)
+    d[..., 0, :] = 1.0 / k + middle * d_alpha
     return (d * across[..., None, :]) @ d.mT

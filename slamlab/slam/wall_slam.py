@@ -213,9 +213,7 @@ class WallSlam:
         predicted = ekf.sensor.observe(ekf.pose, ekf.landmarks)
         names = self._associate(walls, covs, predicted)
         innovation = ekf.update(walls.lines, names, self._named(walls, covs, names, predicted))
-        for id, ends in zip(names, walls.ends, strict=True):
-            if id is not None:
-                self._extend(id, ends)
+        self._extend(names, walls.ends)
         for id in ekf.remove_unseen(self._patience, max(self._confirm - 1, 1)):
             del self._counts[id]
         return WallSighting(walls, names, float(innovation.nis))
@@ -259,14 +257,17 @@ class WallSlam:
         alpha[known] = predicted[self.filter.rows_of([names[k] for k in known]), 1]
         return in_name_of(walls.lines[:, 1], alpha, covs)
 
-    def _extend(self, id: Hashable, ends: Array) -> None:
-        """Note which stretch of the wall was seen."""
-        ekf = self.filter
-        _, alpha = ekf.landmarks[ekf.rows_of([id])[0]]
-        world = transform(ekf.pose, ends + [self._lidar.offset, 0.0])
-        span = np.sort(world @ [-np.sin(alpha), np.cos(alpha)])
-        low, high = (round(end) for end in span / _PIECE)
-        self._counts.setdefault(id, Counter()).update(range(low, high))
+    def _extend(self, names: tuple[Hashable | None, ...], ends: Array) -> None:
+        """Note which stretches of the walls were seen."""
+        ekf, used = self.filter, [k for k, id in enumerate(names) if id is not None]
+        ids = [names[k] for k in used]
+        alpha = ekf.landmarks[ekf.rows_of(ids), 1]
+        along = np.stack([-np.sin(alpha), np.cos(alpha)], -1)
+        world = transform(ekf.pose, ends[used].reshape(-1, 2) + [self._lidar.offset, 0.0])
+        places = (world.reshape(-1, 2, 2) * along[:, None]).sum(-1)
+        spans = np.rint(np.sort(places) / _PIECE).astype(int)
+        for id, (low, high) in zip(ids, spans.tolist(), strict=True):
+            self._counts.setdefault(id, Counter()).update(range(low, high))
 
     def _stretches(self, id: Hashable) -> Array:
         """Where the wall was seen often enough, (k, 2) along it: a grazing scan errs at its ends.
