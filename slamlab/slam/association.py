@@ -401,7 +401,7 @@ class _Search:
         here = np.flatnonzero(self.place[options] == depth)
         for i in here[np.argsort(added[here])]:
             total = distance + float(added[i])
-            if total > self.gates[m + 1] or self._hopeless(m + np.count_nonzero(waiting), total):
+            if total > self.gates[m + 1] or self._hopeless(m + int(np.count_nonzero(waiting)), total):
                 break
             c = int(column[i])
             given = self._given(own, shift, c, v[i], S[i])
@@ -412,7 +412,7 @@ class _Search:
             self.chosen.pop()
             if not self.complete:
                 return
-        if not self._hopeless(m + np.count_nonzero(waiting[depth + 1 :]), distance):
+        if not self._hopeless(m + int(np.count_nonzero(waiting[depth + 1 :])), distance):
             self._descend(depth + 1, distance, own, shift)
 
     def _given(self, own: Array, shift: Array, c: int, v: Array, S: Array) -> tuple[Array, Array]:
@@ -624,7 +624,8 @@ def _candidates(
     v, S = slam.sensor.residual(z[j], predicted[row]), S[row] + more[j]
     distance = _squared(v, S)
     near = distance <= outer
-    j, row, v, S, distance = (found[near] for found in (j, row, v, S, distance))
+    j, row = j[near], row[near]
+    v, S, distance = v[near], S[near], distance[near]
     log_det = np.log(np.linalg.det(S))
     return _Pairs(len(z), j, row, distance, distance <= inner, v, log_det, more[j])
 
