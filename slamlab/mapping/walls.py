@@ -354,17 +354,17 @@ def _join(
     points: Array, covs: Array, pieces: list[Indices], threshold: float, max_gap: float
 ) -> list[Indices]:
     """Join pieces of one line that something cut apart, the most alike first."""
-    fits = [_fit_and_cov(points[p], covs[p]) for p in pieces]
+    fits = [_fit_and_cov(points[p], covs[p]) for p in pieces if len(pieces) > 1]
     while len(pieces) > 1:
         for i, j in _alike(fits):
             both = np.sort(np.concatenate([pieces[i], pieces[j]]))
-            fit = _fit_and_cov(points[both], covs[both])
-            one, two = (_along(points[pieces[k]], fit[0][1]) for k in (i, j))
+            line = _fit(points[both])
+            one, two = (_along(points[pieces[k]], line[1]) for k in (i, j))
             gap = max(one.min() - two.max(), two.min() - one.max())
-            if gap <= max_gap and _across(points[both], fit[0]).max() <= threshold:
+            if gap <= max_gap and _across(points[both], line).max() <= threshold:
                 others = [k for k in range(len(pieces)) if k not in (i, j)]
                 pieces = [*(pieces[k] for k in others), both]
-                fits = [*(fits[k] for k in others), fit]
+                fits = [*(fits[k] for k in others), _fit_and_cov(points[both], covs[both])]
                 break
         else:
             break

@@ -396,12 +396,11 @@ class _Search:
         added = _squared(v, S)
         # Adding pairs never lowers the distance: what is too far now stays so further down.
         fits = distance + added <= self.gates[m + len(self.order) - depth]
-        waiting = np.zeros(len(self.order), dtype=bool)
-        waiting[self.place[options[fits]]] = True
+        waiting = set(self.place[options[fits]].tolist())
         here = np.flatnonzero(self.place[options] == depth)
         for i in here[np.argsort(added[here])]:
             total = distance + float(added[i])
-            if total > self.gates[m + 1] or self._hopeless(m + int(np.count_nonzero(waiting)), total):
+            if total > self.gates[m + 1] or self._hopeless(m + len(waiting), total):
                 break
             c = int(column[i])
             given = self._given(own, shift, c, v[i], S[i])
@@ -412,7 +411,7 @@ class _Search:
             self.chosen.pop()
             if not self.complete:
                 return
-        if not self._hopeless(m + int(np.count_nonzero(waiting[depth + 1 :])), distance):
+        if not self._hopeless(m + len(waiting - {depth}), distance):
             self._descend(depth + 1, distance, own, shift)
 
     def _given(self, own: Array, shift: Array, c: int, v: Array, S: Array) -> tuple[Array, Array]:
