@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_array, as_choice, as_positive
 from slamlab.geometry import wrap_angle
 from slamlab.models import MotionModel
-from slamlab.robots.unicycle import _checked, _sinc, _sinc_slope
+from slamlab.robots.unicycle import _checked, _pose, _sinc, _sinc_slope
 
 __all__ = ["YOUBOT", "Mecanum"]
 
@@ -219,7 +219,7 @@ class Mecanum(MotionModel):
         pose, u, dt = _checked(pose, u, dt, 3)
         move_x, move_y = self._displacement(pose, u, dt)[:2]
         heading = wrap_angle(pose[..., 2] + dt * u[..., 2])
-        return np.stack([pose[..., 0] + move_x, pose[..., 1] + move_y, heading], -1)
+        return _pose(pose[..., 0] + move_x, pose[..., 1] + move_y, heading)
 
     def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
         """Return the derivatives of `step` by pose, P1 (16), and control, (17) with its dt.
@@ -258,25 +258,26 @@ class Mecanum(MotionModel):
             # ... and bends it, which shortens the chord.
             h = 0.5 * dt * u[..., 2]
             shorter = 0.5 * dt * dt * _sinc_slope(h)
-            bend_x, bend_y = _rotated(pose[..., 2] + h, u)
+            half_way = pose[..., 2] + h
+            bend_x, bend_y = _rotated(np.cos(half_way), np.sin(half_way), u)
             F_u[..., 0, 2] += shorter * bend_x
             F_u[..., 1, 2] += shorter * bend_y
         return F_x, F_u
 
     def _displacement(self, pose: Array, u: Array, dt: float) -> tuple[Array, Array, Array, Array]:
         """Displacement in the world, and dt times the mean cosine and sine over the step."""
-        theta, omega = np.broadcast_arrays(pose[..., 2], u[..., 2])
+        omega = u[..., 2]
         h = np.zeros_like(omega) if self.integration == "euler" else 0.5 * dt * omega
         # The mean of a unit vector that turns by 2h: it points half way and has length sin(h)/h.
         mean = dt * _sinc(h) if self.integration == "exact" else dt
-        move_x, move_y = _rotated(theta + h, u)
-        c, s = mean * np.cos(theta + h), mean * np.sin(theta + h)
-        return mean * move_x, mean * move_y, c, s
+        half_way = pose[..., 2] + h
+        c, s = np.cos(half_way), np.sin(half_way)
+        move_x, move_y = _rotated(c, s, u)
+        return mean * move_x, mean * move_y, mean * c, mean * s
 
 
-def _rotated(angle: Array, u: Array) -> tuple[Array, Array]:
-    """Velocity in the world, x and y, of the body velocity u at a heading."""
-    c, s = np.cos(angle), np.sin(angle)
+def _rotated(c: Array, s: Array, u: Array) -> tuple[Array, Array]:
+    """Velocity in the world, x and y, of the body velocity u at a heading of cosine c, sine s."""
     return c * u[..., 0] - s * u[..., 1], s * u[..., 0] + c * u[..., 1]
 
 

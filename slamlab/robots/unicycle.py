@@ -22,6 +22,13 @@ def _sinc(h: Array) -> Array:
     return np.sinc(h / np.pi)
 
 
+def _pose(x: Array, y: Array, heading: Array) -> Array:
+    """Poses (..., 3) of their coordinates (...)."""
+    pose = np.empty((*heading.shape, 3))
+    pose[..., 0], pose[..., 1], pose[..., 2] = x, y, heading
+    return pose
+
+
 def _sinc_slope(h: Array) -> Array:
     """Return the derivative of sin(h) / h; a series where the closed form would cancel."""
     small = np.abs(h) < 1e-2
@@ -74,7 +81,7 @@ class Unicycle(MotionModel):
         direction = pose[..., 2] + half_turn
         x = pose[..., 0] + chord * np.cos(direction)
         y = pose[..., 1] + chord * np.sin(direction)
-        return np.stack([x, y, wrap_angle(direction + half_turn)], -1)
+        return _pose(x, y, wrap_angle(direction + half_turn))
 
     def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
         """Return the derivatives of `step` by pose and control.
