@@ -23,6 +23,7 @@ __all__ = ["Odometer", "Script", "Truth", "record"]
 
 _DIGITS = 9  # poses and ranges in whole nanometres: no run hangs on the last bit of a machine
 _PIECE = 0.01  # no part of the body moves farther (m) in one piece of an arc
+_SLACK = 1e-6  # what lies farther beyond reach than this (m) is not met, whatever the rounding
 
 
 class Odometer(Protocol):
@@ -174,7 +175,8 @@ def record(
     >>> log.truth[:, 0].tolist(), log.notes["believed"][:, 0].tolist()
     ([5.0, 5.5, 6.0, 6.5], [0.0, 0.5, 1.0, 1.5])
     """
-    scene = _Scene(world, as_motion("robot", robot), sensor, as_rng("rng", rng), footprint)
+    rng, robot = as_rng("rng", rng), as_motion("robot", robot)
+    scene = _Scene(world, robot, sensor, rng, footprint, control_cov)
     as_estimator("belief", belief)
     as_a("pilot", pilot, Pilot)
     if odometer is not None:
@@ -195,7 +197,7 @@ def record(
             break
         u = as_array("pilot's command", u, (*hit.shape, "p"))
         before = truth
-        truth, driven, control, cov, hit = scene.move(before, u, dt, control_cov)
+        truth, driven, control, cov, hit = scene.move(before, u, dt)
         if odometer is not None:
             control, cov = _odometry(odometer, before, truth, scene.rng)
         belief.predict(control, dt, cov)
@@ -216,8 +218,10 @@ class _Scene:
         sensor: Lidar | RangeBearing | None,
         rng: np.random.Generator,
         footprint: ArrayLike | None,
+        control_cov: ArrayLike | None,
     ) -> None:
         self.robot, self.sensor, self.rng = robot, sensor, rng
+        self.control_cov, self.noise = control_cov, (np.empty((0, 0)), np.empty((0, 0)))
         self.landmarks = world.points if isinstance(world, LandmarkWorld) else None
         self.obstacles = None if isinstance(world, LandmarkWorld) else world
         if isinstance(sensor, Lidar) and self.obstacles is None:
@@ -225,6 +229,7 @@ class _Scene:
         if sensor is not None and not isinstance(sensor, Lidar) and self.landmarks is None:
             raise ValueError(f"world: expected a LandmarkWorld for {sensor}, got {world}")
         self.body = None if footprint is None else as_array("footprint", footprint, ("k", 2))
+        self.radius = 0.0 if self.body is None else float(np.hypot(*self.body.T).max())
 
     def placed(self, start: Array) -> Array:
         """Return the start, if the body is free there."""
@@ -237,52 +242,80 @@ class _Scene:
         return np.round(start, _DIGITS)
 
     def move(
-        self, pose: Array, u: Array, dt: float, control_cov: ArrayLike | None
+        self, pose: Array, u: Array, dt: float
     ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
         """Execute a command with noise, as far as the world lets the body go.
 
         Returns where the robot came, what its wheels did, what they report and with which
         covariance, and whether it met something.
         """
-        p = u.shape[-1]
-        V = np.zeros((p, p)) if control_cov is None else control_cov
-        V = as_covariance("control_cov", V, p)
+        V, spread = self._noise(u.shape[-1])
         moving = u.any(-1, keepdims=True)
-        executed = u + moving * (self.rng.standard_normal(u.shape) @ root(V).T)
-        free = np.ones(pose.shape[:-1])
-        hit = self._hits(pose, executed, dt, free)
+        executed = u + moving * (self.rng.standard_normal(u.shape) @ spread.T)
+        there, hit = self._driven(pose, executed, dt)
+        free = np.ones(hit.shape)
         if hit.any():
             low, high = np.zeros_like(free), free
             for _ in range(12):
                 middle = 0.5 * (low + high)
-                stopped = self._hits(pose, executed, dt, middle)
+                _, stopped = self._driven(pose, executed * middle[..., None], dt)
                 low, high = np.where(stopped, low, middle), np.where(stopped, middle, high)
             free = np.where(hit, low, 1.0)
-        driven = executed * free[..., None]
-        there = np.round(self.robot.step(pose, driven, dt), _DIGITS)
-        return there, driven, u * free[..., None], V, hit
+            there = self.robot.step(pose, executed * free[..., None], dt)
+        part = free[..., None]
+        return np.round(there, _DIGITS), executed * part, u * part, V, hit
 
-    def _hits(self, pose: Array, u: Array, dt: float, part: Array) -> NDArray[np.bool_]:
-        """Whether the body meets something on the first part (...) of a step.
+    def _noise(self, p: int) -> tuple[Array, Array]:
+        """Covariance (p, p) of the executed control, and its root; the same for all steps."""
+        if len(self.noise[0]) != p:
+            V = np.zeros((p, p)) if self.control_cov is None else self.control_cov
+            V = as_covariance("control_cov", V, p)
+            self.noise = V, root(V)
+        return self.noise
+
+    def _driven(self, pose: Array, u: Array, dt: float) -> tuple[Array, NDArray[np.bool_]]:
+        """Where a control leads (..., 3), and whether the body meets something on the way (...).
 
         A drive straight on or a turn on the spot is swept exactly. An arc is cut into pieces of a
         centimetre at most, each swept as a turn and then a drive: off by its bulge, far below a
         millimetre.
         """
-        if self.body is None or self.obstacles is None:
-            return np.zeros(pose.shape[:-1], bool)
-        u = u * part[..., None]
         end = self.robot.step(pose, u, dt)
-        far, turn = np.hypot(*(end - pose)[..., :2].T), np.abs(wrap_angle(end - pose)[..., 2].T)
-        radius = float(np.hypot(*self.body.T).max())
-        arc = float(np.max(np.where((far > 1e-9) & (turn > 1e-9), far + radius * turn, 0.0)))
-        n = 1 + int(arc / _PIECE)
+        hit = np.zeros(pose.shape[:-1], bool)
+        if self.body is None or self.obstacles is None:
+            return end, hit
+        cuts = self._cuts(pose, u, end, dt)
+        near = ~self._all_free(cuts)
+        if near.any():
+            cuts = cuts[:, near]
+            turned = np.concatenate([cuts[:-1, ..., :2], cuts[1:, ..., 2:]], -1)
+            starts, ends = np.concatenate([cuts[:-1], turned]), np.concatenate([turned, cuts[1:]])
+            hit[near] = self.obstacles.sweep_collides(self.body, starts, ends).any(0)
+        return end, hit
+
+    def _cuts(self, pose: Array, u: Array, end: Array, dt: float) -> Array:
+        """Poses (n + 1, ..., 3) between the pieces of a step, its start and end included."""
+        moved = end - pose
+        far, turn = np.hypot(moved[..., 0], moved[..., 1]), np.abs(wrap_angle(moved[..., 2]))
+        arc = np.where((far > 1e-9) & (turn > 1e-9), far + self.radius * turn, 0.0)
+        n = 1 + int(arc.max(initial=0.0) / _PIECE)
+        if n == 1:
+            return np.array([pose, end])
         parts = (np.arange(1, n) / n).reshape(-1, *[1] * u.ndim)
         between = np.broadcast_to(pose, (n - 1, *pose.shape))
-        cuts = np.array([pose, *(self.robot.step(between, parts * u, dt) if n > 1 else ()), end])
-        turned = np.concatenate([cuts[:-1, ..., :2], cuts[1:, ..., 2:]], -1)
-        starts, ends = np.concatenate([cuts[:-1], turned]), np.concatenate([turned, cuts[1:]])
-        return np.asarray(self.obstacles.sweep_collides(self.body, starts, ends).any(0))
+        return np.array([pose, *self.robot.step(between, parts * u, dt), end])
+
+    def _all_free(self, cuts: Array) -> NDArray[np.bool_]:
+        """Whether all is free as far round the start as any part of the body can come (...)."""
+        assert self.obstacles is not None
+        x, y = cuts[0, ..., 0], cuts[0, ..., 1]
+        away = np.hypot(cuts[..., 0] - x, cuts[..., 1] - y).max(0)
+        reach = away + (self.radius + _SLACK)
+        # Clearance speaks of obstacles; where a bitmap ends there is none, and no way either.
+        left, bottom, right, top = self.obstacles.bounds
+        edge = np.minimum(np.minimum(x - left, right - x), np.minimum(y - bottom, top - y))
+        room = np.minimum(edge, self.obstacles.clearance(cuts[0, ..., :2]))
+        return np.asarray(room > reach)
 
     def measure(self, truth: Array) -> dict[str, Any]:
         """Return the true pose and what the sensor says there: ranges, or looks and ids."""

@@ -9,8 +9,9 @@ from slamlab.localization import DeadReckoning
 from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.sensors import Lidar, RangeBearing, VisualOdometer
 from slamlab.simulation import Script, Truth, record
+from slamlab.simulation.record import _Scene
 from slamlab.slam import EKFSlam
-from slamlab.worlds import LandmarkWorld, WallWorld, rooms
+from slamlab.worlds import BitmapWorld, LandmarkWorld, WallWorld, rooms
 
 SQUARE = 0.15 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 ROOM = rooms.box_room()
@@ -120,6 +121,59 @@ def test_a_body_stops_at_the_contact_is_counted_and_may_back_off(u):
     assert reach[first] > 0.99
     # The wheels stop with the body: dead reckoning agrees with the truth.
     assert_allclose(run(DeadReckoning(YOUBOT, [0, 0, 0]), log).poses, log.truth, atol=1e-8)
+
+
+class Endless(BitmapWorld):
+    """The wrong form: a bitmap that forgets where it ends."""
+
+    bounds = (-1e9, -1e9, 1e9, 1e9)
+
+
+PIXELS = rooms.thesis_room().occupied[20:-20:5, 20:-20:5]
+PLACES = {
+    "closed": ROOM,
+    "thin walls": WallWorld([[[0, 0], [4, 0]], [[4, 0], [4, 3]], [[1, 2], [2, 2.5]]]),
+    "pixels": BitmapWorld(PIXELS, 0.05),
+}
+
+
+def hits_of_many_motions(world, radius=None, shortcut=True):
+    """Whether a body meets something in 3000 motions, and how many of them were swept."""
+    scene = _Scene(world, YOUBOT, None, rng(), SQUARE, None)
+    if radius is not None:
+        scene.radius = radius
+    near = []
+    judge = scene._all_free
+
+    def all_free(cuts):
+        near.append(np.sum(~judge(cuts)))
+        return judge(cuts) if shortcut else np.zeros(cuts.shape[1:-1], bool)
+
+    scene._all_free = all_free
+    left, bottom, right, top = PLACES["pixels"].bounds
+    poses = rng(1).uniform([left, bottom, -np.pi], [right, top, np.pi], (3000, 3))
+    controls = rng(2).normal(0.0, [0.6, 0.6, 1.5], (3000, 3))
+    controls[:1000, 2] = controls[1000:1500, :2] = 0.0
+    parts = np.array_split(np.arange(3000), 30)
+    hits = [scene._driven(poses[i], controls[i], 0.2)[1] for i in parts]
+    return np.concatenate(hits), sum(near)
+
+
+@pytest.mark.parametrize("world", PLACES.values(), ids=PLACES)
+def test_motions_far_from_all_obstacles_are_not_swept_and_nothing_is_missed(world):
+    hits, swept = hits_of_many_motions(world)
+    assert_array_equal(hits, hits_of_many_motions(world, shortcut=False)[0])
+    assert 100 < hits.sum() < swept < 2500
+    # Were the body taken for a point, some corner would be forgotten.
+    assert (hits_of_many_motions(world, radius=0.0)[0] != hits).any()
+
+
+def test_the_end_of_a_bitmap_is_no_way_out():
+    pixels = PLACES["pixels"]
+    with_edge = hits_of_many_motions(pixels)[0]
+    without = hits_of_many_motions(Endless(pixels.occupied, pixels.resolution))[0]
+    assert with_edge[without].all()
+    assert (with_edge & ~without).any()
 
 
 def test_a_post_between_two_poses_is_met():
