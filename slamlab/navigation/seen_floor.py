@@ -75,6 +75,7 @@ class SeenFloor(Grid):
         self.state = np.zeros(self.shape, dtype=np.uint8)
         self.shut = np.zeros(self.shape, dtype=np.bool_)
         self._doubt = np.zeros(self.shape, dtype=np.uint8)
+        self._free, self._room = np.zeros((0, 0), dtype=np.bool_), np.zeros((0, 0))
 
     def cell(self, point: ArrayLike) -> tuple[int, int]:
         """Row and column of the cell of a point (2,), or of the nearest cell of the sheet."""
@@ -161,8 +162,11 @@ class SeenFloor(Grid):
             centres of cells were seen.
         """
         radius, free = as_scalar("radius", radius), np.pad(self.state == FREE, 1)
-        distance = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
-        return np.asarray(distance >= radius + self.resolution * np.sqrt(0.5))
+        # A plan asks for several radii in turn; the room round each cell is the same for all.
+        if not np.array_equal(free, self._free):
+            self._free = free
+            self._room = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
+        return np.asarray(self._room >= radius + self.resolution * np.sqrt(0.5))
 
     def ways(self, start: ArrayLike, radius: float) -> Ways:
         """Shortest ways of a disc from a point to all cells.
@@ -305,10 +309,10 @@ def _mark_walls(state, doubt, x, y, heading, angles, reach, met):  # type: ignor
 @njit(cache=True)
 def _mark_free(state, doubt, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
     """Mark cells whose centre lies nearer than the ends of both beams beside it."""
-    n, rows, columns = len(angles), state.shape[0], state.shape[1]
-    far = reach.max() + 1.0
-    for row in range(max(int(y - far), 0), int(min(y + far + 1, rows))):
-        for column in range(max(int(x - far), 0), int(min(x + far + 1, columns))):
+    n = len(angles)
+    left, right = _spans(state.shape, x, y, heading, angles, reach)
+    for row in range(len(left)):
+        for column in range(left[row], right[row]):
             if state[row, column] == FREE:
                 continue
             dx, dy = column + 0.5 - x, row + 0.5 - y
@@ -328,6 +332,64 @@ def _mark_free(state, doubt, x, y, heading, angles, reach):  # type: ignore[no-u
                 doubt[row, column] += 1
                 if doubt[row, column] == _DOUBTS:
                     state[row, column] = FREE
+
+
+@njit(cache=True)
+def _spans(shape, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
+    """Row by row the first column in reach of a wedge between two beams, and that after the last.
+
+    A wedge lies in the box round its three corners, and all boxes hold the eye. So a box is noted
+    in its lowest and its highest row, and those between have what the rows outside them have.
+    """
+    rows, columns = shape
+    left, right = np.full(rows, columns), np.zeros(rows, np.int64)
+    # A wedge too wide for unknown cells may still raise doubts about occupied ones right here.
+    _hold(left, right, columns, x, y, 0.0, 0.0, 0.0, 0.0, 1.0 + 1.0 / _WIDEST_WEDGE)
+    for after in range(len(angles)):
+        before = after - 1 if after > 0 else len(angles) - 1
+        wedge = angles[after] - angles[before]
+        if (wedge if wedge > 0 else wedge + 2 * np.pi) <= _WIDEST_WEDGE:
+            end, a, b = (
+                min(reach[before], reach[after]),
+                heading + angles[before],
+                heading + angles[after],
+            )
+            # An arc bulges by less than 0.6 % of its radius beyond its ends.
+            pad = 1.0 + 0.006 * end
+            _hold(
+                left,
+                right,
+                columns,
+                x,
+                y,
+                end * np.cos(a),
+                end * np.sin(a),
+                end * np.cos(b),
+                end * np.sin(b),
+                pad,
+            )
+    eye = min(max(int(np.floor(y)), 0), rows - 1)
+    for row in range(rows - 1, eye, -1):
+        left[row - 1], right[row - 1] = (
+            min(left[row - 1], left[row]),
+            max(right[row - 1], right[row]),
+        )
+    for row in range(eye):
+        left[row + 1], right[row + 1] = (
+            min(left[row + 1], left[row]),
+            max(right[row + 1], right[row]),
+        )
+    return left, right
+
+
+@njit(cache=True)
+def _hold(left, right, columns, x, y, dx, dy, ex, ey, pad):  # type: ignore[no-untyped-def]
+    """Note a box in the rows of its lower and upper edge."""
+    first = max(int(np.floor(x + min(0.0, dx, ex) - pad)), 0)
+    end = min(int(np.floor(x + max(0.0, dx, ex) + pad)) + 1, columns)
+    for edge in (y + min(0.0, dy, ey) - pad, y + max(0.0, dy, ey) + pad):
+        row = min(max(int(np.floor(edge)), 0), len(left) - 1)
+        left[row], right[row] = min(left[row], first), max(right[row], end)
 
 
 @njit(cache=True)

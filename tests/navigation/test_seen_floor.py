@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from slamlab.logs import ScanGeometry
+from slamlab.navigation import seen_floor
 from slamlab.navigation.seen_floor import FREE, OCCUPIED, UNKNOWN, SeenFloor
 from slamlab.sensors import Lidar
 from slamlab.worlds import BitmapWorld, free_poses, rooms
 
 LIDAR = Lidar(120)
 ROOM = rooms.thesis_room()
+SPANS = seen_floor._spans
 
 
 def floor_of(text, resolution=0.1):
@@ -43,6 +45,45 @@ def test_without_the_shorter_of_two_beams_free_cells_would_lie_behind_edges():
     bold.insert(pose, longer, LIDAR)
     lies = [((f.state == FREE) & ~ROOM.is_free(f.centres())).sum() for f in (floor, bold)]
     assert lies[0] <= 2 < 20 < lies[1]
+
+
+def everywhere(shape, *scan):
+    """Spans that hold all cells."""
+    return np.zeros(shape[0], int), np.full(shape[0], shape[1])
+
+
+def too_narrow(shape, x, y, heading, angles, reach):
+    """The wrong spans: two cells short of what the wedges reach."""
+    left, right = SPANS(shape, x, y, heading, angles, reach)
+    return left + 2, right - 2
+
+
+def seen_by(spans, monkeypatch, seed):
+    """State and doubts after scans of random beams among random walls, cell by cell in Python."""
+    rng, floor = np.random.default_rng(seed), SeenFloor([0, 0, 2.5, 2], 0.1)
+    if spans is not None:
+        monkeypatch.setattr(seen_floor, "_mark_free", seen_floor._mark_free.py_func)
+        monkeypatch.setattr(seen_floor, "_spans", spans)
+    for _ in range(8):
+        n = int(rng.choice([1, 5, 30, 90]))
+        # From inside the sheet and from beyond its edges, near and far, beams lost and endless.
+        pose = rng.uniform([-0.5, -0.5, -np.pi], [3.0, 2.5, np.pi])
+        ranges = rng.uniform(0.0, rng.choice([0.6, 3.0]), n)
+        ranges[rng.random(n) < 0.1], ranges[rng.random(n) < 0.1] = np.nan, np.inf
+        beams = ScanGeometry(np.sort(rng.uniform(-np.pi, np.pi, n)), rng.choice([2.0, np.inf]))
+        for scan in (ranges, ranges * 1.5, ranges * 2.0, ranges * 2.5):
+            floor.insert(pose, scan, beams)
+    monkeypatch.undo()
+    return np.stack([floor.state, floor._doubt])
+
+
+def test_cells_that_no_wedge_can_reach_need_no_look(monkeypatch):
+    wrong = 0
+    for seed in range(12):
+        seen = seen_by(None, monkeypatch, seed)
+        np.testing.assert_array_equal(seen, seen_by(everywhere, monkeypatch, seed))
+        wrong += (seen != seen_by(too_narrow, monkeypatch, seed)).sum()
+    assert wrong > 50
 
 
 def test_a_lost_beam_says_nothing_and_an_endless_one_frees():
@@ -134,6 +175,18 @@ def test_frontier_is_free_beside_unknown():
     assert floor.frontier().astype(int).tolist() == [[0, 0, 0, 0], [1, 1, 1, 1], [0, 0, 0, 0]]
     floor.shut_near([0.05, 0.15], 0.12)
     assert floor.frontier()[1].tolist() == [False, False, True, True]
+
+
+def test_where_a_disc_fits_is_asked_anew_when_the_floor_has_changed():
+    floor = floor_of("...... ...... ...... ......")
+    wide, narrow = floor.fits(0.1), floor.fits(0.02)
+    floor.state[1, 1] = OCCUPIED
+    for before, radius in ((wide, 0.1), (narrow, 0.02)):
+        fresh = floor_of("...... ...... .#.... ......").fits(radius)
+        np.testing.assert_array_equal(floor.fits(radius), fresh)
+        assert (fresh != before).any()
+    floor.state = np.pad(floor.state, 2)
+    assert floor.fits(0.1).shape == (8, 10)
 
 
 def test_way_avoids_what_the_disc_cannot_pass():
