@@ -81,7 +81,8 @@ class Body:
         half = 0.5 * np.array([self.length, self.width])
         beside = np.abs(as_array("points", points, ("...", 2))) - half
         outside = np.maximum(beside, 0.0)
-        return np.hypot(outside[..., 0], outside[..., 1]) + np.minimum(beside.max(-1), 0.0)
+        deepest = np.maximum(beside[..., 0], beside[..., 1])
+        return np.hypot(outside[..., 0], outside[..., 1]) + np.minimum(deepest, 0.0)
 
 
 # The platform of the youBot: 0.58 m long, 0.38 m wide.
@@ -147,7 +148,7 @@ class Guard:
         """Least distance from the points within the next two steps if u goes on."""
         t = np.linspace(0, 2 * dt, _LOOKS_AHEAD + 1)[1:, None]
         reach = float(np.hypot(u[0], u[1])) * t[-1, 0] + self._body.circumradius + self._margin
-        near = points[(points**2).sum(-1) < reach**2]
+        near = points[points[:, 0] ** 2 + points[:, 1] ** 2 < reach**2]
         if len(near) == 0:
             return np.inf
         # Where the points will be, seen from the body after a time t (P1 (10), midpoint).

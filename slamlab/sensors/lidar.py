@@ -8,6 +8,7 @@ scan. Chapters 06, 08, 18 and 19.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -92,7 +93,7 @@ class Lidar:
         angles.setflags(write=False)
         object.__setattr__(self, "beam_angles", angles)
 
-    @property
+    @cached_property
     def geometry(self) -> ScanGeometry:
         """Layout of the beams."""
         return ScanGeometry(self.beam_angles, self.max_range, self.offset)

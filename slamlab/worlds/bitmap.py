@@ -122,10 +122,10 @@ class BitmapWorld(Grid, Solid):
         -------
         ndarray of bool, shape (...)
         """
-        cells = self.cells(points)
-        inside = self.holds(cells)
-        row, column = np.moveaxis(np.where(inside[..., None], cells, 0), -1, 0)
-        return np.asarray(inside & ~self.occupied[row, column])
+        cells, (rows, columns) = self.cells(points), self.shape
+        row, column = cells[..., 0], cells[..., 1]
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return np.asarray(inside & ~self.occupied[row * inside, column * inside])
 
     def clearance(self, points: ArrayLike) -> Array:
         """Distance from points to the nearest occupied cell, exact.
