@@ -29,7 +29,7 @@ NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb
 FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py jupyterlab.py drawings.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help book pdf test lab set-up lint-and-warm lint warm unit speed notebooks same pages-and-figures pages \
+.PHONY: help book pdf test lab set-up lint-and-warm lint unit speed notebooks same pages-and-figures pages \
   figures book-tests chromium lock vendor slim clean
 
 help:  ## Show this list
@@ -68,10 +68,10 @@ set-up:
 
 # Two workers that need a compiled function at the same time would both compile it.
 lint-and-warm:
-	@$(MAKE) --no-print-directory -j 2 lint warm
+	@$(MAKE) --no-print-directory -j 3 lint warm-own warm-plain
 
-warm: $(VENV)/.dev-installed
-	@$(BIN)/python -m slamlab warm >/dev/null
+warm-%: $(VENV)/.dev-installed
+	@$(BIN)/python tools/notebooks.py warm --setting $* >/dev/null
 
 lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
 	@echo "== Lint, types, spelling"

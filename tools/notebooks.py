@@ -5,6 +5,7 @@ python tools/notebooks.py slim PATH...    drop images, widget views and state, k
 python tools/notebooks.py check PATH...   execute a copy and compare its text with what is stored
                                           (--setting plain: as on a machine without AVX; haswell:
                                           with AVX2, and with memory full of large numbers)
+python tools/notebooks.py warm            compile all loops for a setting, once
 
 Git keeps text outputs only: they are compared, the book draws the figures anew.
 """
@@ -14,6 +15,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -186,10 +188,13 @@ def check(paths: list[Path], setting: str) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("command", choices=["run", "slim", "check"])
-    parser.add_argument("paths", nargs="+", type=Path)
-    parser.add_argument("--setting", choices=SETTINGS, default="own", help="for check")
+    parser.add_argument("command", choices=["run", "slim", "check", "warm"])
+    parser.add_argument("paths", nargs="*", type=Path)
+    parser.add_argument("--setting", choices=SETTINGS, default="own", help="for check and warm")
     arguments = parser.parse_args()
+    if arguments.command == "warm":
+        os.environ.update(SETTINGS[arguments.setting])
+        return subprocess.call([sys.executable, "-m", "slamlab", "warm"])
     if arguments.command == "check":
         return check(arguments.paths, arguments.setting)
     for path in arguments.paths:
