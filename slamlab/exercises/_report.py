@@ -196,6 +196,8 @@ class Check:
         self.returns = tuple(part.strip() for part in returns.split(","))
         self._use, self._properties, self._draws = use, properties, draws
         self._edges = frozenset(edges)
+        # What a mistake gives on an input: asked of many wrong answers, worked out once.
+        self._told: dict[tuple[int, int], Observation] = {}
         signature = inspect.signature(reference, eval_str=True)
         self._parameters = list(signature.parameters.values())
         names = ", ".join(p.name for p in self._parameters)
@@ -323,8 +325,8 @@ class Check:
             return ("in some cases nothing came back: a `return` is missing in one branch",)
         if not any(not ok and not s.raised for s, ok in zip(seen, held, strict=True)):
             return ()
-        for message, wrong in self._suspects():
-            if self._explains(wrong, seen, held):
+        for number, (message, _) in enumerate(self._suspects):
+            if self._explains(number, seen, held):
                 return (message,)
         due = [(s.came, d) for s, d, ok in zip(seen, self.due, held, strict=True) if not ok]
         for message, alike in NEARLY.items():
@@ -332,12 +334,13 @@ class Check:
                 return (message,)
         return ()
 
-    def _suspects(self) -> Iterator[tuple[str, Function]]:
-        for message, wrong in self.mistakes.items():
-            yield message, self.mistaken(wrong)
+    @cached_property
+    def _suspects(self) -> list[tuple[str, Function]]:
+        found = [(message, self.mistaken(wrong)) for message, wrong in self.mistakes.items()]
         if self._use is None:
             names = self._names(self.inputs[0][1])
-            yield from general_mistakes(self.reference, names, self.returns)
+            found += general_mistakes(self.reference, names, self.returns)
+        return found
 
     def mistaken(self, wrong: Mistake) -> Function:
         """Return the function of a mistake, be it given as one or as edits of the reference."""
@@ -345,12 +348,16 @@ class Check:
             return wrong
         return _edited(self.reference, (wrong,) if isinstance(wrong, str) else wrong)
 
-    def _explains(self, wrong: Function, seen: Sequence[Observation], held: list[bool]) -> bool:
+    def _explains(self, number: int, seen: Sequence[Observation], held: list[bool]) -> bool:
         order = sorted(range(len(seen)), key=lambda k: held[k])  # failures first
-        return all(self._alike(wrong, k, seen[k]) for k in order)
+        return all(self._alike(self._of_suspect(number, k), seen[k]) for k in order)
 
-    def _alike(self, wrong: Function, k: int, seen: Observation) -> bool:
-        theirs = self._look(wrong, self.inputs[k][1])
+    def _of_suspect(self, number: int, k: int) -> Observation:
+        if (number, k) not in self._told:
+            self._told[number, k] = self._look(self._suspects[number][1], self.inputs[k][1])
+        return self._told[number, k]
+
+    def _alike(self, theirs: Observation, seen: Observation) -> bool:
         if seen.raised or theirs.raised:
             return bool(seen.raised and theirs.raised)
         return agree(seen.came, theirs.came, max(self.tolerance, 1e-9))

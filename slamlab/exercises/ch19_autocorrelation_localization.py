@@ -148,7 +148,7 @@ check_autocorrelation = Check(
 def _turn(before: Array, after: Array) -> float:
     """Turn (rad, in (-pi, pi]) between two scans (N,) of one place, in whole beams."""
     n = len(before)
-    fit = [before @ np.roll(after, m) for m in range(n)]  # after[j] = before[j + m]
+    fit = after[(np.arange(n) - np.arange(n)[:, None]) % n] @ before  # after[j] = before[j + m]
     angle = int(np.argmax(fit)) * 2 * np.pi / n
     return angle if angle <= np.pi else angle - 2 * np.pi
 

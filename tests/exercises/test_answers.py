@@ -177,7 +177,7 @@ def test_what_is_named_explains_everything_that_came():
 
         report = check.judge(check.observe(mixed))
         assert not set(report.messages) & (set(check.mistakes) | set(NEARLY)) or all(
-            check._alike(check.mistaken(check.mistakes[m]), k, seen)
+            check._alike(check._look(check.mistaken(check.mistakes[m]), check.inputs[k][1]), seen)
             for m in report.messages
             if m in check.mistakes
             for k, seen in enumerate(check.observe(mixed))
