@@ -16,7 +16,7 @@ from slamlab.filters import kalman
 from slamlab.gaussian import Gaussian
 from slamlab.localization import SignatureMap
 from slamlab.mapping import OccupancyGrid
-from slamlab.matching import PointField, match_correlative, match_field, match_icp
+from slamlab.matching import Field, PointField, match_correlative, match_field, match_icp, thin
 from slamlab.navigation import PathMemory, SeenFloor
 from slamlab.sensors import Lidar, StereoRig
 from slamlab.slam import GammaSlam, GridFastSlam
@@ -50,17 +50,24 @@ def _scans() -> None:
     for world in (_room(), WallWorld([[[0, 0], [4, 0]], [[4, 0], [4, 4]], [[4, 4], [0, 0]]])):
         ranges = lidar.scan(world, [3.0, 1.0, 0.3])
         world.collides([[0.1, 0.1], [0.1, -0.1], [-0.1, 0.1]], [3.0, 1.0, 0.3])
+        world.clearance([3.0, 1.0])
     OccupancyGrid((40, 40), 0.1).insert([3.0, 1.0, 0.3], ranges, lidar)
-    SeenFloor([0.0, 0.0, 4.0, 4.0]).insert([3.0, 1.0, 0.3], ranges, lidar)
+    floor = SeenFloor([0.0, 0.0, 4.0, 4.0])
+    floor.insert([3.0, 1.0, 0.3], ranges, lidar)
+    floor.route([3.0, 1.0], [3.2, 1.2], 0.1)
+    floor.unseen_area([[3.0, 1.0]], 2.0)
 
 
 def _matching() -> None:
     """Scan matching."""
     points = np.random.default_rng(1).uniform(-2, 2, (60, 2))
     field, guess = PointField(points, 0.1), np.array([0.01, 0.0, 0.01])
-    match_field(field, points, guess)
+    # Fields of points hold single precision, maps double.
+    for one in (field, Field(field.values.astype(np.float64), field.resolution, field.origin)):
+        one.value(points)
+        match_field(one, points, guess)
     match_correlative(field, points, guess, 0.3, 0.2)
-    match_icp(points, points, guess)
+    match_icp(thin(points), points, guess)
 
 
 def _grid_slam() -> None:
@@ -83,10 +90,14 @@ def _signatures() -> None:
 
 def _path() -> None:
     """Path memory."""
-    memory = PathMemory(0.05)
+    memory = PathMemory(0.005)
     for t in np.linspace(0.0, 6.3, 60):
         memory.add([2 * np.cos(t), np.sin(2 * t)])
     memory.nearest([0.3, 0.2])
+    memory.point_at(0.5)
+    first = memory.segments[0]
+    first.arc_length(0.5)
+    first.self_crossing()
 
 
 def _room() -> BitmapWorld:
