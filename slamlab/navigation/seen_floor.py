@@ -344,52 +344,40 @@ def _spans(shape, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
     rows, columns = shape
     left, right = np.full(rows, columns), np.zeros(rows, np.int64)
     # A wedge too wide for unknown cells may still raise doubts about occupied ones right here.
-    _hold(left, right, columns, x, y, 0.0, 0.0, 0.0, 0.0, 1.0 + 1.0 / _WIDEST_WEDGE)
+    near = 1.0 + 1.0 / _WIDEST_WEDGE
+    _hold(left, right, columns, (x - near, x + near, y - near, y + near))
     for after in range(len(angles)):
         before = after - 1 if after > 0 else len(angles) - 1
         wedge = angles[after] - angles[before]
-        if (wedge if wedge > 0 else wedge + 2 * np.pi) <= _WIDEST_WEDGE:
-            end, a, b = (
-                min(reach[before], reach[after]),
-                heading + angles[before],
-                heading + angles[after],
-            )
-            # An arc bulges by less than 0.6 % of its radius beyond its ends.
-            pad = 1.0 + 0.006 * end
-            _hold(
-                left,
-                right,
-                columns,
-                x,
-                y,
-                end * np.cos(a),
-                end * np.sin(a),
-                end * np.cos(b),
-                end * np.sin(b),
-                pad,
-            )
+        if (wedge if wedge > 0 else wedge + 2 * np.pi) > _WIDEST_WEDGE:
+            continue
+        end, a, b = min(reach[before], reach[after]), angles[before], angles[after]
+        px, py = x + end * np.cos(heading + a), y + end * np.sin(heading + a)
+        qx, qy = x + end * np.cos(heading + b), y + end * np.sin(heading + b)
+        # An arc bulges by less than 0.6 % of its radius beyond its ends.
+        pad = 1.0 + 0.006 * end
+        beside = min(x, px, qx) - pad, max(x, px, qx) + pad
+        _hold(left, right, columns, (*beside, min(y, py, qy) - pad, max(y, py, qy) + pad))
     eye = min(max(int(np.floor(y)), 0), rows - 1)
     for row in range(rows - 1, eye, -1):
-        left[row - 1], right[row - 1] = (
-            min(left[row - 1], left[row]),
-            max(right[row - 1], right[row]),
-        )
+        _widen(left, right, row - 1, left[row], right[row])
     for row in range(eye):
-        left[row + 1], right[row + 1] = (
-            min(left[row + 1], left[row]),
-            max(right[row + 1], right[row]),
-        )
+        _widen(left, right, row + 1, left[row], right[row])
     return left, right
 
 
 @njit(cache=True)
-def _hold(left, right, columns, x, y, dx, dy, ex, ey, pad):  # type: ignore[no-untyped-def]
-    """Note a box in the rows of its lower and upper edge."""
-    first = max(int(np.floor(x + min(0.0, dx, ex) - pad)), 0)
-    end = min(int(np.floor(x + max(0.0, dx, ex) + pad)) + 1, columns)
-    for edge in (y + min(0.0, dy, ey) - pad, y + max(0.0, dy, ey) + pad):
-        row = min(max(int(np.floor(edge)), 0), len(left) - 1)
-        left[row], right[row] = min(left[row], first), max(right[row], end)
+def _hold(left, right, columns, box):  # type: ignore[no-untyped-def]
+    """Note a box (x low, x high, y low, y high) in its lowest and its highest row."""
+    first = max(int(np.floor(box[0])), 0)
+    last = min(int(np.floor(box[1])) + 1, columns)
+    for y in box[2:]:
+        _widen(left, right, min(max(int(np.floor(y)), 0), len(left) - 1), first, last)
+
+
+@njit(cache=True)
+def _widen(left, right, row, first, last):  # type: ignore[no-untyped-def]
+    left[row], right[row] = min(left[row], first), max(right[row], last)
 
 
 @njit(cache=True)
