@@ -164,8 +164,10 @@ class SeenFloor(Grid):
         radius, free = as_scalar("radius", radius), np.pad(self.state == FREE, 1)
         # A plan asks for several radii in turn; the room round each cell is the same for all.
         if not np.array_equal(free, self._free):
-            self._free = free
-            self._room = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * self.resolution
+            self._free, distance = free, np.zeros(free.shape)
+            box = box_of(free, 1)
+            distance[box] = ndimage.distance_transform_edt(free[box])
+            self._room = distance[1:-1, 1:-1] * self.resolution
         return np.asarray(self._room >= radius + self.resolution * np.sqrt(0.5))
 
     def ways(self, start: ArrayLike, radius: float) -> Ways:
@@ -275,6 +277,16 @@ class Ways:
         way = np.array(cells[::-1], dtype=np.int64)
         corners = way[_corners(self.fits, way)]
         return self.floor.origin + self.floor.resolution * (corners[:, ::-1] + 0.5)
+
+
+def box_of(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
+    """Rows and columns that hold all true cells, and so many more on every side; none for none."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    if len(rows) == 0:
+        return slice(0), slice(0)
+    ends = (rows[0], rows[-1]), (columns[0], columns[-1])
+    row, column = (slice(low - margin, high + 1 + margin) for low, high in ends)
+    return row, column
 
 
 # Compiled loops; coordinates in cells.

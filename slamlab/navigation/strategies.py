@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_positive, as_scalar
-from slamlab.navigation.seen_floor import SeenFloor
+from slamlab.navigation.seen_floor import SeenFloor, box_of
 from slamlab.sensors.lidar import Lidar
 
 __all__ = [
@@ -231,9 +231,12 @@ class NearestFrontier:
         _shut_stale(now)
         frontier = _large_parts(floor.frontier(), self.smallest)
         ways = floor.ways(now.pose[:2], radius)
-        lengths, reachable = ways.lengths, np.isfinite(ways.lengths)
+        reachable = np.isfinite(ways.lengths)
         if not frontier.any() or not reachable.any():
             return None
+        # A sheet that grew is larger than what matters here.
+        box = box_of(frontier | reachable)
+        frontier, reachable, lengths = frontier[box], reachable[box], ways.lengths[box]
         # For every frontier cell the nearest cell where the robot can stand.
         gap, (row, column) = ndimage.distance_transform_edt(~reachable, return_indices=True)
         cost = np.where(frontier, lengths[row, column] + gap * floor.resolution, np.inf)
@@ -243,8 +246,8 @@ class NearestFrontier:
             return None
         goal = int(row[best]), int(column[best])
         # One visit a frontier: what it does not clear up is no way on.
-        floor.shut |= frontier & (row == goal[0]) & (column == goal[1])
-        return ways.to(goal)
+        floor.shut[box] |= frontier & (row == goal[0]) & (column == goal[1])
+        return ways.to((goal[0] + box[0].start, goal[1] + box[1].start))
 
 
 class InformationGain:

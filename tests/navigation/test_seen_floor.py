@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from slamlab.logs import ScanGeometry
 from slamlab.navigation import seen_floor
-from slamlab.navigation.seen_floor import FREE, OCCUPIED, UNKNOWN, SeenFloor
+from slamlab.navigation.seen_floor import FREE, OCCUPIED, UNKNOWN, SeenFloor, box_of
 from slamlab.sensors import Lidar
 from slamlab.worlds import BitmapWorld, free_poses, rooms
 
@@ -187,6 +188,31 @@ def test_where_a_disc_fits_is_asked_anew_when_the_floor_has_changed():
         assert (fresh != before).any()
     floor.state = np.pad(floor.state, 2)
     assert floor.fits(0.1).shape == (8, 10)
+
+
+def test_where_a_disc_fits_does_not_hang_on_the_size_of_the_sheet():
+    rng = np.random.default_rng(2)
+    wrong = 0
+    for radius in (0.0, 0.06, 0.15, 0.3):
+        small = SeenFloor([0, 0, 2, 1.5], 0.05)
+        small.state[5:-5, 8:-3] = rng.choice(
+            [FREE, OCCUPIED, UNKNOWN], (20, 29), p=[0.96, 0.02, 0.02]
+        )
+        large = SeenFloor([-1, -0.5, 4, 3], 0.05)
+        large.state[10:40, 20:60] = small.state
+        fits = large.fits(radius)
+        free = np.pad(large.state == FREE, 1)
+        everywhere = ndimage.distance_transform_edt(free)[1:-1, 1:-1] * 0.05
+        np.testing.assert_array_equal(fits, everywhere >= radius + 0.05 * np.sqrt(0.5))
+        np.testing.assert_array_equal(fits[10:40, 20:60], small.fits(radius))
+        # A box without a rim would take the end of the floor for more floor.
+        box = box_of(free)
+        rimless = ndimage.distance_transform_edt(free[box]) * 0.05
+        wrong += (
+            (rimless >= radius + 0.05 * np.sqrt(0.5)) != fits[10:40, 20:60][5:-5, 8:-3]
+        ).sum()
+    assert wrong > 50
+    assert not SeenFloor([0, 0, 1, 1]).fits(0.1).any()
 
 
 def test_way_avoids_what_the_disc_cannot_pass():
