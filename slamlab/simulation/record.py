@@ -299,11 +299,10 @@ class _Scene:
         far, turn = np.hypot(moved[..., 0], moved[..., 1]), np.abs(wrap_angle(moved[..., 2]))
         arc = np.where((far > 1e-9) & (turn > 1e-9), far + self.radius * turn, 0.0)
         n = 1 + int(arc.max(initial=0.0) / _PIECE)
-        if n == 1:
-            return np.array([pose, end])
         parts = (np.arange(1, n) / n).reshape(-1, *[1] * u.ndim)
         between = np.broadcast_to(pose, (n - 1, *pose.shape))
-        return np.array([pose, *self.robot.step(between, parts * u, dt), end])
+        inner = self.robot.step(between, parts * u, dt) if n > 1 else between
+        return np.concatenate([pose[None], inner, end[None]])
 
     def _all_free(self, cuts: Array) -> NDArray[np.bool_]:
         """Whether all is free as far round the start as any part of the body can come (...)."""

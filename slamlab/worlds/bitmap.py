@@ -243,5 +243,7 @@ def checked_beams(
     reach = as_shaped("max_range", max_range)
     if not (reach >= 0).all():
         raise ValueError(f"max_range: expected at least 0, got {np.min(reach):g}")
-    x, y, angles, reach = np.broadcast_arrays(origins[..., 0], origins[..., 1], angles, reach)
-    return x, y, np.array(angles, dtype=float), reach
+    shape = np.broadcast_shapes(origins.shape[:-1], angles.shape, reach.shape)
+    beams = np.empty((4, *shape))
+    beams[0], beams[1], beams[2], beams[3] = origins[..., 0], origins[..., 1], angles, reach
+    return beams[0], beams[1], beams[2], beams[3]

@@ -5,6 +5,8 @@ It answers the same questions as `BitmapWorld`. Chapters 05, 06, 07 and 09.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -151,7 +153,7 @@ class WallWorld(Solid):
         """Return the number of walls."""
         return f"WallWorld({len(self.segments)} walls{', closed' if self.closed else ''})"
 
-    @property
+    @cached_property
     def bounds(self) -> Bounds:
         """Left, bottom, right and top of the box around all walls (m)."""
         left, bottom = self.segments.min((0, 1))
@@ -220,11 +222,11 @@ class WallWorld(Solid):
         """
         x, y, angles, reach = checked_beams(origins, angles, max_range)
         out = np.empty(angles.size)
-        x, y = np.array(x, dtype=float), np.array(y, dtype=float)
         cast_segments(self.segments, x.ravel(), y.ravel(), angles.ravel(), out)
         out[out > reach.ravel()] = np.inf
-        if self.closed:
-            out[np.broadcast_to(~self.is_free(origins), angles.shape).ravel()] = 0.0
+        free = self.is_free(origins) if self.closed else np.True_
+        if not free.all():
+            out[np.broadcast_to(~free, angles.shape).ravel()] = 0.0
         return out.reshape(angles.shape)
 
     def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
