@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -129,6 +130,22 @@ def root(cov: ArrayLike) -> Array:
     """
     values, vectors = np.linalg.eigh(as_array("cov", cov, ("...", "n", "n")))
     return vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
+
+
+def as_root(name: str, value: ArrayLike, dim: int) -> Array:
+    """Return `root` of a noise covariance (..., dim, dim), read-only; ValueError if it is none.
+
+    A log tells the same covariance step after step: the last ones are remembered.
+    """
+    cov = as_array(name, value, ("...", dim, dim))
+    return _remembered_root(name, cov.tobytes(), cov.shape, cov.dtype.char)
+
+
+@lru_cache(maxsize=64)
+def _remembered_root(name: str, entries: bytes, shape: tuple[int, ...], kind: str) -> Array:
+    found = root(as_covariance(name, np.frombuffer(entries, kind).reshape(shape)))
+    found.setflags(write=False)
+    return found
 
 
 def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_a, as_array, as_batch, as_covariance, as_rng
-from slamlab.gaussian import root
+from slamlab.gaussian import as_root
 
 __all__ = [
     "Bounds",
@@ -80,10 +80,10 @@ class MotionModel(Protocol):
             is no generator.
         """
         pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", "p"))
-        cov = as_covariance("control_cov", control_cov, u.shape[-1])
+        mixing = as_root("control_cov", control_cov, u.shape[-1])
         lead = as_batch("u", u.shape[:-1], pose.shape[:-1])
         noise = as_rng("rng", rng).standard_normal((*lead, u.shape[-1]))
-        return self.step(pose, u + noise @ root(cov).T, dt)
+        return self.step(pose, u + noise @ mixing.T, dt)
 
 
 @runtime_checkable

@@ -7,6 +7,7 @@ out, entry by entry, because whole arrays of them pass through every line. Used 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -93,13 +94,26 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Measurements beside their predictions: innovation, Z^-1, distance, log density, (M, k)."""
+    """Measurements beside their predictions: innovation, Z^-1 and det Z, (M, k) each."""
 
     noise: Symmetric
     y: tuple[Array, Array]
     inverse: Symmetric
-    distance: Array
-    log_density: Array
+    determinant: Array
+
+    @cached_property
+    def distance(self) -> Array:
+        """Squared Mahalanobis distance y^T Z^-1 y."""
+        a, b = self.y
+        xx, xy, yy = self.inverse
+        # A measurement more than 1e154 sigmas off has probability 0: infinity stands for it.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return xx * a * a + 2 * xy * a * b + yy * b * b
+
+    @property
+    def log_density(self) -> Array:
+        """Log density (15) of the measurement."""
+        return -0.5 * self.distance - 0.5 * np.log(self.determinant) - np.log(2 * np.pi)
 
 
 def predict(
@@ -137,17 +151,12 @@ def compare(sensor: LandmarkSensor, prediction: Prediction, z: Array, R: Array) 
     with R (2, 2).
     """
     y = sensor.residual(z, prediction.z)
-    a, b = y[..., 0], y[..., 1]
     noise = R[..., 0, 0], R[..., 0, 1], R[..., 1, 1]
     # Z = H S H^T + R
     z00, z01, z11 = (one + other for one, other in zip(prediction.spread, noise, strict=True))
     determinant = z00 * z11 - z01 * z01
     inverse = z11 / determinant, -z01 / determinant, z00 / determinant
-    # A measurement more than 1e154 sigmas off has probability 0: infinity stands for it.
-    with np.errstate(over="ignore", invalid="ignore"):
-        distance = inverse[0] * a * a + 2 * inverse[1] * a * b + inverse[2] * b * b
-    log_density = -0.5 * distance - 0.5 * np.log(determinant) - np.log(2 * np.pi)
-    return Comparison(noise, (a, b), inverse, distance, log_density)
+    return Comparison(noise, (y[..., 0], y[..., 1]), inverse, determinant)
 
 
 def correct(prediction: Prediction, comparison: Comparison, landmarks: Landmarks) -> Landmarks:

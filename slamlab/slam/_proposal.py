@@ -6,7 +6,7 @@ also where the covariance of the pose has no inverse. Used by FastSLAM (chapter 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -60,14 +60,26 @@ class Odometry:
         """Poses (M, 3) after all steps with noise (M, q), and their derivative by it (M, 3, q)."""
         if noise is None:
             noise = np.zeros((len(self.start), sum(len(step.u) for step in self.steps)))
-        poses, A, first = self.start, np.zeros((len(noise), 3, 0)), 0
-        for step in self.steps:
-            controls = step.controls(noise[:, first : first + len(step.u)])
+        poses, A = self.start, np.zeros((len(noise), 3, 0))
+        for step, controls in self._executed(noise):
             F_x, F_u = self.motion.jacobians(poses, controls, step.dt)
             A = np.concatenate([F_x @ A, F_u @ step.root], 2)
             poses = self.motion.step(poses, controls, step.dt)
-            first += len(step.u)
         return poses, A
+
+    def poses(self, noise: Array) -> Array:
+        """Poses of `roll` alone."""
+        poses = self.start
+        for step, controls in self._executed(noise):
+            poses = self.motion.step(poses, controls, step.dt)
+        return poses
+
+    def _executed(self, noise: Array) -> Iterator[tuple[Drawn, Array]]:
+        """Each step with the controls (M, p) that this noise (M, q) makes of it."""
+        first = 0
+        for step in self.steps:
+            yield step, step.controls(noise[:, first : first + len(step.u)])
+            first += len(step.u)
 
 
 def draw(odometry: Odometry, inform: Inform, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -82,7 +94,7 @@ def draw(odometry: Odometry, inform: Inform, rng: np.random.Generator) -> tuple[
     noise = mean + np.linalg.solve(factor.mT, white[..., None])[..., 0]
     log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(1)
     log_prior, log_proposal = _log_normal(noise), _log_normal(white) + log_determinant
-    return odometry.roll(noise)[0], log_prior - log_proposal
+    return odometry.poses(noise), log_prior - log_proposal
 
 
 def _posterior(odometry: Odometry, noise: Array, inform: Inform) -> tuple[Array, Array]:

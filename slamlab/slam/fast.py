@@ -12,9 +12,9 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, all_finite, as_array, as_count, as_covariance, as_rng, as_scalar
+from slamlab._checks import Array, all_finite, as_array, as_count, as_rng, as_scalar
 from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
-from slamlab.gaussian import chi2_quantile, root
+from slamlab.gaussian import as_root, chi2_quantile
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
 from slamlab.slam._covariance import diagonal
@@ -165,7 +165,7 @@ class FastSlam(PoseParticles):
             covariance. The filter is unharmed.
         """
         u = as_array("u", u, ("p",)).copy()
-        mixing = root(as_covariance("control_cov", control_cov, len(u)))
+        mixing = as_root("control_cov", control_cov, len(u))
         with restored_on_failure(self._rng):
             step = Drawn(u, dt, mixing, self._rng.standard_normal((self.n_particles, len(u))))
             odometry = self._odometry.followed_by(step)
