@@ -93,6 +93,8 @@ class SharedPages:
         slot = np.flatnonzero(used)[column]
         page = self.table[row, slot].astype(np.intp)
         shared = (page == 0) | (self._owners[page] > 1)
+        if not shared.any():
+            return self.table[particles, slots].astype(np.intp)
         # Where all owners of a page write, one of them keeps the original.
         found, first, writers = np.unique(page, return_index=True, return_counts=True)
         shared[first[(writers == self._owners[found]) & (found > 0)]] = False

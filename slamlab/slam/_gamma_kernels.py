@@ -24,10 +24,10 @@ def gather(points, heights, poses, frame, corners, out):  # type: ignore[no-unty
     """Sort points (k, 2, in the body) into the cells round each pose: nu and nu s^2 of each.
 
     `frame` is the resolution and the corner of the floor, `corners` (M, 2) column and row of the
-    first cell of the window ``out[i]`` (side, side, 2); nu is 0 where fewer than two fell.
+    first cell of the window ``out[i]`` (rows, columns, 2); nu is 0 where fewer than two fell.
     """
-    side = out.shape[1]
-    sums = np.empty((side, side, 3))
+    rows, columns = out.shape[1:3]
+    sums = np.empty((rows, columns, 3))
     for i in range(len(poses)):
         c, s = np.cos(poses[i, 2]) / frame[0], np.sin(poses[i, 2]) / frame[0]
         x = (poses[i, 0] - frame[1]) / frame[0] - corners[i, 0]
@@ -40,8 +40,8 @@ def gather(points, heights, poses, frame, corners, out):  # type: ignore[no-unty
             cell[COUNT] += 1.0
             cell[SUM] += h
             cell[SQUARE] += h * h
-        for row in range(side):
-            for column in range(side):
+        for row in range(rows):
+            for column in range(columns):
                 n, total, square = sums[row, column]
                 enough = n >= 2.0
                 out[i, row, column, FREEDOM] = n - 1.0 if enough else 0.0
@@ -50,11 +50,26 @@ def gather(points, heights, poses, frame, corners, out):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def weigh(pages, table, columns, corners, seen, settings, score):  # type: ignore[no-untyped-def]
-    """Log density of what was `seen` (M, side, side, 2) on each particle's map, into score (M,).
+def log_gamma(alpha, freedom, known):  # type: ignore[no-untyped-def]
+    """Log Gamma(alpha + freedom / 2); freedom is a whole number, and `known` has the first ones.
+
+    A zero in `known` was not asked for before.
+    """
+    k = int(freedom)
+    if k >= len(known):
+        return math.lgamma(alpha + 0.5 * freedom)
+    if known[k] == 0.0:
+        known[k] = math.lgamma(alpha + 0.5 * freedom)
+    return known[k]
+
+
+@njit(cache=True)
+def weigh(pages, table, columns, corners, seen, settings, known, score):  # type: ignore[no-untyped-def]
+    """Log density of what was `seen` (M, rows, columns, 2) on each particle's map, in score (M,).
 
     `settings`: alpha and beta of an unseen cell; whether the density is that of the heights, or of
-    their sample variances; then the fewest degrees of freedom and the floor of a variance.
+    their sample variances; then the fewest degrees of freedom and the floor of a variance. `known`
+    (2, n) is that of `log_gamma` for this alpha and for 0.
     """
     alpha, beta, of_heights, fewest, floor = settings
     for i in range(len(seen)):
@@ -71,12 +86,13 @@ def weigh(pages, table, columns, corners, seen, settings, score):  # type: ignor
                 half, squares = 0.5 * nu, seen[i, r, q, SQUARES]
                 if not of_heights:
                     squares += nu * floor
-                total = math.lgamma(a + half) - math.lgamma(a)
+                total = log_gamma(alpha, cell[FREEDOM] + nu, known[0])
+                total -= log_gamma(alpha, cell[FREEDOM], known[0])
                 total += a * math.log(b) - (a + half) * math.log(b + 0.5 * squares)
                 if of_heights:
                     total -= half * LOG_2_PI + 0.5 * math.log(nu + 1.0)
                 else:
-                    total += half * math.log(half) - math.lgamma(half)
+                    total += half * math.log(half) - log_gamma(0.0, nu, known[1])
                     total += (half - 1.0) * math.log(squares / nu)
                 score[i] += total
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_a, as_choice, as_scalar, as_shaped
+from slamlab.geometry import transform
 from slamlab.grids import Grid
 from slamlab.mapping import VarianceGrid
 from slamlab.mapping.variance import FEWEST, FLOOR, OF
@@ -94,6 +95,7 @@ class GammaSlam(MapParticles):
         super().__init__(motion, pose, n_particles, rng, temper, threshold)
         resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
         self._prior = as_scalar("alpha", alpha, 1e-9, 1e9), as_scalar("beta", beta, 1e-12, 1e9)
+        self._log_gammas = np.zeros((2, 10_000))
         self.density = as_choice("density", density, OF)
         self._maps = TileMaps(self.n_particles, resolution, self.poses[0, :2], channels=2)
 
@@ -132,7 +134,8 @@ class GammaSlam(MapParticles):
         gather(np.ascontiguousarray(points[seen]), level, poses, maps.frame, corners, cells)
         # 2. Weigh by the map that each particle made so far.
         settings = (*self._prior, self.density == "heights", FEWEST, FLOOR)
-        weigh(*maps.read(), maps.columns, corners, cells, settings, log_likelihood)
+        where = *maps.read(), maps.columns, corners
+        weigh(*where, cells, settings, self._log_gammas, log_likelihood)
         # 3. alpha += nu/2, beta += nu s^2/2 in every map, before resampling: then copies share.
         tiles = np.zeros((len(poses), int(maps.size.prod())), bool)
         mark(maps.columns, corners, cells, tiles)
@@ -141,13 +144,17 @@ class GammaSlam(MapParticles):
         return self._weighed_by(log_likelihood)
 
     def _window(self, points: Array, poses: Array) -> tuple[Array, Array]:
-        """First cells (M, 2) and room (M, side, side, 2) for points around each pose."""
+        """First cells (M, 2) and room (M, rows, columns, 2) for points seen from each pose."""
         maps, reach = self._maps, float(np.hypot(*points.T).max())
         maps.make_room(np.concatenate([poses[:, :2] - reach, poses[:, :2] + reach]))
         resolution, *corner = maps.frame
-        corners = np.floor((poses[:, :2] - reach - corner) / resolution).astype(np.int64)
-        side = int(2 * reach / resolution) + 3
-        return corners, np.empty((len(poses), side, side, 2), np.float32)
+        # The box round the points, turned with each pose, and a cell more on every side.
+        low, high = points.min(0), points.max(0)
+        box = transform(poses, np.array([low, [low[0], high[1]], high, [high[0], low[1]]]))
+        cells = np.floor((box - corner) / resolution).astype(np.int64)
+        corners = cells.min(1) - 1
+        columns, rows = (cells.max(1) - corners).max(0) + 2
+        return corners, np.empty((len(poses), rows, columns, 2), np.float32)
 
     def map(self, particle: int | None = None) -> VarianceGrid:
         """Map of a particle, the heaviest by default; a copy.
