@@ -6,6 +6,9 @@ import numpy as np
 
 from slamlab._compiling import njit
 
+# Cells on each side of a block of `tops_of`.
+BLOCK = 8
+
 
 @njit(cache=True)
 def height_at(heights, frame, x, y):  # type: ignore[no-untyped-def]
@@ -20,21 +23,41 @@ def height_at(heights, frame, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def march(heights, frame, origin, rays, reach, out):  # type: ignore[no-untyped-def]
+def tops_of(heights):  # type: ignore[no-untyped-def]
+    """Greatest height in and around each block of cells: what is above meets no ground there."""
+    rows, columns = heights.shape
+    tops = np.empty((rows // BLOCK + 1, columns // BLOCK + 1))
+    for r in range(tops.shape[0]):
+        for c in range(tops.shape[1]):
+            top, left = max(r * BLOCK - 2, 0), max(c * BLOCK - 2, 0)
+            around = heights[top : (r + 1) * BLOCK + 2, left : (c + 1) * BLOCK + 2]
+            tops[r, c] = around.max() + 1e-9
+    return tops
+
+
+@njit(cache=True)
+def march(heights, tops, frame, origin, rays, reach, out):  # type: ignore[no-untyped-def]
     """Distance along each ray (n, 3, unit) from `origin` (3,) to the ground, inf beyond `reach`.
 
     Steps of half a cell; the last one is cut where a straight line between its ends meets it.
+    `tops` are those of `tops_of`: what is higher is passed over without a look at the ground.
     """
-    step = 0.5 * frame[0]
+    step, scale = 0.5 * frame[0], 1.0 / (frame[0] * BLOCK)
+    last_row, last_column = tops.shape[0] - 1, tops.shape[1] - 1
     for k in range(len(rays)):
         dx, dy, dz = rays[k]
-        out[k] = np.inf
-        t, above = 0.0, origin[2] - height_at(heights, frame, origin[0], origin[1])
+        out[k], t = np.inf, 0.0
         while t < reach:
+            before = t
             t += step
-            z = origin[2] + t * dz
-            gap = z - height_at(heights, frame, origin[0] + t * dx, origin[1] + t * dy)
+            x, y, z = origin[0] + t * dx, origin[1] + t * dy, origin[2] + t * dz
+            column = min(max(int((x - frame[1]) * scale), 0), last_column)
+            row = min(max(int((y - frame[2]) * scale), 0), last_row)
+            if z > tops[row, column]:
+                continue
+            gap = z - height_at(heights, frame, x, y)
             if gap <= 0.0:
+                x, y = origin[0] + before * dx, origin[1] + before * dy
+                above = origin[2] + before * dz - height_at(heights, frame, x, y)
                 out[k] = t - step * gap / (gap - above)
                 break
-            above = gap

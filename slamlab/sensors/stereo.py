@@ -161,13 +161,14 @@ class StereoRig:
         ValueError
             If `terrain` is none, a shape is wrong or a number is not finite.
         """
-        from slamlab.sensors._march import march
+        from slamlab.sensors._march import march, tops_of
 
         if not isinstance(terrain, Terrain):
             raise ValueError(f"terrain: expected a Terrain, got {type(terrain).__name__}")
         poses = as_array("poses", poses, ("...", 3))
         sway = np.broadcast_to(as_array("sway", sway, ("...", 3)), poses.shape)
         frame = np.array([terrain.grid.resolution, *terrain.grid.origin])
+        tops = tops_of(terrain.heights)
         out: Array = np.empty((*poses.shape[:-1], self.n_points))
         each = zip(poses.reshape(-1, 3), sway.reshape(-1, 3), strict=True)
         for picture, (pose, (lift, pitch, roll)) in zip(
@@ -176,7 +177,7 @@ class StereoRig:
             ground = float(terrain.height(pose[:2], relief=True))
             origin = np.array([pose[0], pose[1], ground + self.camera_height + lift])
             rays = np.ascontiguousarray(self._rays(pitch, roll) @ _about_z(pose[2]).T)
-            march(terrain.heights, frame, origin, rays, self.max_range, picture)
+            march(terrain.heights, tops, frame, origin, rays, self.max_range, picture)
         if rng is not None:
             noise = as_rng("rng", rng).standard_normal(out.shape)
             met = out < np.inf
