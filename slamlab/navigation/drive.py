@@ -132,6 +132,9 @@ class Guard:
             wish = self.away(points)
         # Already nearer than the margin: it may leave, and must not come nearer.
         least = min(self._margin, here - 1e-9)
+        # In the open nothing can come so near: most wishes need no closer look.
+        if here - self._travel(wish, dt) > least + 1e-9:
+            return 1.0 * wish
         for part in ([1, 1, 1], [1, 1, 0], [0, 0, 1]):
             for scale in (1.0, 0.5, 0.25, 0.1):
                 u: Array = scale * wish * part
@@ -143,6 +146,11 @@ class Guard:
         """Return a slow body velocity (3,) away from the nearest of points (k, 2), k > 0."""
         x, y = points[np.argmin(self._body.clearance(points))]
         return np.array([-x, -y, 0.0]) * (_BACK / max(float(np.hypot(x, y)), 1e-9))
+
+    def _travel(self, u: Array, dt: float) -> float:
+        """How far any part of the body moves at most within the next two steps (m)."""
+        turn = abs(float(u[2])) * self._body.circumradius
+        return 2 * dt * (float(np.hypot(u[0], u[1])) + turn)
 
     def _closest(self, u: Array, points: Array, dt: float) -> float:
         """Least distance from the points within the next two steps if u goes on."""

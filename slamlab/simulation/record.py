@@ -305,15 +305,16 @@ class _Scene:
         return np.concatenate([pose[None], inner, end[None]])
 
     def _all_free(self, cuts: Array) -> NDArray[np.bool_]:
-        """Whether all is free as far round the start as any part of the body can come (...)."""
+        """Whether all is free as far round the middle as any part of the body can come (...)."""
         assert self.obstacles is not None
-        x, y = cuts[0, ..., 0], cuts[0, ..., 1]
+        middle = 0.5 * (cuts[0, ..., :2] + cuts[-1, ..., :2])
+        x, y = middle[..., 0], middle[..., 1]
         away = np.hypot(cuts[..., 0] - x, cuts[..., 1] - y).max(0)
         reach = away + (self.radius + _SLACK)
         # Clearance speaks of obstacles; where a bitmap ends there is none, and no way either.
         left, bottom, right, top = self.obstacles.bounds
         edge = np.minimum(np.minimum(x - left, right - x), np.minimum(y - bottom, top - y))
-        room = np.minimum(edge, self.obstacles.clearance(cuts[0, ..., :2]))
+        room = np.minimum(edge, self.obstacles.clearance(middle))
         return np.asarray(room > reach)
 
     def measure(self, truth: Array) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import pytest
 from slamlab.evaluation import run
 from slamlab.evaluation.tours import coverage, path_length
 from slamlab.localization import DeadReckoning
-from slamlab.navigation import YOUBOT_BODY, Body, RoomDriver
+from slamlab.navigation import YOUBOT_BODY, Body, Guard, RoomDriver
 from slamlab.navigation.seen_floor import FREE
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
@@ -211,6 +211,31 @@ def test_the_guard_slows_down_turns_less_and_stands_still():
     # Between two walls it may drive and not turn.
     sides = np.concatenate([[[x, y]] for x in np.linspace(-2, 2, 81) for y in (-0.255, 0.255)])
     assert pilot._guarded(np.array([0.3, 0.0, 0.8]), sides, 0.2).tolist() == [0.3, 0, 0]
+
+
+def limits(travel=None):
+    """What the guard leaves of 3000 wishes among a few points, and how often it looked closely."""
+    rng, guard, looks = np.random.default_rng(8), Guard(YOUBOT_BODY), []
+    closest = guard._closest
+    guard._closest = lambda u, points, dt: looks.append(1) or closest(u, points, dt)
+    if travel is not None:
+        guard._travel = travel
+    left = []
+    for _ in range(3000):
+        wish = rng.uniform(-1, 1, 3) * rng.choice([[0.5, 0.5, 0.8], [0.05, 0.05, 3.0], [0, 0, 0]])
+        points = rng.uniform(-1.2, 1.2, (int(rng.integers(0, 6)), 2))
+        left.append(guard.limited(wish, points, 0.25))
+    return np.array(left), len(looks)
+
+
+def test_what_is_too_far_for_the_next_two_steps_is_not_looked_at_closely():
+    left, looks = limits()
+    due, all_looks = limits(lambda u, dt: np.inf)
+    np.testing.assert_array_equal(left, due)
+    assert looks < 0.7 * all_looks
+    # Who forgets that a turning corner moves, too, lets it come too near.
+    turned = limits(lambda u, dt: 2 * dt * np.hypot(u[0], u[1]))[0]
+    assert (turned != due).any()
 
 
 @pytest.mark.parametrize("name", ["sight", "max_speed", "max_turn", "margin"])
