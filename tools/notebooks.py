@@ -195,6 +195,8 @@ def main() -> int:
     if arguments.command == "warm":
         os.environ.update(SETTINGS[arguments.setting])
         return subprocess.call([sys.executable, "-m", "slamlab", "warm"])
+    if not arguments.paths:
+        parser.error("expected at least one notebook")
     if arguments.command == "check":
         return check(arguments.paths, arguments.setting)
     for path in arguments.paths:

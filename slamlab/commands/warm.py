@@ -1,4 +1,4 @@
-"""Compile all loops now, once, so that no lesson waits for it.
+"""Compile now, once, the loops that lessons call, so that they need not wait.
 
 The code is kept: beside the library or, where that cannot be written, in numba's folder for the
 user. A second call takes seconds.
@@ -20,7 +20,7 @@ from slamlab.matching import Field, PointField, match_correlative, match_field, 
 from slamlab.navigation import PathMemory, SeenFloor
 from slamlab.sensors import Lidar, StereoRig
 from slamlab.slam import GammaSlam, GridFastSlam
-from slamlab.worlds import BitmapWorld, Terrain, WallWorld
+from slamlab.worlds import BitmapWorld, Terrain, WallWorld, rooms
 
 __all__ = ["arguments", "run"]
 
@@ -51,6 +51,7 @@ def _scans() -> None:
         ranges = lidar.scan(world, [3.0, 1.0, 0.3])
         world.collides([[0.1, 0.1], [0.1, -0.1], [-0.1, 0.1]], [3.0, 1.0, 0.3])
         world.clearance([3.0, 1.0])
+    rooms.random_box_room(np.random.default_rng(1))
     OccupancyGrid((40, 40), 0.1).insert([3.0, 1.0, 0.3], ranges, lidar)
     floor = SeenFloor([0.0, 0.0, 4.0, 4.0])
     floor.insert([3.0, 1.0, 0.3], ranges, lidar)

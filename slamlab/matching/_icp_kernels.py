@@ -147,6 +147,7 @@ def _pairs(reference, hashes, points, pose, gate, pair, places):  # type: ignore
         if j >= 0:
             d = np.sqrt((x - reference[j, 0]) ** 2 + (y - reference[j, 1]) ** 2)
         if (j >= 0 and d >= gate) or d > others:
+            # A little beyond the gate: who finds nobody there may move a little unasked.
             j, d, others = nearest(hashes, x, y, 1.1 * gate)
             if d >= gate:
                 j, others = -1, d

@@ -25,6 +25,8 @@ from slamlab.matching._match import Match, capped_inverse, good_points
 
 __all__ = ["Field", "PointField", "match_field"]
 
+_MOST_STEPS = 10
+
 
 class Field(Grid):
     """Values on square cells, read between the cell centres by bilinear interpolation.
@@ -171,7 +173,7 @@ def match_field(
     points: ArrayLike,
     guess: ArrayLike,
     prior_cov: ArrayLike | None = None,
-    n_iterations: int = 10,
+    n_iterations: int = _MOST_STEPS,
 ) -> Match:
     """Slide a scan up the slopes of a field: Gauss-Newton on sum [1 - M(S_i(xi))]^2, Hector (7).
 
@@ -231,7 +233,7 @@ def match_field(
 def climbed(field: Field, points: Array, guess: Array) -> tuple[Array, float]:
     """Pose and residual of `match_field` alone, of arguments that were checked before."""
     pose = guess.copy()
-    *_, left = _climb(field, points, pose, np.zeros((3, 3)), 10)
+    *_, left = _climb(field, points, pose, np.zeros((3, 3)), _MOST_STEPS)
     pose[2] = wrap_angle(pose[2])
     return pose, float(np.sqrt(left / len(points)))
 

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_covariance, as_rng, as_scalar
-from slamlab.gaussian import root
+from slamlab._checks import Array, as_a, as_array, as_rng, as_scalar
+from slamlab.gaussian import as_root
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
 from slamlab.models import Estimator, MotionModel, Pilot, View, World, as_estimator, as_motion
@@ -221,7 +221,7 @@ class _Scene:
         control_cov: ArrayLike | None,
     ) -> None:
         self.robot, self.sensor, self.rng = robot, sensor, rng
-        self.control_cov, self.noise = control_cov, (np.empty((0, 0)), np.empty((0, 0)))
+        self.control_cov = control_cov
         self.landmarks = world.points if isinstance(world, LandmarkWorld) else None
         self.obstacles = None if isinstance(world, LandmarkWorld) else world
         if isinstance(sensor, Lidar) and self.obstacles is None:
@@ -249,9 +249,13 @@ class _Scene:
         Returns where the robot came, what its wheels did, what they report and with which
         covariance, and whether it met something.
         """
-        V, spread = self._noise(u.shape[-1])
+        p = u.shape[-1]
+        V = np.zeros((p, p)) if self.control_cov is None else self.control_cov
+        V = as_array("control_cov", V, (p, p))
         moving = u.any(-1, keepdims=True)
-        executed = u + moving * (self.rng.standard_normal(u.shape) @ spread.T)
+        executed = u + moving * (
+            self.rng.standard_normal(u.shape) @ as_root("control_cov", V, p).T
+        )
         there, hit = self._driven(pose, executed, dt)
         free = np.ones(hit.shape)
         if hit.any():
@@ -264,14 +268,6 @@ class _Scene:
             there = self.robot.step(pose, executed * free[..., None], dt)
         part = free[..., None]
         return np.round(there, _DIGITS), executed * part, u * part, V, hit
-
-    def _noise(self, p: int) -> tuple[Array, Array]:
-        """Covariance (p, p) of the executed control, and its root; the same for all steps."""
-        if len(self.noise[0]) != p:
-            V = np.zeros((p, p)) if self.control_cov is None else self.control_cov
-            V = as_covariance("control_cov", V, p)
-            self.noise = V, root(V)
-        return self.noise
 
     def _driven(self, pose: Array, u: Array, dt: float) -> tuple[Array, NDArray[np.bool_]]:
         """Where a control leads (..., 3), and whether the body meets something on the way (...).
