@@ -5,6 +5,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export PIP_ROOT_USER_ACTION := ignore
+ifdef PIP_INDEX_URL
+export UV_DEFAULT_INDEX ?= $(PIP_INDEX_URL)
+endif
 # Some hundred processes are started: each would compile every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 # Small dense products stall when two BLAS threads contend for two cores.
@@ -38,11 +41,14 @@ help:  ## Show this list
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
-# One stamp a set of extras, renewed when the lock or the project file changes. Most of what pip
-# would compile is never imported.
+# One stamp a set of extras, renewed when the lock or the project file changes. uv needs a fifth of
+# pip's time; where it cannot serve (a mirror that only pip was told of), pip does it, without
+# compiling: most of it is never imported.
 $(VENV)/.%-installed: pyproject.toml requirements.lock | $(VENV)/bin/python
 	@echo "== Installing ($* extras, pinned by requirements.lock)"
-	$(PIP) install --quiet --no-compile --constraint requirements.lock --editable '.[$*]'
+	@$(PIP) install --quiet --constraint requirements.lock uv && \
+	  $(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock --editable '.[$*]' || \
+	  $(PIP) install --quiet --no-compile --constraint requirements.lock --editable '.[$*]'
 	@touch $@
 
 book: $(VENV)/.book-installed  ## Build the book (runs what changed) and say where it is
@@ -128,7 +134,7 @@ chromium:
 
 lock: ## Refresh requirements.lock: install the newest set that fits, try it, write it down
 	rm -rf _build/lock-env && $(PYTHON) -m venv _build/lock-env
-	_build/lock-env/bin/python -m pip install --quiet --upgrade --editable '.[dev]'
+	_build/lock-env/bin/python -m pip install --quiet --upgrade uv --editable '.[dev]'
 	_build/lock-env/bin/python -m pip freeze --exclude-editable > requirements.lock
 	@echo "requirements.lock is new: run make test before you commit it"
 
