@@ -21,9 +21,9 @@ EQUIVALENT = mutate.equivalent()
 
 @pytest.mark.parametrize("name", SOLUTIONS)
 def test_every_mutant_that_changes_an_answer_is_refused(name):
-    total, passed = mutate.try_all(SOLUTIONS[name])
+    total, passed = mutate.try_all(SOLUTIONS[name], EQUIVALENT)
     assert total > 3
-    assert [text for text in passed if f"{name} | {text}" not in EQUIVALENT] == []
+    assert passed == []
 
 
 def test_equivalent_mutants_have_a_reason_and_exist():
