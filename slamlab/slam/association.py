@@ -14,7 +14,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_scalar
@@ -219,6 +218,8 @@ def maximum_likelihood(
         np.maximum.at(widest, pairs.j[inside], pairs.log_det[inside])
         alone = np.where(np.isfinite(widest), gate + widest, 0.0)
     np.fill_diagonal(cost[:, len(rows) :], alone)
+    from scipy.optimize import linear_sum_assignment  # loads long, few filters ask for it
+
     chosen = linear_sum_assignment(cost)[1]
     answer = pairs.unpaired()
     for j in np.flatnonzero(chosen < len(rows)):
