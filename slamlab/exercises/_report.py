@@ -349,7 +349,8 @@ class Check:
         return _edited(self.reference, (wrong,) if isinstance(wrong, str) else wrong)
 
     def _explains(self, number: int, seen: Sequence[Observation], held: list[bool]) -> bool:
-        order = sorted(range(len(seen)), key=lambda k: held[k])  # failures first
+        # What is known already first, then failures: most are ruled out by the first look.
+        order = sorted(range(len(seen)), key=lambda k: ((number, k) not in self._told, held[k]))
         return all(self._alike(self._of_suspect(number, k), seen[k]) for k in order)
 
     def _of_suspect(self, number: int, k: int) -> Observation:
