@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Shape = Sequence[int | str | None]
+_SMALL = 36  # numbers of a covariance that is remembered
 _SHORT = Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 3, 60, 80
 
@@ -144,6 +145,19 @@ def as_covariance(name: str, value: ArrayLike, dim: int | None = None) -> Array:
     cov = as_array(name, value, ("...", size, size))
     if cov.shape[-1] != cov.shape[-2]:
         raise ValueError(f"{name}: expected a square matrix, got shape {cov.shape}")
+    if cov.size <= _SMALL:
+        return _remembered(name, cov.tobytes(), cov.shape, cov.dtype.char).copy()
+    return _symmetric(name, cov)
+
+
+# Logs tell the same noise at every step, or the same few thousand to every filter.
+@lru_cache(maxsize=8192)
+def _remembered(name: str, numbers: bytes, shape: tuple[int, ...], kind: str) -> Array:
+    return _symmetric(name, np.frombuffer(numbers, kind).reshape(shape))
+
+
+def _symmetric(name: str, cov: Array) -> Array:
+    """`cov` (..., n, n), exactly symmetric; ValueError if it is no covariance."""
     even = cov.mT
     if (cov == even).all():
         cov = cov.copy()

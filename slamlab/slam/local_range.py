@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_a, as_array, as_positive, as_scalar
+from slamlab._checks import Array, as_a, as_array, as_positive, as_scalar, as_shaped
 from slamlab.models import LandmarkSensor, as_estimator
 from slamlab.slam.ekf import as_names
 
@@ -34,13 +34,16 @@ class _Regional(Protocol):
 class LocalRange:
     """A SLAM system that looks only as far as it takes to see so many landmarks.
 
+    Runs side by side (`EKFSlamBatch`) have a range each.
+
     At a density rho of landmarks, rho pi r^2 of them lie within r. Whoever has seen n within r
     therefore sees the wanted number within r sqrt(wanted / n).
 
     Parameters
     ----------
     system : Estimator
-        Any that measures landmarks and knows its sensor: `EKFSlam`, `CompressedEKFSlam`.
+        Any that measures landmarks and knows its sensor: `EKFSlam`, `CompressedEKFSlam`,
+        `EKFSlamBatch`.
     wanted : float, default 10.0
         Landmarks to see at once, positive.
     nearest, furthest : float
@@ -54,9 +57,9 @@ class LocalRange:
         "looks": sets of simultaneous measurements of landmarks.
     system : Estimator
         As given.
-    reach : float
+    reach : float, or ndarray (M,) of a batch
         The range of the next measurements (m).
-    n_seen : int
+    n_seen : int, or ndarray (M,) of a batch
         Landmarks seen at the last update.
 
     Raises
@@ -96,21 +99,23 @@ class LocalRange:
         self.nearest = as_positive("nearest", nearest, 1e9)
         self.furthest = as_scalar("furthest", furthest, self.nearest, 1e9)
         self.region = None if region is None else as_scalar("region", region, 1.0, 1e9)
-        self.n_seen = 0
-        self._look_to(self.furthest)
+        self.n_seen: Any = 0
+        self.reach: Any = self.furthest
+        self._look_to(self.reach)
 
     def __repr__(self) -> str:
         """Say how far it looks, and who looks."""
-        return f"LocalRange({self.reach:.1f} m for {self.wanted:g} landmarks, {self.system!r})"
+        reach = f"{np.mean(self.reach):.1f} m"
+        return f"LocalRange({reach} for {self.wanted:g} landmarks, {self.system!r})"
 
     @property
     def pose(self) -> Array:
-        """Estimated pose (m, m, rad), shape (3,)."""
+        """Estimated pose (m, m, rad), shape (3,) or (M, 3)."""
         return np.asarray(self.system.pose)
 
     @property
     def pose_cov(self) -> Array:
-        """Covariance of the pose, shape (3, 3)."""
+        """Covariance of the pose, shape (3, 3) or (M, 3, 3)."""
         return np.asarray(self.system.pose_cov)
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
@@ -122,8 +127,9 @@ class LocalRange:
 
         Parameters
         ----------
-        z : array_like, shape (k, 2)
-            Measurements of all landmarks that the sensor could see.
+        z : array_like, shape (k, 2) or (M, k, 2)
+            Measurements of all landmarks that the sensor could see; in a batch NaN where a run
+            did not see one.
         ids : sequence of hashable, length k, optional
             As the system takes them.
 
@@ -132,20 +138,33 @@ class LocalRange:
         ValueError
             As the system; nothing has changed then.
         """
+        look = self._look_of_many if self.pose.ndim > 1 else self._look
+        report, self.n_seen = look(z, ids)
+        # rho pi r^2 = n_seen, and rho pi r'^2 = wanted
+        ratio = np.sqrt(self.wanted / np.maximum(self.n_seen, 0.25))
+        reach = np.clip(self.reach * ratio, self.nearest, self.furthest)
+        self._look_to(reach if reach.ndim else float(reach))
+        return report
+
+    def _look(self, z: ArrayLike, ids: Sequence[Hashable | None] | None) -> tuple[Any, int]:
+        """Hand over what is near; say how many."""
         z = as_array("z", z, ("k", 2))
         near = np.flatnonzero(self.system.sensor.reach(z) <= self.reach)
         names = None
         if ids is not None:
             all_names = as_names("ids", ids, len(z))
             names = [all_names[k] for k in near]
-        report = self.system.update(z[near], names)
-        self.n_seen = len(near)
-        # rho pi r^2 = n_seen, and rho pi r'^2 = wanted
-        ratio = np.sqrt(self.wanted / max(self.n_seen, 0.25))
-        self._look_to(float(np.clip(self.reach * ratio, self.nearest, self.furthest)))
-        return report
+        return self.system.update(z[near], names), len(near)
 
-    def _look_to(self, reach: float) -> None:
+    def _look_of_many(self, z: ArrayLike, ids: Any) -> tuple[Any, Any]:
+        """The same in runs side by side, where NaN is not seen."""
+        z = as_shaped("z", z, (len(self.pose), "k", 2))
+        seen = np.isfinite(z).all(-1)
+        reach = self.system.sensor.reach(np.where(seen[..., None], z, 0.0))
+        near = seen & (reach <= np.reshape(self.reach, (-1, 1)))
+        return self.system.update(np.where(near[..., None], z, np.nan), ids), near.sum(-1)
+
+    def _look_to(self, reach: Any) -> None:
         self.reach = reach
         if self.region is not None:
             self.system.radius = self.region * reach

@@ -8,7 +8,7 @@ from slamlab.localization import DeadReckoning
 from slamlab.robots import Unicycle
 from slamlab.sensors import PointSensor
 from slamlab.simulation import FIELD_SENSOR, field_flights
-from slamlab.slam import CompressedEKFSlam, EKFSlam, LocalRange
+from slamlab.slam import CompressedEKFSlam, EKFSlam, EKFSlamBatch, LocalRange
 from slamlab.worlds import rooms
 
 FAR = PointSensor(FIELD_SENSOR.cov, max_range=40.0)
@@ -106,3 +106,17 @@ def test_what_cannot_be_is_refused():
         LocalRange(rooms.office(), nearest=1.0, furthest=2.0)
     with pytest.raises(ValueError, match="system: expected one with a sensor"):
         LocalRange(DeadReckoning(Unicycle(), [0, 0, 0]), nearest=1.0, furthest=2.0)
+
+
+def test_runs_side_by_side_have_a_range_each_and_equal_single_ones():
+    logs = field_flights(2, np.random.default_rng(1), FAR, felled=0.75)
+    law = dict(wanted=5, nearest=8.0, furthest=40.0)
+    filters = EKFSlamBatch(Unicycle(), FAR, logs.truth[0], n_landmarks=len(logs.landmarks))
+    both = run(LocalRange(filters, **law), logs, keep=("reach", "n_seen"))
+    for i in range(2):
+        log = logs.single(i)
+        one = run(LocalRange(ekf(log), **law), log, keep=("reach", "n_seen"))
+        np.testing.assert_allclose(both.poses[:, i], one.poses, atol=1e-9)
+        np.testing.assert_array_equal([n[i] for n in both.kept["n_seen"]], one.kept["n_seen"])
+        np.testing.assert_allclose([r[i] for r in both.kept["reach"]], one.kept["reach"])
+    assert (np.diff(both.kept["reach"], axis=1) != 0).any()
