@@ -106,12 +106,13 @@ class Unicycle(MotionModel):
         theta, v, omega = np.broadcast_arrays(pose[..., 2], u[..., 0], u[..., 1])
         h = 0.5 * dt * omega
         c, s = np.cos(theta + h), np.sin(theta + h)
-        chord = dt * v * _sinc(h)
+        sinc = _sinc(h)
+        chord = dt * v * sinc
         F_x = np.zeros((*theta.shape, 3, 3))
         F_x[...] = np.eye(3)
         F_x[..., 0, 2], F_x[..., 1, 2] = -chord * s, chord * c
         F_u = np.zeros((*theta.shape, 3, 2))
-        F_u[..., 0, 0], F_u[..., 1, 0] = dt * _sinc(h) * c, dt * _sinc(h) * s
+        F_u[..., 0, 0], F_u[..., 1, 0] = dt * sinc * c, dt * sinc * s
         # omega bends the chord (its length changes) and turns it (by half the heading's turn).
         bend, half = 0.5 * dt * dt * v * _sinc_slope(h), 0.5 * dt * chord
         F_u[..., 0, 1], F_u[..., 1, 1] = bend * c - half * s, bend * s + half * c

@@ -216,7 +216,7 @@ class AncestryTree(TileMaps):
                     if table[i, slot] == 0:
                         table[i, slot] = len(pages)
                         pages.append(EMPTY.copy())
-                    pages[table[i, slot]][mask] = values[mask]
+                    np.copyto(pages[table[i, slot]], values, where=mask[..., None])
         return np.array(pages), table
 
     def write(self, tiles: NDArray[np.bool_]) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
