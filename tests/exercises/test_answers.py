@@ -175,12 +175,13 @@ def test_what_is_named_explains_everything_that_came():
             first = np.asarray(given[0], dtype=float).sum() if len(given) else 0.0
             return (a if int(1e6 * first) % 2 else b)(*given)
 
-        report = check.judge(check.observe(mixed))
+        observed = check.observe(mixed)
+        report = check.judge(observed)
         assert not set(report.messages) & (set(check.mistakes) | set(NEARLY)) or all(
             check._alike(check._look(check.mistaken(check.mistakes[m]), check.inputs[k][1]), seen)
             for m in report.messages
             if m in check.mistakes
-            for k, seen in enumerate(check.observe(mixed))
+            for k, seen in enumerate(observed)
         ), name
 
 

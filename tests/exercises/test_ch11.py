@@ -1,5 +1,6 @@
 """Right answers of chapter 11, written in other ways: each passes."""
 
+import functools
 import itertools
 
 import numpy as np
@@ -40,6 +41,7 @@ def together_by_all_pairings(y, H, P, R, gates):
     """Another right answer: every pairing there is, the best of those that fit."""
     k, n = y.shape[:2]
 
+    @functools.cache
     def joint(pairs):
         v = np.concatenate([y[j, i] for j, i in pairs])
         S = np.array(stacked_by_blocks(H[[i for _, i in pairs]], P, R))
@@ -47,12 +49,11 @@ def together_by_all_pairings(y, H, P, R, gates):
 
     best = (0, 0.0, [-1] * k)
     for rows in itertools.product(range(-1, n), repeat=k):
-        pairs = [(j, i) for j, i in enumerate(rows) if i >= 0]
+        pairs = tuple((j, i) for j, i in enumerate(rows) if i >= 0)
         if not pairs or len({i for _, i in pairs}) < len(pairs):
             continue
-        parts = [joint(pairs[: m + 1]) for m in range(len(pairs))]
-        if all(d < gate for d, gate in zip(parts, gates, strict=False)):
-            best = max(best, (len(pairs), -parts[-1], list(rows)), key=lambda b: b[:2])
+        if all(joint(pairs[: m + 1]) < gates[m] for m in range(len(pairs))):
+            best = max(best, (len(pairs), -joint(pairs), list(rows)), key=lambda b: b[:2])
     return best[2]
 
 

@@ -1,5 +1,7 @@
 """Driving round rooms: nothing is touched, everything is seen, and the record tells the truth."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
@@ -83,7 +85,8 @@ def test_the_guard_saves_a_robot_that_does_not_know_where_it_is(monkeypatch):
     # Without the guard six of the seven drive into things within these two minutes (in one minute
     # two did), ten of fourteen over the seeds 0 to 13.
     monkeypatch.setattr(RoomDriver, "_guarded", lambda self, wish, points, dt: wish)
-    assert sum(hits(seed) > 0 for seed in seeds) >= 4
+    touched = (seed for seed in seeds if hits(seed) > 0)
+    assert len(list(islice(touched, 4))) == 4
 
 
 # -------------------------------------------------------------------- the whole room was seen

@@ -120,9 +120,10 @@ def test_no_collision_in_random_rooms():
 
 @pytest.mark.parametrize("stride", [0.1, 0.3, np.inf])
 def test_can_move_as_printed_collides_in_most_runs(stride):
-    printed = runs(ROOM, Quadrants(), guard=forward_is_open_as_printed, stride=stride, n=4)
+    settings = {"stride": stride, "n": 4, "stop_at_hit": True}
+    printed = runs(ROOM, Quadrants(), guard=forward_is_open_as_printed, **settings)
     assert np.mean([run.collisions[-1] > 0 for run in printed]) >= 0.75
-    nobody = runs(ROOM, Quadrants(), guard="none", stride=stride, n=4)
+    nobody = runs(ROOM, Quadrants(), guard="none", **settings)
     assert all(run.collisions[-1] > 0 for run in nobody)
 
 

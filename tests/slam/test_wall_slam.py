@@ -43,7 +43,7 @@ def run(seed, every=6, slam=None):
     """One run: the filter at the end, NEES and error of every step, error of dead reckoning."""
     rng = np.random.default_rng(seed)
     slam = slam or WallSlam(YOUBOT, NOISY, POSES[0])
-    dead, errors, scores = POSES[0], [], []
+    dead, errors, covs = POSES[0], [], []
     for k, u in enumerate(CONTROLS):
         measured = rng.multivariate_normal(u, V)
         dead = YOUBOT.step(dead, measured, DT)
@@ -52,9 +52,10 @@ def run(seed, every=6, slam=None):
             slam.update(RANGES[k + 1] + SIGMA_RANGE * rng.standard_normal(RANGES.shape[1]))
         error = slam.pose - POSES[k + 1]
         error[2] = wrap_angle(error[2])
-        errors.append(np.hypot(*error[:2]))
-        scores.append(nees(error, slam.pose_cov))
-    return slam, np.mean(scores), np.array(errors), np.hypot(*(dead - POSES[-1])[:2])
+        errors.append(error)
+        covs.append(slam.pose_cov)
+    score, away = nees(errors, covs).mean(), np.hypot(*np.transpose(errors)[:2])
+    return slam, score, away, np.hypot(*(dead - POSES[-1])[:2])
 
 
 def lines_of(world):
