@@ -88,12 +88,12 @@ lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
 
 unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring examples
 	@echo "== Tests of the library"
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal --doctest-modules \
+	$(BIN)/python -m pytest -q -p no:nbval -n 2 --dist worksteal --doctest-modules \
 	  --ignore=tests/benchmarks --ignore=tests/book --benchmark-disable slamlab tests
 
 speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
 	@echo "== Speed against peers"
-	$(BIN)/python -m pytest -q -p no:xdist tests/benchmarks
+	$(BIN)/python -m pytest -q -p no:nbval -p no:xdist tests/benchmarks
 
 notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
 	@echo "== Notebooks, cell by cell"
@@ -112,12 +112,13 @@ pages: $(VENV)/.dev-installed
 
 figures: $(VENV)/.dev-installed  ## Figures, drawings and JupyterLab in Chromium, without the book
 	@echo "== Figures, drawings and JupyterLab in a browser"
-	$(BIN)/python -m pytest -q $(FIGURES)
+	$(BIN)/python -m pytest -q -p no:nbval $(FIGURES)
 
 # Three on two cores: a page that loads or settles is waited for.
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
-	$(BIN)/python -m pytest -q -n 3 --dist worksteal tests/book $(FIGURES:%=--ignore=%)
+	$(BIN)/python -m pytest -q -p no:nbval -n 3 --dist worksteal tests/book \
+	  $(FIGURES:%=--ignore=%)
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \

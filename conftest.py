@@ -1,16 +1,13 @@
 """nbval starts kernels without TCP ports and says what came on stderr: see tools/kernels.py."""
 
-import contextlib
 import gc
+import sys
 
-with contextlib.suppress(ImportError):  # a student has pytest perhaps, but no nbval
-    import nbval.kernel
-    from nbval.plugin import IPyNbCell
+# Where notebooks are run: pytest has loaded nbval then, and other tests leave it alone.
+if "nbval.plugin" in sys.modules:
+    from tools.kernels import settle_nbval
 
-    from tools.kernels import LocalKernelManager, saying_stderr
-
-    nbval.kernel.KernelManager = LocalKernelManager
-    IPyNbCell.compare_outputs = saying_stderr(IPyNbCell.compare_outputs)
+    settle_nbval()
 
 
 def pytest_collection_finish() -> None:

@@ -16,7 +16,7 @@ from jupyter_cache import get_cache
 from jupyter_cache.base import CacheBundleIn
 
 from tools.build_book import book_notebooks, cache_key, is_cached, remaining
-from tools.kernels import LocalKernelManager, saying_stderr
+from tools.kernels import LocalKernelManager, saying_stderr, settle_nbval
 from tools.notebooks import SETTINGS, differences
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -290,9 +290,13 @@ def test_an_unexpected_line_on_stderr_is_told_word_for_word():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such sockets")
-def test_kernels_do_not_share_ports():
+def test_kernels_do_not_share_ports(monkeypatch):
     import nbval.kernel
+    from nbval.plugin import IPyNbCell
 
+    monkeypatch.setattr(nbval.kernel, "KernelManager", None)
+    monkeypatch.setattr(IPyNbCell, "compare_outputs", IPyNbCell.compare_outputs)
+    settle_nbval()
     assert nbval.kernel.KernelManager is LocalKernelManager
     first, second = LocalKernelManager(), LocalKernelManager()
     assert first.transport == "ipc"

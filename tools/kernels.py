@@ -59,3 +59,12 @@ def saying_stderr(compare: Callable[..., bool]) -> Callable[..., bool]:
         return same
 
     return compare_outputs
+
+
+def settle_nbval() -> None:
+    """Let nbval start kernels that share no port, and say what came on stderr."""
+    import nbval.kernel
+    from nbval.plugin import IPyNbCell
+
+    nbval.kernel.KernelManager = LocalKernelManager
+    IPyNbCell.compare_outputs = saying_stderr(IPyNbCell.compare_outputs)

@@ -1,5 +1,7 @@
 """The drives of the labs, and what their scores tell apart."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -82,7 +84,7 @@ def test_a_map_is_judged_by_its_walls_its_floor_and_its_inventions():
 def test_the_library_explores_both_rooms_and_comes_home():
     for task in practice("IV", 1):
         make = explorers(task)["RoomDriver, HectorSlam"]
-        best = row("IV", task, "best", lambda: make(task.setting)).figures
+        best = row("IV", task, "best", partial(make, task.setting)).figures
         assert best["floor seen %"] > 97
         assert best["from home (m)"] < 0.1
         assert best["hits"] == 0
@@ -93,5 +95,5 @@ def test_a_filter_that_is_right_has_an_nees_within_the_band():
     for seed in range(4):
         for task in practice("I", seed):
             make = trackers(task)["EKF with a gate"]
-            gated = row("I", task, "gated", lambda: make(task.setting)).figures
+            gated = row("I", task, "gated", partial(make, task.setting)).figures
             assert 1 <= gated["NEES (3)"] <= 9
