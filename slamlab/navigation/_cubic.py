@@ -128,7 +128,9 @@ def parameter_at(c, table, s):  # type: ignore[no-untyped-def]
             low = t
         speed = np.hypot(slope(c, t, X), slope(c, t, Y))
         step = t - error / speed if speed > 0.0 else low
-        t = step if low < step < high else 0.5 * (low + high)
+        before, t = t, step if low < step < high else 0.5 * (low + high)
+        if abs(t - before) < 1e-8:  # a step of Newton's leaves of its length the square
+            break
     return t
 
 
@@ -141,26 +143,39 @@ def _pull(c, t, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _foot(c, x, y, low, high):  # type: ignore[no-untyped-def]
+    """Root of the pull between low, where it is negative, and high: Newton in that bracket."""
+    t = 0.5 * (low + high)
+    for _ in range(60):
+        off_x, off_y = value(c, t, X) - x, value(c, t, Y) - y
+        dx, dy = slope(c, t, X), slope(c, t, Y)
+        pull = off_x * dx + off_y * dy
+        if pull < 0.0:
+            low = t
+        else:
+            high = t
+        bend_x, bend_y = 2.0 * c[2, X] + 6.0 * t * c[3, X], 2.0 * c[2, Y] + 6.0 * t * c[3, Y]
+        rise = dx * dx + dy * dy + off_x * bend_x + off_y * bend_y
+        step = t - pull / rise if rise > 0.0 else low
+        before, t = t, step if low < step < high else 0.5 * (low + high)
+        if abs(t - before) < 1e-14:
+            break
+    return t
+
+
+@njit(cache=True)
 def nearest_parameter(c, x, y, a, b):  # type: ignore[no-untyped-def]
     """Parameter in [a, b] of the point nearest to (x, y), and the squared distance there.
 
-    The distance is flat where derivative and offset are orthogonal; every sign change of their
-    product on a grid is bisected.
+    The distance is flat where derivative and offset are orthogonal: at each place where their
+    product, on a grid, turns from negative to positive.
     """
     best_t, best = a, (value(c, a, X) - x) ** 2 + (value(c, a, Y) - y) ** 2
     n, before, pull_before = 24, a, _pull(c, a, x, y)
     for i in range(1, n + 1):
         t = a + (b - a) * i / n
         pull = _pull(c, t, x, y)
-        found = t
-        if pull_before < 0.0 < pull:
-            low, high = before, t
-            for _ in range(52):
-                found = 0.5 * (low + high)
-                if _pull(c, found, x, y) < 0.0:
-                    low = found
-                else:
-                    high = found
+        found = _foot(c, x, y, before, t) if pull_before < 0.0 < pull else t
         squared = (value(c, found, X) - x) ** 2 + (value(c, found, Y) - y) ** 2
         if squared < best:
             best_t, best = found, squared
