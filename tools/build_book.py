@@ -180,7 +180,8 @@ def trim(html: Path) -> None:
         path.unlink()
     scripts = [path for path in static.rglob("*.js") if path.name != "fontawesome.js"]
     texts = [path.read_text(encoding="utf-8") for path in [*html.rglob("*.html"), *scripts]]
-    used = {name for text in texts for name in re.findall(r"\bfa-([\w-]+)", text)}
+    # A style sheet inside a script names each icon that there is, behind a dot.
+    used = {name for text in texts for name in re.findall(r"(?<!\.)\bfa-([\w-]+)", text)}
     icons = static / "scripts" / "fontawesome.js"
     if icons.exists():
         known = icons.read_text(encoding="utf-8")

@@ -1,11 +1,15 @@
 // Runs before MathJax: a formula is as wide on every computer, whatever letters it has for the text,
 // and on a phone begins at the left: centred beside its number it would leave half the width empty.
 if (window.MathJax) {
-  window.MathJax.chtml = {
-    matchFontHeight: false,
-    scale: 1.17,
-    displayAlign: window.innerWidth < 600 ? "left" : "center",
-  };
+  var narrow = window.matchMedia("(max-width: 600px)");
+  var place = function () { return narrow.matches ? "left" : "center"; };
+  window.MathJax.chtml = { matchFontHeight: false, scale: 1.17, displayAlign: place() };
+  // Formulas are laid out for the width that they meet: again when a phone is turned.
+  narrow.addEventListener("change", function () {
+    var formulas = window.MathJax.startup.document;
+    formulas.outputJax.options.displayAlign = place();
+    formulas.rerender();
+  });
 }
 // Small repairs of the theme for readers with a keyboard or a screen reader.
 function scrollBox(thing, kind, label) {
