@@ -166,8 +166,8 @@ class Visit:
             self.tab.wait_for_timeout(300)
 
     def _show(self, width, **media):
+        self.tab.emulate_media(**media)  # first: of another width alone the theme is told
         self.tab.set_viewport_size({"width": width, "height": 900})
-        self.tab.emulate_media(**media)
 
     def turn(self, width, **media):
         """Give the open page another width, theme or medium."""
@@ -217,10 +217,13 @@ HEADLESS = """
     .filter(e => e.getBoundingClientRect().left < 0)
     .map(e => e.textContent.slice(0, 60)).slice(0, 5)
 """
-# The page hears of its width before it draws; the theme waits 300 ms more, then says which
-# boxes scroll. A timer of the page itself is not overtaken by those.
-TURNED = """() => new Promise(done =>
-    requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 350))))"""
+# The theme says which boxes scroll, and so take the keyboard, when a page of another width has
+# not changed for 300 ms. Timers of the page itself are not overtaken by that one.
+TURNED = """() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
+    let timer = setTimeout(done, 350);
+    new MutationObserver(() => { clearTimeout(timer); timer = setTimeout(done, 350); })
+        .observe(document.body, {subtree: true, childList: true});
+})))"""
 PAPER = 700  # A4 without its margins has 720 pixels; the letters of another computer are wider
 CHAPTERS = [page for page in PAGES if page.startswith("notebooks/") and page.count("/") == 1]
 
