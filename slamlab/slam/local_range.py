@@ -157,9 +157,9 @@ class LocalRange:
         return self.system.update(z[near], names), len(near)
 
     def _look_of_many(self, z: ArrayLike, ids: Any) -> tuple[Any, Any]:
-        """The same in runs side by side, where NaN is not seen."""
+        """Do the same in runs side by side, where NaN is not seen."""
         z = as_shaped("z", z, (len(self.pose), "k", 2))
-        seen = np.isfinite(z).all(-1)
+        seen = np.asarray(np.isfinite(z).all(-1))
         reach = self.system.sensor.reach(np.where(seen[..., None], z, 0.0))
         near = seen & (reach <= np.reshape(self.reach, (-1, 1)))
         return self.system.update(np.where(near[..., None], z, np.nan), ids), near.sum(-1)
