@@ -134,6 +134,8 @@ def extract_walls(
     valid = np.flatnonzero(np.isfinite(points).all(-1))
     seen = points[valid]
     covs = point_covs(seen, sigma_range, sigma_bearing, origin=origin)
+    if len(valid) < min_points:
+        return _walls(seen, covs, [], valid, len(points))
     grow = _split if method == "split-and-merge" else _extend
     pieces: list[Indices] = []
     for start, stop in _runs(seen - origin, valid, threshold, max_gap):

@@ -335,6 +335,8 @@ def joint_search(
     """Search as `joint_compatibility`, and tell how far it went; same parameters, no warning."""
     margin, max_nodes = _as_margin(margin), as_count("max_nodes", max_nodes, 1)
     pairs = _candidates(slam, z, probability, new_probability, covs)
+    if not pairs.inside.any():
+        return JointSearch(pairs.unpaired(), 0, 0.0, 0, True)
     search = _Search(slam, pairs, float(probability), margin, max_nodes)
     answer = pairs.unpaired()
     for j, row in search.agreed():
@@ -545,6 +547,8 @@ class Confirmation:
 
     def _recognise(self, slam: Surface, z: Array, R: Array) -> Rows:
         """Place on the tentative list of each new measurement; a fresh one if none is near."""
+        if len(z) == 0:
+            return np.empty(0, dtype=np.intp)
         predicted = slam.sensor.observe(slam.pose, self.tentative)
         v = slam.sensor.residual(z[:, None], predicted[None])
         weight = np.linalg.inv(2 * (R[:, None] + self._covs))

@@ -292,6 +292,11 @@ class EKFSlam:
         names = self._associated(z, None if covs is None else R) if ids is None else ids
         names = as_names("ids", names, len(z))
         rows = np.array([self._row_of.get(n, IGNORED if n is None else NEW) for n in names], int)
+        if (rows == IGNORED).all():
+            # A look at nothing teaches nothing.
+            none = np.empty((0, 0))
+            B = np.empty((0, len(self._mean)))
+            return Correction(np.empty(0), none, 0.0, names, (none, B))
         known, new = rows >= 0, rows == NEW
         seen = rows[known]
         # (18), (19): predicted observation and innovation, wrapped.

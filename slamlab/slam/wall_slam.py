@@ -241,8 +241,8 @@ class WallSlam:
     def _distances(self, walls: Walls, covs: Array, predicted: Array) -> Array:
         """Squared Mahalanobis distance of each wall seen from each of the map, (k, n)."""
         ekf = self.filter
-        if ekf.n_landmarks == 0:
-            return np.empty((len(walls), 0))
+        if ekf.n_landmarks == 0 or len(walls) == 0:
+            return np.empty((len(walls), ekf.n_landmarks))
         v = ekf.sensor.residual(walls.lines[:, None], predicted[None])
         own = ekf.innovation_covs(np.arange(ekf.n_landmarks)) - ekf.sensor.cov
         S = own[None] + in_name_of(walls.lines[:, None, 1], predicted[None, :, 1], covs[:, None])
@@ -260,6 +260,8 @@ class WallSlam:
     def _extend(self, names: tuple[Hashable | None, ...], ends: Array) -> None:
         """Note which stretches of the walls were seen."""
         ekf, used = self.filter, [k for k, id in enumerate(names) if id is not None]
+        if not used:
+            return
         ids = [names[k] for k in used]
         alpha = ekf.landmarks[ekf.rows_of(ids), 1]
         along = np.stack([-np.sin(alpha), np.cos(alpha)], -1)
