@@ -108,6 +108,7 @@ class ScanGraphSlam(ScanSystem):
         self._travel = np.zeros(0)  # metres driven to each node
         self._chain: list[tuple[Array, Array]] = []  # (z, cov) from each node to the next
         self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
+        self._placed = np.zeros((0, 3))  # poses of the scans that the trajectory was asked for
         self._recent: deque[Outline] = deque(maxlen=self._n_keyframes)  # the last keyframes
         self._ground: LocalMap | None = None  # made of them, until there is a new one
         self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
@@ -121,11 +122,13 @@ class ScanGraphSlam(ScanSystem):
     @property
     def trajectory(self) -> Array:
         """Best poses (T, 3) of all scans so far, as the closures have bent them."""
-        if not self._steps:
-            return np.zeros((0, 3))
-        # Row -1, before there was a node, is the world itself.
-        frames = np.vstack([self._poses, np.zeros(3)])
-        return compose(frames[[row for row, _ in self._steps]], [off for _, off in self._steps])
+        # Only a closure moves what was placed; row -1, before there was a node, is the world.
+        new = self._steps[len(self._placed) :]
+        if new:
+            frames = np.vstack([self._poses, np.zeros(3)])
+            added = compose(frames[[row for row, _ in new]], [off for _, off in new])
+            self._placed = np.concatenate([self._placed, added])
+        return self._placed.copy()
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
@@ -268,7 +271,7 @@ class ScanGraphSlam(ScanSystem):
                     one.state = "rejected"
             if (chi2 <= _FALSE).all():
                 break
-        self._poses, self._ground = result.poses, None
+        self._poses, self._ground, self._placed = result.poses, None, np.zeros((0, 3))
         recent = slice(-self._n_keyframes, None)
         self._recent.extend(map(Keyframe.at, self.nodes[recent], self._poses[recent]))
         self._pose = compose(self._poses[-1], last)
