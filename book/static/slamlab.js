@@ -1,8 +1,8 @@
 // Runs before MathJax: a formula is as wide on every computer, whatever letters it has for the text,
 // and on a phone begins at the left: centred beside its number it would leave half the width empty.
 if (window.MathJax) {
-  var narrow = window.matchMedia("(max-width: 600px)");
-  var place = function () { return narrow.matches ? "left" : "center"; };
+  const narrow = window.matchMedia("(max-width: 600px)");
+  const place = function () { return narrow.matches ? "left" : "center"; };
   window.MathJax.chtml = { matchFontHeight: false, scale: 1.17, displayAlign: place() };
   // Formulas are laid out for the width that they meet: again when a phone is turned.
   narrow.addEventListener("change", function () {
