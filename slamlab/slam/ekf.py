@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, log, pi
+from operator import ne
 from typing import Any
 
 import numpy as np
@@ -291,12 +292,12 @@ class EKFSlam:
         z, R = self._as_measurements(z, covs)
         names = self._associated(z, None if covs is None else R) if ids is None else ids
         names = as_names("ids", names, len(z))
-        rows = np.array([self._row_of.get(n, IGNORED if n is None else NEW) for n in names], int)
-        if (rows == IGNORED).all():
+        if all(name is None for name in names):
             # A look at nothing teaches nothing.
             none = np.empty((0, 0))
             B = np.empty((0, len(self._mean)))
             return Correction(np.empty(0), none, 0.0, names, (none, B))
+        rows = np.array([self._row_of.get(n, IGNORED if n is None else NEW) for n in names], int)
         known, new = rows >= 0, rows == NEW
         seen = rows[known]
         # (18), (19): predicted observation and innovation, wrapped.
@@ -525,7 +526,7 @@ def as_names(name: str, ids: Any, length: int | None = None) -> tuple[Hashable |
         raise ValueError(f"{name}: expected a sequence of names, got {ids!r}") from error
     if length is not None and len(names) != length:
         raise ValueError(f"{name}: expected one for each of {length} rows of z, got {len(names)}")
-    if any(isinstance(one, float) and one != one for one in names):
+    if any(map(ne, names, names)):
         raise ValueError(f"{name}: expected names, got NaN, which is never the same twice")
     if different < len(names):
         twice = [one for k, one in enumerate(names) if one is not None and one in names[:k]]
