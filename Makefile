@@ -20,6 +20,8 @@ ifneq ($(wildcard $(DATA)),)
 export SLAMLAB_DATA ?= $(DATA)
 endif
 
+# nbval is slow to load, and only notebooks need it.
+PYTEST := $(BIN)/python -m pytest -q -p no:nbval
 # As an error a warning of numbers gone wrong tells its line; on stderr it would only differ.
 # Three on two cores: while one waits for its kernel or for a page, two have work.
 NBVAL := PYTHONWARNINGS=error::RuntimeWarning $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder \
@@ -88,12 +90,12 @@ lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
 
 unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring examples
 	@echo "== Tests of the library"
-	$(BIN)/python -m pytest -q -p no:nbval -n 2 --dist worksteal --doctest-modules \
+	$(PYTEST) -n 2 --dist worksteal --doctest-modules \
 	  --ignore=tests/benchmarks --ignore=tests/book --benchmark-disable slamlab tests
 
 speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
 	@echo "== Speed against peers"
-	$(BIN)/python -m pytest -q -p no:nbval -p no:xdist tests/benchmarks
+	$(PYTEST) -p no:xdist tests/benchmarks
 
 notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
 	@echo "== Notebooks, cell by cell"
@@ -112,13 +114,12 @@ pages: $(VENV)/.dev-installed
 
 figures: $(VENV)/.dev-installed  ## Figures, drawings and JupyterLab in Chromium, without the book
 	@echo "== Figures, drawings and JupyterLab in a browser"
-	$(BIN)/python -m pytest -q -p no:nbval $(FIGURES)
+	$(PYTEST) $(FIGURES)
 
 # Three on two cores: a page that loads or settles is waited for.
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
-	$(BIN)/python -m pytest -q -p no:nbval -n 3 --dist worksteal tests/book \
-	  $(FIGURES:%=--ignore=%)
+	$(PYTEST) -n 3 --dist worksteal tests/book $(FIGURES:%=--ignore=%)
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \

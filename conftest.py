@@ -1,4 +1,4 @@
-"""nbval starts kernels without TCP ports and says what came on stderr: see tools/kernels.py."""
+"""nbval starts kernels without TCP ports (see tools/kernels.py); less garbage is looked for."""
 
 import gc
 import sys

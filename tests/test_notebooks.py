@@ -4,6 +4,7 @@ import ast
 import copy
 import os
 import re
+import runpy
 import subprocess
 import sys
 import types
@@ -16,7 +17,7 @@ from jupyter_cache import get_cache
 from jupyter_cache.base import CacheBundleIn
 
 from tools.build_book import book_notebooks, cache_key, is_cached, remaining
-from tools.kernels import LocalKernelManager, saying_stderr, settle_nbval
+from tools.kernels import LocalKernelManager, saying_stderr
 from tools.notebooks import SETTINGS, differences
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -296,7 +297,7 @@ def test_kernels_do_not_share_ports(monkeypatch):
 
     monkeypatch.setattr(nbval.kernel, "KernelManager", None)
     monkeypatch.setattr(IPyNbCell, "compare_outputs", IPyNbCell.compare_outputs)
-    settle_nbval()
+    runpy.run_path(str(ROOT / "conftest.py"))
     assert nbval.kernel.KernelManager is LocalKernelManager
     first, second = LocalKernelManager(), LocalKernelManager()
     assert first.transport == "ipc"

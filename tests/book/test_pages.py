@@ -188,7 +188,8 @@ class Visit:
         self.tab.wait_for_function(dark)
         width = self.tab.evaluate("document.scrollingElement.scrollWidth")
         found = [] if width <= 360 else [f"{width} pixels wide"]
-        return found + self.tab.evaluate(HEADLESS) + self.violations(axe)
+        found += self.tab.evaluate(HEADLESS) + self.tab.evaluate(CENTRED)
+        return found + self.violations(axe)
 
     def cut_on_paper(self):
         """Name what leaves a sheet; what is folded or to be pressed is gone there."""
@@ -216,6 +217,12 @@ HEADLESS = """
 [...document.querySelectorAll('article mjx-container[display="true"]')]
     .filter(e => e.getBoundingClientRect().left < 0)
     .map(e => e.textContent.slice(0, 60)).slice(0, 5)
+"""
+# Centred beside its number a formula would leave half of a phone empty.
+CENTRED = """
+[...document.querySelectorAll('article mjx-container[display="true"]:not([width="full"])')]
+    .filter(e => e.getAttribute('justify') !== 'left')
+    .map(e => 'centred: ' + e.textContent.slice(0, 60)).slice(0, 5)
 """
 # The theme says which boxes scroll, and so take the keyboard, when a page of another width has
 # not changed for 300 ms. Timers of the page itself are not overtaken by that one.
