@@ -1,8 +1,9 @@
-"""Kernels that talk over files of their own: no two reach for one port; and what nbval says.
+"""Kernels that talk over files of their own, and start as forks; and what nbval says.
 
 By default a kernel is told five TCP ports that were free a moment before; with two kernels
 starting at once, one of them may find a port taken. Under IPC the sockets are files in a folder
-that belongs to one kernel alone. Windows has no such sockets and keeps TCP.
+that belongs to one kernel alone. Windows has no such sockets and keeps TCP; there, and on a Mac,
+where libraries do not survive a fork, each kernel starts from nothing.
 """
 
 from __future__ import annotations
@@ -10,11 +11,15 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import sys
 import tempfile
+import uuid
 from collections.abc import Callable
 from typing import Any
 
 from jupyter_client.manager import AsyncKernelManager, KernelManager
+
+from tools.fork_server import ForkProvisioner
 
 
 def find_fonts() -> None:
@@ -34,18 +39,24 @@ def options() -> dict[str, str]:
     return {} if os.name == "nt" else {"transport": "ipc", "ip": socket_path()}
 
 
-class LocalKernelManager(KernelManager):
+class _Local:
+    """What managers of our kernels have in common."""
+
+    def __init__(self, **kwargs):
+        super().__init__(**options() | kwargs)
+        if sys.platform == "linux":
+            self.kernel_id = str(uuid.uuid4())
+            self.provisioner = ForkProvisioner(
+                parent=self, kernel_id=self.kernel_id, kernel_spec=self.kernel_spec
+            )
+
+
+class LocalKernelManager(_Local, KernelManager):
     """A kernel manager on IPC."""
 
-    def __init__(self, **kwargs):
-        super().__init__(**options() | kwargs)
 
-
-class LocalAsyncKernelManager(AsyncKernelManager):
+class LocalAsyncKernelManager(_Local, AsyncKernelManager):
     """The same for nbclient."""
-
-    def __init__(self, **kwargs):
-        super().__init__(**options() | kwargs)
 
 
 def saying_stderr(compare: Callable[..., bool]) -> Callable[..., bool]:

@@ -19,7 +19,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -140,11 +140,11 @@ def run_all(
 ) -> Iterator[Executed]:
     """Execute copies of notebooks on all cores, in the order given; yield them as they end.
 
-    While one kernel starts or ends and others wait for it, one more has work for their core.
+    The work is done in the kernels. While one starts or ends, one more has work for its core.
     """
     find_fonts()
     os.environ.update(SETTINGS[setting])
-    with ProcessPoolExecutor((jobs or n_cores()) + 1) as pool:
+    with ThreadPoolExecutor((jobs or n_cores()) + 1) as pool:
         for future in as_completed([pool.submit(_run_file, path) for path in paths]):
             yield future.result()
 
