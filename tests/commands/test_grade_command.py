@@ -42,7 +42,7 @@ KINDS = {
         "update: it did not end within",
     ),
     "endless_cell": (
-        START + PREDICT + "while True:\n    pass\n",
+        START + PREDICT + "import time\n\nwhile True:\n    time.sleep(1)\n",
         1,
         "cell 1 did not end within",
     ),

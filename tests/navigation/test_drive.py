@@ -74,19 +74,19 @@ def test_no_collision_in_a_hundred_random_rooms(first):
 
 def test_the_guard_saves_a_robot_that_does_not_know_where_it_is(monkeypatch):
     # Dead reckoning with bad wheels: the belief is metres off, and so are map and ways.
-    def hits(seed):
+    def hits(seed, max_time):
         world, start, rng = case(seed)
-        options = {"sigma_wheel": 1.5, "max_time": 120.0, "margin": 0.12, **QUICK}
+        options = {"sigma_wheel": 1.5, "max_time": max_time, "margin": 0.12, **QUICK}
         log, _ = drive_round(world, start, rng, DeadReckoning(YOUBOT, start), **options)
         return log.notes["hit"].sum()
 
-    seeds = [1, 2, 4, 6, 9, 10, 11]
-    assert sum(hits(seed) for seed in seeds) == 0
-    # Without the guard six of the seven drive into things within these two minutes (in one minute
-    # two did), ten of fourteen over the seeds 0 to 13.
+    seeds = [1, 9, 11, 2, 4, 6, 10]
+    assert sum(hits(seed, 120.0) for seed in seeds) == 0
+    # Without the guard six of the seven drive into things within these two minutes, ten of
+    # fourteen over the seeds 0 to 13; the first three do so in little more than one.
     monkeypatch.setattr(RoomDriver, "_guarded", lambda self, wish, points, dt: wish)
-    touched = (seed for seed in seeds if hits(seed) > 0)
-    assert len(list(islice(touched, 4))) == 4
+    touched = (seed for seed in seeds if hits(seed, 70.0) > 0)
+    assert len(list(islice(touched, 3))) == 3
 
 
 # -------------------------------------------------------------------- the whole room was seen

@@ -76,7 +76,7 @@ def test_the_median_of_five_drives_is_less_than_half_of_the_odometrys():
         systems = [DeadReckoning(RelativePose(), start)]
         for density in ("heights", "variances"):
             rng = np.random.default_rng(seed)
-            systems.append(GammaSlam(rig, start, 60, rng=rng, density=density))
+            systems.append(GammaSlam(rig, start, 30, rng=rng, density=density))
         errors.append([ate(run(system, log)).rmse for system in systems])
     odometry, heights, variances = np.median(errors, axis=0)
     assert heights < 0.25 * odometry
