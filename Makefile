@@ -105,7 +105,7 @@ same: $(VENV)/.dev-installed  ## Run the book as on a machine without AVX, compa
 	@echo "== The book under another setting: every number as in the notebooks"
 	@$(BIN)/python tools/build_book.py --setting plain --strict --no-pages
 
-# One process reads all pages before others help to write them: a core is free meanwhile.
+# One process reads all pages before others help to write them, and figures that play are waited for.
 pages-and-figures:
 	@$(MAKE) --no-print-directory -j 2 pages figures
 
@@ -114,7 +114,7 @@ pages: $(VENV)/.dev-installed
 
 figures: $(VENV)/.dev-installed  ## Figures, drawings and JupyterLab in Chromium, without the book
 	@echo "== Figures, drawings and JupyterLab in a browser"
-	$(PYTEST) $(FIGURES)
+	$(PYTEST) -n 2 --dist loadfile $(FIGURES)
 
 # Three on two cores: a page that loads or settles is waited for.
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
