@@ -67,29 +67,18 @@ def length_between(c, a, b):  # type: ignore[no-untyped-def]
     for k in range(monotone_cuts(c, cuts) - 1):
         low, high = max(cuts[k], a), min(cuts[k + 1], b)
         if low < high:
-            total += _smooth_length(c, low, high)
+            total += _smooth_length(c, low, high, _gauss(c, low, high), 0.0)
     return total
 
 
 @njit(cache=True)
-def _smooth_length(c, a, b):  # type: ignore[no-untyped-def]
-    """Gauss-Legendre, halved until both halves agree with the whole."""
-    starts, ends, wholes = np.empty(64), np.empty(64), np.empty(64)
-    starts[0], ends[0], wholes[0] = a, b, _gauss(c, a, b)
-    top, total = 1, 0.0
-    while top > 0:
-        top -= 1
-        low, high, whole = starts[top], ends[top], wholes[top]
-        middle = 0.5 * (low + high)
-        left, right = _gauss(c, low, middle), _gauss(c, middle, high)
-        fine = abs(left + right - whole) <= 1e-14 * (abs(whole) + abs(total)) + 1e-300
-        if fine or high - low < 1e-12 or top > 61:
-            total += left + right
-        else:
-            starts[top], ends[top], wholes[top] = middle, high, right
-            starts[top + 1], ends[top + 1], wholes[top + 1] = low, middle, left
-            top += 2
-    return total
+def _smooth_length(c, a, b, whole, before):  # type: ignore[no-untyped-def]
+    """`before` and Gauss-Legendre from a to b, halved until both halves agree with the whole."""
+    middle = 0.5 * (a + b)
+    left, right = _gauss(c, a, middle), _gauss(c, middle, b)
+    if abs(left + right - whole) <= 1e-14 * (abs(whole) + abs(before)) + 1e-300 or b - a < 1e-12:
+        return before + (left + right)
+    return _smooth_length(c, middle, b, right, _smooth_length(c, a, middle, left, before))
 
 
 @njit(cache=True)
