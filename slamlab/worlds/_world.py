@@ -53,11 +53,10 @@ def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float 
             wanted = f"free places with a clearance of {clearance:g} m"
             raise ValueError(f"world: expected {wanted}, found {len(found)} in {tried} tries")
         points = rng.uniform((left, bottom), (right, top), (max(2 * n, 1000), 2))
-        points = points[world.is_free(points)]
-        if clearance > 0:
-            points = points[world.clearance(points) >= clearance]
+        # Where it is not free, the clearance is 0.
+        good = world.clearance(points) >= clearance if clearance else world.is_free(points)
         tried += max(2 * n, 1000)
-        found = np.concatenate([found, points])
+        found = np.concatenate([found, points[good]])
     headings = wrap_angle(rng.uniform(-np.pi, np.pi, n))
     return np.column_stack([found[:n], headings])
 

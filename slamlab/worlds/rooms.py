@@ -193,14 +193,15 @@ def random_box_room(rng: np.random.Generator) -> WallWorld:
     rng = as_rng("rng", rng)
     size = rng.uniform((7, 6), (12, 9)).round(2)
     outlines = [_box(0, 0, *size)]
+    room = WallWorld.from_polygons(*outlines)
     for _ in range(20 * rng.integers(2, 6)):
         sides = rng.uniform(0.5, 2.0, 2)
         box = _turned_box(rng.uniform(0, size), sides, rng.uniform(0, np.pi / 2)).round(4)
-        room = WallWorld.from_polygons(*outlines)
-        gap = min(room.clearance(box).min(), _distance(box, np.concatenate(outlines)))
-        if gap >= 1.0 and len(outlines) <= 5:
+        apart = len(outlines) <= 5 and room.clearance(box).min() >= 1.0
+        if apart and _distance(box, np.concatenate(outlines)) >= 1.0:
             outlines.append(box)
-    return WallWorld.from_polygons(*outlines) if len(outlines) > 1 else random_box_room(rng)
+            room = WallWorld.from_polygons(*outlines)
+    return room if len(outlines) > 1 else random_box_room(rng)
 
 
 def ring_corridor(size: tuple[float, float], rng: np.random.Generator) -> WallWorld:
