@@ -401,6 +401,7 @@ def _together(y: Array, H: Array, P: Array, R: Array, gates: Array) -> Ints:
     Jacobians, gates (k,) those of 1 to k pairs. Of equally large sets the nearest.
     """
     k, n = y.shape[:2]
+    S = _stacked_cov(H, P, R).reshape(n, 2, n, 2)  # of all landmarks; a set takes its blocks
     best: list[Any] = [0, 0.0, []]
 
     def search(j: int, pairs: list[tuple[int, int]], distance: float) -> None:
@@ -414,7 +415,8 @@ def _together(y: Array, H: Array, P: Array, R: Array, gates: Array) -> Ints:
             if i not in [row for _, row in pairs]:
                 more = [*pairs, (j, i)]
                 js, rows = map(list, zip(*more, strict=True))
-                longer = _joint_distance(y[js, rows], _stacked_cov(H[rows], P, R))
+                part = S[rows][:, :, rows].reshape(2 * len(rows), -1)
+                longer = _joint_distance(y[js, rows], part)
                 if longer < gates[len(more) - 1]:
                     search(j + 1, more, longer)
         search(j + 1, pairs, distance)
@@ -560,7 +562,8 @@ check_together = Check(
         ),
         "no gate was used": "if longer < gates[len(more) - 1]: => if True:",
         "a tree was given to two measurements": (
-            "if i not in [row for _, row in pairs]: => if True:"
+            "if i not in [row for _, row in pairs]: => if True:",
+            "S[rows][:, :, rows].reshape(2 * len(rows), -1) => _stacked_cov(H[rows], P, R)",
         ),
         "a measurement may also be of no tree: try that as well": (
             "        search(j + 1, pairs, distance) =>         pass"

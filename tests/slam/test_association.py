@@ -80,7 +80,7 @@ def test_the_gate_accepts_true_pairs_as_often_as_it_says():
     rng = np.random.default_rng(1)
     S = slam.innovation_covs([0])[0]
     z = slam.sensor.observe(slam.pose, slam.landmarks[0]) + rng.multivariate_normal(
-        [0, 0], S, 10_000
+        [0, 0], S, 5000
     )
     accepted = np.mean([nearest_neighbour(slam, one[None])[0] == 0 for one in z])
     assert accepted == pytest.approx(0.99, abs=0.005)
@@ -441,8 +441,8 @@ def test_the_gate_knows_the_covariance_of_each_measurement(associate, scale):
     trials = [with_covs(seed, scale) for seed in range(600)]
     accepted = np.mean([associate(slam, z, covs=covs)[0] == 0 for slam, z, covs in trials])
     assert 0.975 < accepted <= 0.9999
-    blind = np.mean([associate(slam, z)[0] == 0 for slam, z, _ in trials])
     if scale == 25.0:
+        blind = np.mean([associate(slam, z)[0] == 0 for slam, z, _ in trials])
         assert blind < 0.5, "without them a coarse measurement fails the gate"
     filtered = []
     for slam, z, covs in trials[:100]:
