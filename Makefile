@@ -116,10 +116,10 @@ figures: $(VENV)/.dev-installed  ## Figures, drawings and JupyterLab in Chromium
 	@echo "== Figures, drawings and JupyterLab in a browser"
 	$(PYTEST) -n 2 --dist loadfile $(FIGURES)
 
-# Three on two cores: a page that loads or settles is waited for.
+# Four on two cores: pages that load, settle or play are waited for.
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
-	$(PYTEST) -n 3 --dist worksteal tests/book $(FIGURES:%=--ignore=%)
+	$(PYTEST) -n 4 --dist worksteal tests/book $(FIGURES:%=--ignore=%)
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \
