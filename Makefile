@@ -23,7 +23,7 @@ endif
 # nbval is slow to load, and only notebooks need it.
 PYTEST := $(BIN)/python -m pytest -q -p no:nbval
 # As an error a warning of numbers gone wrong tells its line; on stderr it would only differ.
-# Three on two cores: while one waits for its kernel or for a page, two have work.
+# Three on two cores: while one waits for its kernel, two have work.
 NBVAL := PYTHONWARNINGS=error::RuntimeWarning $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder \
   --nbval --nbval-current-env --nbval-cell-timeout 300
 PARTS := set-up lint-and-warm unit speed notebooks same pages-and-figures book-tests

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -28,7 +29,8 @@ def kernels(tmp_path_factory):
         client.start_channels()
         client.wait_for_ready(timeout=60)
     yield [(manager, Say(client)) for manager, client in zip(managers, clients, strict=True)]
-    for manager in managers:
+    for manager, client in zip(managers, clients, strict=True):
+        client.stop_channels()
         manager.shutdown_kernel()
 
 
@@ -99,9 +101,10 @@ def test_a_program_that_a_cell_starts_tells_how_it_ended(kernels):
 
 def test_a_cell_can_be_interrupted(kernels):
     manager, say = kernels[0]
-    signal.signal(signal.SIGALRM, lambda *_: manager.interrupt_kernel())
-    signal.alarm(1)
+    timer = threading.Timer(0.5, manager.interrupt_kernel)
+    timer.start()
     assert say("import time; time.sleep(30)") == "KeyboardInterrupt"
+    timer.join()
 
 
 def test_a_kernel_ends_when_it_is_shut_down_or_dies():
@@ -110,9 +113,13 @@ def test_a_kernel_ends_when_it_is_shut_down_or_dies():
         manager.start_kernel()
         pid = manager.provisioner.process.pid
         assert manager.is_alive()
-        os.kill(pid, signal.SIGKILL) if kill else manager.shutdown_kernel()
+        if kill:
+            os.kill(pid, signal.SIGKILL)
+        else:
+            manager.shutdown_kernel()
         assert gone(pid)
         assert not manager.is_alive()
+        manager.shutdown_kernel(now=True)  # a signal to what is gone is no error
 
 
 ABANDONED = """

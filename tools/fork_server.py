@@ -2,7 +2,7 @@
 
 A kernel that starts from nothing spends two seconds on importing numpy, matplotlib, sympy, numba
 and the library, and `make test` starts 140 of them. A copy has its variables, its folder and its
-end to itself.
+end to itself. (The fork server of `multiprocessing` would import the caller's program into each.)
 
     python tools/fork_server.py     a line of JSON in (arguments, folder, environment), a process
                                     number out, until the input ends; then its kernels end, too
@@ -117,7 +117,7 @@ class Fork:
     def poll(self) -> int | None:
         """Return None as long as it runs."""
         try:
-            self.send_signal(0)
+            os.kill(self.pid, 0)
         except ProcessLookupError:
             return 0
         return None
@@ -125,8 +125,9 @@ class Fork:
     wait = poll  # asked for when poll has said that it ended
 
     def send_signal(self, number: int) -> None:
-        """Send it a signal."""
-        os.kill(self.pid, number)
+        """Send it a signal; one that has ended gets none."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid, number)
 
 
 class ForkProvisioner(LocalProvisioner):
