@@ -46,8 +46,9 @@ MOST_POINTS = 3000
 def use_style() -> None:
     """Use the course's style sheet, and in a notebook draw at twice the density.
 
-    Where SLAMLAB_VECTOR is set, as when the book is built, figures of few points are drawings
-    (SVG) besides.
+    The environment may ask for less: where SLAMLAB_VECTOR is set, as when the book is built,
+    figures of few points are drawings (SVG) instead; where SLAMLAB_TEXT_ONLY is set, as when
+    only texts are compared, no figure is drawn.
     """
     sheet = resources.files("slamlab.plots") / "slamlab.mplstyle"
     with resources.as_file(sheet) as path:
@@ -60,10 +61,12 @@ def use_style() -> None:
     shell = get_ipython()
     if shell is None:
         return
-    set_matplotlib_formats("retina")
+    set_matplotlib_formats(*([] if os.environ.get("SLAMLAB_TEXT_ONLY") else ["retina"]))
     if os.environ.get("SLAMLAB_VECTOR"):
-        drawings = shell.display_formatter.formatters["image/svg+xml"]
-        drawings.for_type(Figure, _drawing)
+        formatters = shell.display_formatter.formatters
+        formatters["image/svg+xml"].for_type(Figure, _drawing)
+        pixels = formatters["image/png"].for_type(Figure)
+        formatters["image/png"].for_type(Figure, lambda f: pixels(f) if _is_heavy(f) else None)
 
 
 def _drawing(figure: Figure) -> str | None:

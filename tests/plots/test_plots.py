@@ -116,15 +116,25 @@ def test_a_figure_of_few_points_is_a_drawing_and_others_are_pixels():
     assert _style._drawing(figure) is None
 
 
-def test_drawings_are_asked_for_by_the_environment(monkeypatch):
+def test_the_environment_says_how_a_notebook_draws(monkeypatch):
     from IPython.core.interactiveshell import InteractiveShell
 
+    def kinds(figure, **environment):
+        for name in ("SLAMLAB_VECTOR", "SLAMLAB_TEXT_ONLY"):
+            monkeypatch.delenv(name, raising=False)
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        plots.use_style()
+        return set(shell.display_formatter.format(figure)[0])
+
     shell = InteractiveShell.instance()
-    formatter = shell.display_formatter.formatters["image/svg+xml"]
-    monkeypatch.delenv("SLAMLAB_VECTOR", raising=False)
-    plots.use_style()
-    assert plt.Figure not in formatter.type_printers
-    monkeypatch.setenv("SLAMLAB_VECTOR", "1")
-    plots.use_style()
-    assert formatter.type_printers.pop(plt.Figure)
+    shell.display_formatter.active_types = ["text/plain", "image/png", "image/svg+xml"]
+    few, ax = plt.subplots()
+    plots.path(ax, np.zeros((50, 2)), "truth")
+    many, ax = plt.subplots()
+    plots.occupancy(ax, [[0.5]], [0, 1, 0, 1])
+    assert kinds(few) == {"text/plain", "image/png"}
+    assert kinds(few, SLAMLAB_TEXT_ONLY="1") == {"text/plain"}
+    assert kinds(few, SLAMLAB_VECTOR="1") == {"text/plain", "image/svg+xml"}
+    assert kinds(many, SLAMLAB_VECTOR="1") == {"text/plain", "image/png"}
     InteractiveShell.clear_instance()
