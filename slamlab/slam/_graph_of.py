@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,17 +22,20 @@ def graph_of(
         raise ValueError(f"log: expected a Log of one robot, got {log!r:.80}")
     moves = np.flatnonzero(log.dt > 0)
     row = np.cumsum(log.dt > 0)  # the pose in which each step ends
-    n = len(moves) + 1
-    measurements, information = np.empty((n - 1, 3)), np.empty((n - 1, 3, 3))
-    poses, origin = np.empty((n, 3)), np.zeros(3)
+    u, dt, n = log.u[moves], log.dt[moves], len(moves) + 1
+    measurements, F = np.empty((n - 1, 3)), np.empty((n - 1, 3, u.shape[-1]))
+    for length in np.unique(dt):
+        alike = dt == length
+        measurements[alike] = motion.step(np.zeros(3), u[alike], length)
+        F[alike] = motion.jacobians(np.zeros(3), u[alike], length)[1]
+    # The error of an edge stands in the frame of the pose as measured: e = R_z^T (noise of u)
+    F[:, :2] = rotation(measurements[:, 2]).mT @ F[:, :2]
+    V = log.control_cov if log.control_cov.ndim == 2 else log.control_cov[moves]
+    information = _inverses(F @ V @ F.mT, lambda k: f"control_cov of step {moves[k]}")
+    poses = np.empty((n, 3))
     poses[0] = start
-    for k, step in enumerate(log.step(int(move)) for move in moves):
-        measurements[k] = motion.step(origin, step.u, step.dt)
-        # The error of an edge stands in the frame of the pose as measured: e = R_z^T (noise of u)
-        F = motion.jacobians(origin, step.u, step.dt)[1]
-        F[:2] = rotation(measurements[k, 2]).T @ F[:2]
-        information[k] = _inverse(F @ step.control_cov @ F.T, f"control_cov of step {moves[k]}")
-        poses[k + 1] = motion.step(poses[k], step.u, step.dt)
+    for k in range(n - 1):
+        poses[k + 1] = motion.step(poses[k], u[k], dt[k])
     parts = {
         "poses": poses,
         "edges": np.column_stack([np.arange(n - 1), np.arange(1, n)]),
@@ -45,33 +49,36 @@ def _seen(log: Log, sensor: LandmarkSensor, poses: Array, row: np.ndarray) -> di
     """Landmarks, and every measurement of them as a point in the frame of its pose."""
     if log.looks is None or log.ids is None:
         raise ValueError("log: expected measurements of landmarks with ids")
+    seen = [
+        (k, m, name)
+        for k, names in enumerate(log.ids)
+        for m, name in enumerate(names.tolist())
+        if not (isinstance(name, int) and name < 0)
+    ]
     known: dict[Any, int] = {}
-    edges, points, information, landmarks = [], [], [], []
-    for k, step in enumerate(log):
-        assert step.z is not None
-        assert step.ids is not None
-        for m, name in enumerate(step.ids.tolist()):
-            if isinstance(name, int) and name < 0:
-                continue
-            point = sensor.locate(np.zeros(3), step.z[m])
-            G = sensor.locate_jacobians(np.zeros(3), step.z[m])[1]
-            R = sensor.cov if step.covs is None else step.covs[m]
-            if name not in known:
-                known[name] = len(known)
-                landmarks.append(sensor.locate(poses[row[k]], step.z[m]))
-            edges.append((row[k], known[name]))
-            points.append(point)
-            information.append(_inverse(G @ R @ G.T, f"covariance of looks[{k}][{m}]"))
+    number = np.array([known.setdefault(name, len(known)) for _, _, name in seen], dtype=int)
+    first = np.unique(number, return_index=True)[1]
+    place = row[[k for k, _, _ in seen]]
+    z = np.reshape([log.looks[k][m] for k, m, _ in seen], (-1, 2))
+    R = sensor.cov
+    if log.covs is not None:
+        R = np.reshape([log.covs[k][m] for k, m, _ in seen], (-1, 2, 2))
+    G = sensor.locate_jacobians(np.zeros(3), z)[1]
     return {
-        "landmarks": np.reshape(landmarks, (-1, 2)),
-        "landmark_edges": np.reshape(edges, (-1, 2)).astype(int),
-        "landmark_measurements": np.reshape(points, (-1, 2)),
-        "landmark_information": np.reshape(information, (-1, 2, 2)),
+        "landmarks": sensor.locate(poses[place[first]], z[first]),
+        "landmark_edges": np.column_stack([place, number]),
+        "landmark_measurements": sensor.locate(np.zeros(3), z),
+        "landmark_information": _inverses(
+            G @ R @ G.mT, lambda i: "covariance of looks[{}][{}]".format(*seen[i])
+        ),
     }
 
 
-def _inverse(cov: Array, name: str) -> Array:
-    values, vectors = np.linalg.eigh(cov)
-    if not values[0] > 1e-12 * values[-1]:
-        raise ValueError(f"{name}: expected noise in every direction, the matrix is singular")
-    return vectors / values @ vectors.T
+def _inverses(covs: Array, name: Callable[[int], str]) -> Array:
+    """Inverses of covariances (n, d, d); ValueError if one is singular, with its name."""
+    values, vectors = np.linalg.eigh(covs)
+    flat = np.flatnonzero(~(values[:, 0] > 1e-12 * values[:, -1]))
+    if len(flat):
+        wanted = "noise in every direction, the matrix is singular"
+        raise ValueError(f"{name(int(flat[0]))}: expected {wanted}")
+    return vectors / values[:, None] @ vectors.mT
