@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 import json
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import TextIO
 
@@ -165,6 +166,6 @@ def _numbers(words: list[str], where: str) -> tuple[int, int, list[float]]:
         pair = int(words[1]), int(words[2])
     except ValueError as error:
         raise ValueError(f"{where}: expected numbers, {error}") from error
-    if not np.isfinite(values).all():
+    if not all(map(isfinite, values)):
         raise ValueError(f"{where}: expected finite numbers, got NaN or infinity")
     return *pair, values

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -128,9 +129,10 @@ class _Parser:
             numbers = [float(word) for word in words]
         except ValueError as error:
             raise self.error(f"expected numbers, {error}") from error
-        if not np.isfinite(numbers).all():
+        if not all(map(isfinite, numbers)):
             raise self.error("expected finite numbers, got NaN or infinity")
-        if any("_" in word or not word.isascii() for word in words):
+        text = "".join(words)
+        if "_" in text or not text.isascii():
             raise self.error("expected plain decimal numbers")
         return numbers
 
