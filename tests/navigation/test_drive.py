@@ -65,9 +65,11 @@ TENS = [0, *(pytest.param(first, marks=pytest.mark.slow) for first in range(10, 
 
 @pytest.mark.parametrize("first", TENS)
 def test_no_collision_in_a_hundred_random_rooms(first):
+    # Two commands a second: ways through gaps that are too narrow get stuck more often still.
+    options = {"sigma_wheel": 0.3, "home": False, **QUICK, "dt": 0.5}
     for seed in range(first, first + 10):
         world, start, rng = case(seed)
-        log, pilot = drive_round(world, start, rng, sigma_wheel=0.3, home=False, **QUICK)
+        log, pilot = drive_round(world, start, rng, **options)
         assert not log.notes["hit"].any(), f"room {seed}"
         assert pilot.finished, f"room {seed}"
 

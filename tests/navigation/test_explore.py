@@ -120,10 +120,11 @@ def test_both_trials_of_p5_from_thirty_starts(world):
 
 @pytest.mark.slow
 def test_no_collision_in_random_rooms():
-    for seed in range(8):
+    for seed in range(12):
         world = rooms.random_room(np.random.default_rng(seed))
         for strategy in STRATEGIES.values():
-            assert sum(run.collisions[-1] for run in runs(world, strategy, n=3)) == 0
+            (run,) = runs(world, strategy, n=1)
+            assert run.collisions[-1] == 0, f"room {seed}, {strategy}"
 
 
 @pytest.mark.parametrize("stride", [0.1, 0.3, np.inf])
