@@ -123,13 +123,14 @@ def test_a_good_tracker_earns_every_point_and_stands_beside_the_library(good):
         assert len(re.findall(rf"(?m)^{who}  ", good)) == 3
 
 
-def test_a_notebook_is_taken_like_a_file_and_the_same_seed_gives_the_same_drives(tmp_path, good):
+def test_a_notebook_is_taken_like_a_file_and_a_seed_gives_the_same_drives(tmp_path, good, only):
+    only(slice(1))
     cell = {"cell_type": "code", "source": GOOD.splitlines(True), "metadata": {}, "outputs": []}
     book = json.dumps({"cells": [cell], "metadata": {}, "nbformat": 4, "nbformat_minor": 5})
     text = sheet(tmp_path, "I", book, "--alone", name="a.ipynb")
-    assert points(text) == (9, 9)
+    assert points(text) == (3, 3)
     assert len(errors(good)) == 3
-    assert errors(text) == errors(good)
+    assert errors(text) == errors(good)[:1]
 
 
 def test_a_tracker_that_believes_echoes_loses_points(tmp_path, only):
