@@ -314,9 +314,9 @@ def _to_body(pose: Array, points: Array, camera_height: float = 0.0) -> Array:
 
 def _numerical(function: object, at: Array) -> Array:
     """Central differences of a map of points (n, 3) to (n, 3): (n, 3, 3)."""
-    steps = 1e-5 * np.eye(3)[:, None]
-    slopes = (function(at + steps) - function(at - steps)) / 2e-5  # type: ignore[operator]
-    return np.stack(slopes, -1)
+    steps = 1e-5 * np.concatenate([np.eye(3), -np.eye(3)])[:, None]
+    values = function(at + steps)  # type: ignore[operator]
+    return np.stack((values[:3] - values[3:]) / 2e-5, -1)
 
 
 @dataclass(frozen=True, eq=False)
