@@ -63,6 +63,7 @@ SETTINGS = {
         "OPENBLAS_CORETYPE": "Nehalem",
         "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
         "NUMBA_CPU_NAME": "generic",
+        "NUMBA_OPT": "1",  # compiles in three quarters of the time, and runs no slower
         "NUMBA_CACHE_DIR": str(ROOT / "_build" / "numba-plain"),
     },
 }

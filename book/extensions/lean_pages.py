@@ -28,7 +28,16 @@ def make_lean(
     return "source.html" if is_source else None
 
 
+def leave_out_sidebars(
+    app: Any, page: str, template: str, context: dict[str, Any], tree: Any
+) -> None:
+    """Tell the theme that a source page has none: it would write all links of the book first."""
+    if page.startswith("_modules/"):
+        context["sidebars"] = []
+
+
 def setup(app: Any) -> dict[str, bool]:
     """Register."""
+    app.connect("html-page-context", leave_out_sidebars, priority=400)
     app.connect("html-page-context", make_lean)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

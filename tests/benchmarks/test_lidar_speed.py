@@ -87,14 +87,13 @@ def measure_batch(rounds=9):
     return alternate(lambda: LIDAR.scan(WORLD, POSES), lambda: peer_scan(POSES), rounds)
 
 
-def measure_walk(rounds=5):
-    few = POSES[:20]
-    ours, walk = alternate(
+def measure_walk(rounds=5, n=20):
+    few = POSES[:n]
+    return alternate(
         lambda: LIDAR.scan(WORLD, few),
         lambda: [pixel_walk(pose, LIDAR.beam_angles) for pose in few],
         rounds,
     )
-    return ours, walk
 
 
 def measure_single(rounds=200):
@@ -145,7 +144,7 @@ def test_all_three_see_the_same_room():
     ("measure", "promise"),
     [
         pytest.param(lambda: measure_batch(5), 1 / 0.75, id="batch of scans beside numba"),
-        pytest.param(lambda: measure_walk(1), 1 / 80, id="batch of scans beside the walk"),
+        pytest.param(lambda: measure_walk(1, 5), 1 / 80, id="batch of scans beside the walk"),
     ],
 )
 def test_speed_within_its_promise(measure, promise):
@@ -164,4 +163,6 @@ def test_single_steps_within_their_time(which, limit):
 
 
 def test_a_whole_database_of_scans_within_three_seconds():
-    assert any(measure_everywhere(1)[0] < 3.0 for _ in range(3))
+    start = time.process_time()
+    WORLD.cast_everywhere(Lidar(120).beam_angles, stride=2)
+    assert time.process_time() - start < 3.0

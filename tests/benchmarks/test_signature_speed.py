@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 
 import numpy as np
@@ -17,11 +18,18 @@ LIDAR = Lidar(120)
 BUILD_PROMISE, LOOKUP_PROMISE = 1.25, 1 / 20
 
 
+@functools.cache
 def hall():
     """Room of P5, wider by 30 cells both ways, so that 40 000 places of the grid are free."""
     cells = rooms.thesis_room().occupied
     inside = np.pad(cells[5:-5, 5:-5], ((0, 30), (0, 30)))
     return BitmapWorld(np.pad(inside, 5, constant_values=True), 0.01)
+
+
+@functools.cache
+def atlas():
+    """Map of the hall, one for all tests."""
+    return SignatureMap.build(hall(), LIDAR, 2)
 
 
 def beam_by_beam(world):
@@ -60,12 +68,11 @@ def measure_build(rounds=3):
 
 def measure_lookup(rounds=5, n=200):
     world = hall()
-    atlas = SignatureMap.build(world, LIDAR, 2)
     poses = free_poses(world, n, np.random.default_rng(1), 0.15)
     scans = LIDAR.scan(world, poses)
-    spectra = np.fft.rfft(atlas.scans.astype(float))
+    spectra = np.fft.rfft(atlas().scans.astype(float))
     ours, peer = alternate(
-        lambda: [atlas.locate(scan) for scan in scans],
+        lambda: [atlas().locate(scan) for scan in scans],
         lambda: [brute_force(spectra, scan) for scan in scans[: n // 50]],
         rounds,
     )
@@ -90,21 +97,19 @@ def rows(rounds=5):
 
 
 def test_the_hall_has_40_000_free_places():
-    atlas = SignatureMap.build(hall(), LIDAR, 2)
-    assert len(atlas) >= 40_000
-    assert atlas.scans.shape == (len(atlas), 120)
+    assert len(atlas()) >= 40_000
+    assert atlas().scans.shape == (len(atlas()), 120)
     # Both ways scan the same.
-    np.testing.assert_allclose(spectrum(atlas.scans, 16), beam_by_beam(hall()), atol=1e-4)
+    np.testing.assert_allclose(spectrum(atlas().scans, 16), beam_by_beam(hall()), atol=1e-4)
 
 
 def test_tree_and_brute_force_find_the_same_place():
     world = hall()
-    atlas = SignatureMap.build(world, LIDAR, 2)
     poses = free_poses(world, 20, np.random.default_rng(2), 0.15)
     scans = LIDAR.scan(world, poses)
-    spectra = np.fft.rfft(atlas.scans.astype(float))
-    brute = atlas.places[[brute_force(spectra, scan) for scan in scans]]
-    gap = np.linalg.norm(atlas.locate(scans).pose[:, :2] - brute, axis=1)
+    spectra = np.fft.rfft(atlas().scans.astype(float))
+    brute = atlas().places[[brute_force(spectra, scan) for scan in scans]]
+    gap = np.linalg.norm(atlas().locate(scans).pose[:, :2] - brute, axis=1)
     assert np.median(gap) <= 0.03
 
 

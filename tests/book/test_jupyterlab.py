@@ -1,5 +1,6 @@
 """Stock JupyterLab, the student's door: a chapter and an exercise are opened, run and touched."""
 
+import json
 import os
 import re
 import shutil
@@ -20,6 +21,8 @@ CHAPTER = "01_bayes_filter.ipynb"
 RAW = re.compile(r"(?m)^:::|```\{|\{(doc|cite|ref|eq|numref)[:}]")
 PICTURE = """() => [...document.querySelectorAll('.jp-OutputArea canvas')]
     .sort((a, b) => b.width * b.height - a.width * a.height)[0].toDataURL()"""
+DRAWN = """texts => [...document.querySelectorAll('.jp-MarkdownCell .jp-RenderedMarkdown')]
+    .filter(e => e.textContent.trim()).length === texts"""
 
 pytestmark = [
     pytest.mark.book,
@@ -76,7 +79,9 @@ def opened(browser, lab, name):
     tab = browser.new_page(viewport={"width": 1200, "height": 12000})
     tab.set_default_timeout(60_000)
     tab.goto(f"{lab}/tree/{name}?reset")
-    tab.wait_for_selector(".jp-Notebook .jp-RenderedMarkdown h1")
+    cells = json.loads((ROOT / "notebooks" / name).read_text())["cells"]
+    texts = sum(cell["cell_type"] == "markdown" for cell in cells)
+    tab.wait_for_function(DRAWN, arg=texts)
     tab.wait_for_selector('.jp-Notebook-ExecutionIndicator[data-status="idle"]')
     return tab
 
