@@ -7,7 +7,9 @@ home. ``python -m slamlab lab`` scores a system on drives of the same kind that 
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -114,7 +116,14 @@ def practice(lab: str, seed: int = 0) -> list[Task]:
     >>> [task.setting.name for task in practice("I")]
     ['clear', 'tunnel', 'reflections']
     """
-    return tasks(lab, np.random.default_rng((20, as_count("seed", seed))))
+    drawn = _practised(as_choice("lab", lab, LABS), as_count("seed", seed))
+    # A system may write into a setting, never into a log or a world.
+    return [replace(task, setting=deepcopy(task.setting)) for task in drawn]
+
+
+@lru_cache(maxsize=4)  # a notebook shows the drives and then practises on them
+def _practised(lab: str, seed: int) -> list[Task]:
+    return tasks(lab, np.random.default_rng((20, seed)))
 
 
 def tasks(lab: str, rng: np.random.Generator) -> list[Task]:
