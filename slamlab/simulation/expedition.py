@@ -10,6 +10,7 @@ import copy
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -231,7 +232,7 @@ def explore(building: Building, maker: Maker, seed: int) -> Outward:
     rng = np.random.default_rng([as_count("seed", seed), 20])
     scale, drift = building.scale, building.drift
     robot = WornWheels(1 + rng.uniform(-scale, scale), rng.uniform(-drift, drift))
-    world, start = building.world(), np.array(building.start)
+    world, start = _built(building.world), np.array(building.start)
     belief = maker(building.lidar, start, np.random.default_rng([seed, 21]))
     past = belief if isinstance(belief, Smoother) else None
     pilot = RoomDriver(
@@ -286,9 +287,14 @@ def come_home(out: Outward, way: str) -> Return:
     rng = np.random.default_rng([out.seed, 22 + WAYS.index(way)])
     truth = out.log.truth
     assert truth is not None
-    world = out.building.world()
+    world = _built(out.building.world)
     log = _drive(out.building, world, out.robot, pilot, belief, rng, truth[-1])
     return _judged(out, log, belief)
+
+
+@cache  # out and home, and for everybody, it is the same
+def _built(make: Callable[[], World]) -> World:
+    return make()
 
 
 def _drive(

@@ -275,11 +275,13 @@ def _turned_box(centre: ArrayLike, sides: ArrayLike, angle: float) -> Array:
 def _polygon(cells: NDArray[np.bool_], vertices: ArrayLike, value: bool = True) -> None:
     """Fill the cells whose centres lie in a convex polygon given counterclockwise (px)."""
     vertices = as_array("vertices", vertices, ("k", 2))
-    y, x = np.mgrid[: cells.shape[0], : cells.shape[1]] + 0.5
-    inside = np.ones(cells.shape, dtype=bool)
+    low, high = np.clip([vertices.min(0), vertices.max(0) + 1], 0, cells.shape[::-1]).astype(int)
+    around = slice(low[1], high[1]), slice(low[0], high[0])
+    y, x = np.mgrid[around] + 0.5
+    inside = np.ones(x.shape, dtype=bool)
     for a, b in zip(vertices, np.roll(vertices, -1, axis=0), strict=True):
         inside &= (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) > 0
-    cells[inside] = value
+    cells[around][inside] = value
 
 
 def _disc(cells: NDArray[np.bool_], x: float, y: float, radius: float) -> None:
