@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,6 +70,10 @@ class BitmapWorld(Grid, Solid):
         self.occupied: NDArray[np.bool_] = cells.astype(bool)
         self.occupied.setflags(write=False)
         super().__init__((cells.shape[0], cells.shape[1]), resolution, origin)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle by what it is made of: its arrays stay read-only."""
+        return type(self), (self.occupied, self.resolution, self.origin)
 
     @classmethod
     def from_file(

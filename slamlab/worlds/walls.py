@@ -6,6 +6,7 @@ It answers the same questions as `BitmapWorld`. Chapters 05, 06, 07 and 09.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,6 +66,10 @@ class WallWorld(Solid):
         self.segments: Array = walls
         ends = np.rint(walls.reshape(-1, 2) * 1e6)
         self.closed = bool((np.unique(ends, axis=0, return_counts=True)[1] % 2 == 0).all())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle by what it is made of: its array stays read-only."""
+        return type(self), (self.segments,)
 
     @classmethod
     def from_polygons(cls, *polygons: ArrayLike) -> WallWorld:

@@ -1,5 +1,8 @@
 """WallWorld: the same answers as the bitmap of the same room, and closed outlines."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,6 +23,19 @@ def pair(request):
     if request.param == "random":
         return both(rooms.random_room(np.random.default_rng(9)))
     return both(getattr(rooms, request.param)())
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda w: pickle.loads(pickle.dumps(w))])
+def test_a_copy_is_the_same_world_and_stays_read_only(pair, copied):
+    for world in pair:
+        twin = copied(world)
+        assert type(twin) is type(world)
+        for name, value in vars(world).items():
+            mine = getattr(twin, name)
+            np.testing.assert_array_equal(mine, value)
+            if isinstance(value, np.ndarray):  # writable, loops would be compiled once more
+                assert mine is not value
+                assert mine.flags.writeable == value.flags.writeable
 
 
 def test_beams_agree_on_the_same_room(pair):
