@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._values import agree, pairs, plain
+from slamlab.exercises._values import agree, pairs
 
 __all__ = ["NEARLY", "general_mistakes"]
 
@@ -77,66 +77,65 @@ _ARGUMENTS: dict[str, Function] = {
 
 def general_mistakes(
     reference: Function, names: Sequence[str], returns: Sequence[str]
-) -> Iterator[tuple[str, Function]]:
-    """Yield message and wrong function of every mistake that the signature admits."""
+) -> Iterator[tuple[str, Function, bool]]:
+    """Yield message and wrong function of every mistake that the signature admits.
+
+    Where the third is True the function makes its answer of what is due, else of the arguments.
+    """
     for a in range(len(names)):
         for b in range(a):
             message = f"the arguments `{names[b]}` and `{names[a]}` are exchanged"
-            yield message, _exchanged_arguments(reference, a, b)
+            yield message, _exchanged_arguments(reference, a, b), False
     for message, wrong in _RESULTS.items():
         for which, name in enumerate(returns):
-            yield message.format(name), _of_result(reference, returns, which, wrong)
+            yield message.format(name), _of_result(len(returns), which, wrong), True
         if len(returns) > 1:
             everything = "`, `".join(returns)
-            yield message.format(everything), _of_all(reference, returns, wrong)
+            yield message.format(everything), _of_all(len(returns), wrong), True
     for a in range(len(returns)):
         for b in range(a):
             message = f"the results `{returns[b]}` and `{returns[a]}` are exchanged"
-            yield message, _exchanged_results(reference, returns, a, b)
+            yield message, _exchanged_results(len(returns), a, b), True
         if len(returns) > 1:
-            yield f"only `{returns[a]}` came", _only(reference, returns, a)
+            yield f"only `{returns[a]}` came", _only(len(returns), a), True
     for k, name in enumerate(names):
-        yield f"`{name}` came back unchanged", _returned(k)
+        yield f"`{name}` came back unchanged", _returned(k), False
     for message, wrong in _ARGUMENTS.items():
         for k, name in enumerate(names):
-            yield message.format(name), _of_argument(reference, k, wrong)
+            yield message.format(name), _of_argument(reference, k, wrong), False
 
 
-def _results(reference: Function, returns: Sequence[str], arguments: Sequence[Any]) -> list[Any]:
-    came = plain(reference(*arguments))
-    several = len(returns) > 1
-    return [np.asarray(part, dtype=float) for part in (came if several else [came])]
+def _parts(due: Any, n: int) -> list[Any]:
+    return [np.asarray(part, dtype=float) for part in (due if n > 1 else [due])]
 
 
 def _as_due(parts: list[Any]) -> Any:
     return tuple(parts) if len(parts) > 1 else parts[0]
 
 
-def _of_result(
-    reference: Function, returns: Sequence[str], which: int, wrong: Function
-) -> Function:
-    def run(*arguments: Any) -> Any:
-        parts = _results(reference, returns, arguments)
+def _of_result(n: int, which: int, wrong: Function) -> Function:
+    def run(due: Any) -> Any:
+        parts = _parts(due, n)
         parts[which] = wrong(parts[which])
         return _as_due(parts)
 
     return run
 
 
-def _of_all(reference: Function, returns: Sequence[str], wrong: Function) -> Function:
-    return lambda *given: _as_due([wrong(part) for part in _results(reference, returns, given)])
+def _of_all(n: int, wrong: Function) -> Function:
+    return lambda due: _as_due([wrong(part) for part in _parts(due, n)])
 
 
-def _exchanged_results(reference: Function, returns: Sequence[str], a: int, b: int) -> Function:
-    return lambda *given: _as_due(_exchanged(_results(reference, returns, given), a, b))
+def _exchanged_results(n: int, a: int, b: int) -> Function:
+    return lambda due: _as_due(_exchanged(_parts(due, n), a, b))
 
 
 def _exchanged_arguments(reference: Function, a: int, b: int) -> Function:
     return lambda *given: reference(*_exchanged(given, a, b))
 
 
-def _only(reference: Function, returns: Sequence[str], a: int) -> Function:
-    return lambda *given: _results(reference, returns, given)[a]
+def _only(n: int, a: int) -> Function:
+    return lambda due: _parts(due, n)[a]
 
 
 def _returned(k: int) -> Function:

@@ -325,7 +325,7 @@ class Check:
             return ("in some cases nothing came back: a `return` is missing in one branch",)
         if not any(not ok and not s.raised for s, ok in zip(seen, held, strict=True)):
             return ()
-        for number, (message, _) in enumerate(self._suspects):
+        for number, (message, *_) in enumerate(self._suspects):
             if self._explains(number, seen, held):
                 return (message,)
         due = [(s.came, d) for s, d, ok in zip(seen, self.due, held, strict=True) if not ok]
@@ -335,8 +335,9 @@ class Check:
         return ()
 
     @cached_property
-    def _suspects(self) -> list[tuple[str, Function]]:
-        found = [(message, self.mistaken(wrong)) for message, wrong in self.mistakes.items()]
+    def _suspects(self) -> list[tuple[str, Function, bool]]:
+        mistakes = self.mistakes.items()
+        found = [(message, self.mistaken(wrong), False) for message, wrong in mistakes]
         if self._use is None:
             names = self._names(self.inputs[0][1])
             found += general_mistakes(self.reference, names, self.returns)
@@ -355,13 +356,25 @@ class Check:
 
     def _of_suspect(self, number: int, k: int) -> Observation:
         if (number, k) not in self._told:
-            self._told[number, k] = self._look(self._suspects[number][1], self.inputs[k][1])
+            _, wrong, of_due = self._suspects[number]
+            tried = _spoilt(wrong, self.due[k]) if of_due else self._look(wrong, self.inputs[k][1])
+            self._told[number, k] = tried
         return self._told[number, k]
 
     def _alike(self, theirs: Observation, seen: Observation) -> bool:
         if seen.raised or theirs.raised:
             return bool(seen.raised and theirs.raised)
         return agree(seen.came, theirs.came, max(self.tolerance, 1e-9))
+
+
+def _spoilt(wrong: Function, due: Any) -> Observation:
+    """Return what a mistake makes of a right answer."""
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return Observation(plain(wrong(due)))
+        except Exception as error:
+            return Observation(raised=f"{type(error).__name__}: {error}")
 
 
 class _NothingCameError(Exception):
