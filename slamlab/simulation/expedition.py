@@ -10,7 +10,7 @@ import copy
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -292,7 +292,7 @@ def come_home(out: Outward, way: str) -> Return:
     return _judged(out, log, belief)
 
 
-@cache  # out and home, and for everybody, it is the same
+@lru_cache(maxsize=4)  # out and home, and for everybody, it is the same
 def _built(make: Callable[[], World]) -> World:
     return make()
 
