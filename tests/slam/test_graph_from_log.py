@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from slamlab.geometry import between, rotation
 from slamlab.logs import Log
-from slamlab.robots import RelativePose, Unicycle
+from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.sensors import PointSensor, RangeBearing
 from slamlab.slam import PoseGraph
 
@@ -54,6 +55,21 @@ def test_the_noise_of_a_motion_is_turned_into_the_frame_of_the_error():
     assert abs(graph.chi2(path) - dof) < 4 * np.sqrt(2 * dof)
     unturned = PoseGraph(path, graph.edges, graph.measurements, np.diag(sigma**-2.0))
     assert unturned.chi2() > 100 * dof
+
+
+def test_steps_of_many_lengths_and_noises_each_become_their_own_edge():
+    rng, n = np.random.default_rng(3), 30
+    dt = rng.choice([0.0, 0.05, 0.1, 0.4], n)
+    covs = np.eye(3) * rng.uniform(0.1, 1.0, n)[:, None, None]
+    log = Log(np.cumsum(dt), rng.normal(size=(n, 3)), dt, covs)
+    graph, moved = PoseGraph.from_log(log, YOUBOT), np.flatnonzero(dt)
+    for k, (edge, information) in enumerate(zip(moved, graph.information, strict=True)):
+        step = between(graph.poses[k], graph.poses[k + 1])
+        expected = YOUBOT.step(np.zeros(3), log.u[edge], dt[edge])
+        np.testing.assert_allclose([step, graph.measurements[k]], [expected] * 2, atol=1e-12)
+        F = YOUBOT.jacobians(np.zeros(3), log.u[edge], dt[edge])[1]
+        F[:2] = rotation(expected[2]).T @ F[:2]
+        np.testing.assert_allclose(information @ F @ covs[edge] @ F.T, np.eye(3), atol=1e-9)
 
 
 def test_the_noise_of_a_measurement_is_turned_into_metres():
