@@ -21,6 +21,8 @@ def make_lean(
 ) -> str | None:
     """Unwrap tokens; name the template of the source pages."""
     is_source = page.startswith("_modules/")
+    if is_source:
+        context["sidebars"] = []
     if context.get("body"):
         context["body"] = plain(context["body"])
         if is_source:  # wide lines scroll, with the keyboard too
@@ -28,16 +30,8 @@ def make_lean(
     return "source.html" if is_source else None
 
 
-def leave_out_sidebars(
-    app: Any, page: str, template: str, context: dict[str, Any], tree: Any
-) -> None:
-    """Tell the theme that a source page has none: it would write all links of the book first."""
-    if page.startswith("_modules/"):
-        context["sidebars"] = []
-
-
 def setup(app: Any) -> dict[str, bool]:
     """Register."""
-    app.connect("html-page-context", leave_out_sidebars, priority=400)
-    app.connect("html-page-context", make_lean)
+    # Before the theme, which would write all links of the book for sidebars that nobody shows.
+    app.connect("html-page-context", make_lean, priority=400)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -10,7 +10,7 @@ import copy
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +114,11 @@ class Building:
     scale: float = 0.02
     drift: float = np.deg2rad(0.1)
     budget: float = 240.0
+
+    @cached_property
+    def built(self) -> World:
+        """The building itself: out and home, and for everybody, it is the same."""
+        return self.world()
 
 
 _NEAR_SIGHTED = Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01)
@@ -232,7 +237,7 @@ def explore(building: Building, maker: Maker, seed: int) -> Outward:
     rng = np.random.default_rng([as_count("seed", seed), 20])
     scale, drift = building.scale, building.drift
     robot = WornWheels(1 + rng.uniform(-scale, scale), rng.uniform(-drift, drift))
-    world, start = _built(building.world), np.array(building.start)
+    world, start = building.built, np.array(building.start)
     belief = maker(building.lidar, start, np.random.default_rng([seed, 21]))
     past = belief if isinstance(belief, Smoother) else None
     pilot = RoomDriver(
@@ -287,14 +292,9 @@ def come_home(out: Outward, way: str) -> Return:
     rng = np.random.default_rng([out.seed, 22 + WAYS.index(way)])
     truth = out.log.truth
     assert truth is not None
-    world = _built(out.building.world)
+    world = out.building.built
     log = _drive(out.building, world, out.robot, pilot, belief, rng, truth[-1])
     return _judged(out, log, belief)
-
-
-@lru_cache(maxsize=4)  # out and home, and for everybody, it is the same
-def _built(make: Callable[[], World]) -> World:
-    return make()
 
 
 def _drive(

@@ -38,9 +38,8 @@ def test_each_listed_mistake_is_refused_with_its_own_message(name):
     check = CHECKS[name]
     says = isinstance(check.due[0], str)  # it tells what is wrong in a sentence of its own
     assert says or len(check.mistakes) >= 5
-    for number, message in enumerate(check.mistakes):
-        # What the mistake gives is looked at once, here and where the check looks for its name.
-        report = check.judge([check._of_suspect(number, k) for k in range(len(check.inputs))])
+    for message, wrong in check.mistakes.items():
+        report = check.judge(check.observe(check.mistaken(wrong)))
         assert not report.passed
         assert report.messages == (message,)
 
