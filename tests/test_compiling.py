@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from slamlab import _compiling
-from slamlab._compiling import _Notice
+from slamlab.kernels import compiling
+from slamlab.kernels.compiling import _Notice
 
 ROOT = Path(__file__).resolve().parents[1]
 SENTENCE = "slamlab: compiling, once; the code is kept for later runs\n"
@@ -21,7 +21,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def compiling(notice, seconds, module="slamlab.worlds._cast"):
+def compile_for(notice, seconds, module="slamlab.kernels.cast"):
     """What numba tells while it compiles a function, and another one inside it."""
     event = SimpleNamespace(
         data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=module))}
@@ -35,37 +35,37 @@ def compiling(notice, seconds, module="slamlab.worlds._cast"):
 
 @pytest.fixture
 def terminal(monkeypatch):
-    monkeypatch.setattr(_compiling, "_PATIENCE", 0.05)
+    monkeypatch.setattr(compiling, "_PATIENCE", 0.05)
     monkeypatch.delenv("SLAMLAB_QUIET", raising=False)
     stderr = Terminal()
-    monkeypatch.setattr(_compiling, "sys", SimpleNamespace(stderr=stderr))
+    monkeypatch.setattr(compiling, "sys", SimpleNamespace(stderr=stderr))
     return stderr
 
 
 def test_a_long_compilation_is_said_once(terminal):
     notice = _Notice()
-    compiling(notice, 0.2)
-    compiling(notice, 0.2)
+    compile_for(notice, 0.2)
+    compile_for(notice, 0.2)
     assert terminal.getvalue() == SENTENCE
 
 
 def test_short_ones_and_those_of_others_are_not_said(terminal):
-    compiling(_Notice(), 0.0)
-    compiling(_Notice(), 0.2, module="somebody.else")
+    compile_for(_Notice(), 0.0)
+    compile_for(_Notice(), 0.2, module="somebody.else")
     time.sleep(0.1)
     assert terminal.getvalue() == ""
 
 
 def test_quiet_hushes_it(terminal, monkeypatch):
     monkeypatch.setenv("SLAMLAB_QUIET", "1")
-    compiling(_Notice(), 0.2)
+    compile_for(_Notice(), 0.2)
     assert terminal.getvalue() == ""
 
 
 def test_a_notebook_is_not_told(terminal, monkeypatch):
     kept = io.StringIO()
-    monkeypatch.setattr(_compiling, "sys", SimpleNamespace(stderr=kept))
-    compiling(_Notice(), 0.2)
+    monkeypatch.setattr(compiling, "sys", SimpleNamespace(stderr=kept))
+    compile_for(_Notice(), 0.2)
     assert kept.getvalue() == ""
 
 
@@ -73,18 +73,19 @@ def test_every_compiled_loop_is_cached_and_watched():
     for path in (ROOT / "slamlab").rglob("*.py"):
         text = path.read_text()
         assert text.count("@njit") == text.count("@njit(cache=True"), path
-        assert "numba import" not in text or path.name == "_compiling.py", path
+        assert "import numba" not in text or path.name == "compiling.py", path
+        assert "njit" not in text or path.parent.name == "kernels", path
 
 
 FRESH = """
-import slamlab._compiling as c, sys
+import slamlab.kernels.compiling as c, sys
 c._PATIENCE = 0.0
 sys.stderr.isatty = lambda: True
-from slamlab.filters import _sweeps
+from slamlab.kernels import sequences
 import numpy as np
 for _ in range(2):
-    _sweeps.recur(np.ones((1, 1, 2, 2)), np.zeros(3, int), np.ones((3, 1, 2)))
-print(sum(_sweeps.recur.stats.cache_hits.values()))
+    sequences.recur(np.ones((1, 1, 2, 2)), np.zeros(3, int), np.ones((3, 1, 2)))
+print(sum(sequences.recur.stats.cache_hits.values()))
 """
 
 
@@ -97,3 +98,32 @@ def test_a_second_run_compiles_nothing(tmp_path):
         )  # fmt: skip
         assert done.stderr == (SENTENCE if first else "")
         assert done.stdout == ("0\n" if first else "1\n")
+
+
+WITHOUT_NUMBA = """
+import sys, warnings
+sys.modules["numba"] = None
+import numpy as np
+from slamlab import kernels
+assert not kernels.COMPILED
+
+@kernels.compiled("linear.no_such_kernel")
+def plain(x):
+    return 2 * x
+
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    assert plain(3) == 6 and plain(4) == 8
+print(len(said), said[0].message)
+"""
+
+
+def test_without_numba_plain_code_serves_and_says_so_once():
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_NUMBA],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+    )
+    assert done.stdout.startswith("1 numba is not installed: plain NumPy serves")

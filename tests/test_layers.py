@@ -9,7 +9,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1] / "slamlab"
 FLOORS = [
-    {"_checks", "_compiling", "_files", "_linear", "_optional", "geometry", "gaussian"},
+    {"kernels"},
+    {"_checks", "_files", "_optional", "geometry", "gaussian"},
     {"models", "grids", "logs"},
     {"worlds", "robots", "sensors"},
     {"filters", "matching", "mapping"},
@@ -19,10 +20,13 @@ FLOORS = [
     {"printed", "plots", "widgets", "exercises", "commands", "__main__"},
 ]
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
-CORE = {"slamlab", "numpy", "scipy", "numba"}  # what every import of a core room may need
-COURSE = {"plots", "widgets", "exercises"}  # rooms that need an extra
+CORE = {"slamlab", "numpy", "scipy"}  # what every import of a core room may need
+COURSE = {"plots", "widgets", "exercises"}  # subpackages that need an extra
+# What makes a subpackage faster where it is installed, and only there.
+FAST = {"kernels": {"numba"}, "slam": {"qdldl"}}
 # What a core room may ask for inside a function, where it says which extra is missing.
 LATE = {
+    "kernels": {"importlib"},  # a kernel is imported when it is first called
     "_optional": {"importlib"},  # the one door to packages of an extra
     "commands": {"importlib", "pkgutil", "matplotlib", "sys"},
 }
@@ -82,6 +86,7 @@ def offence(room: str, name: str, at_top: bool) -> str | None:
     ):
         return None if top in LATE.get(room, ()) else f"{where}: an import in disguise"
     own = top in sys.stdlib_module_names or top in CORE or room in COURSE
+    own = own or top in FAST.get(room, ())
     late = not at_top and top in LATE.get(room, ())
     return None if own or late else f"{where}, no core dependency"
 
@@ -175,7 +180,7 @@ class Refuse:
         if name.split(".")[0] not in {allowed} | set(sys.stdlib_module_names):
             raise ImportError(name + " is in no core dependency")
 
-import numpy, scipy.special, numba  # what they look for themselves is their own affair
+import numpy, scipy.special  # what they import themselves is their own affair
 sys.meta_path.insert(0, Refuse())
 for module in {modules}:
     importlib.import_module(module)
@@ -219,6 +224,8 @@ OFFENCES = {
     "by __import__": ("robots", "__import__('slamlab.slam')"),
     "by sys.modules": ("robots", "import sys\nslam = sys.modules['slamlab.slam']"),
     "a figure below": ("slam", "def f():\n    import matplotlib.pyplot as plt"),
+    "numba outside the kernels": ("slam", "import numba"),
+    "a kernel that knows the library": ("kernels", "from slamlab.geometry import compose"),
     "sympy": ("slam", "import sympy"),
     "sympy, inside a function": ("slam", "def f():\n    import sympy"),
     "filterpy": ("filters", "from filterpy.kalman import KalmanFilter"),

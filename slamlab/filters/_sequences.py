@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
 from slamlab.filters._linear import apply, singular
-from slamlab.filters._sweeps import Arrays, recur, smooth_covariances, step_covariances
 from slamlab.gaussian import Gaussian, as_belief
+from slamlab.kernels.sequences import Arrays, recur, smooth_covariances, step_covariances
 
 # Covariances count as settled when what is left of their way is below this many units of
 # rounding: 1.1e-13 in double precision, relative to the standard deviations.

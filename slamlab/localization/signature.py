@@ -18,7 +18,7 @@ from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_dista
 from slamlab._files import read_npz
 from slamlab._optional import with_bar
 from slamlab.geometry import wrap_angle
-from slamlab.localization._align import capped_misfits, least_shifts
+from slamlab.kernels.align import capped_misfits, least_shifts
 from slamlab.models import as_scan_sensor
 from slamlab.sensors.lidar import Lidar
 from slamlab.worlds import BitmapWorld, World

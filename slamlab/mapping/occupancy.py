@@ -196,7 +196,7 @@ class OccupancyGrid(Grid):
     def _add(self, starts: Array, ends: Array, hits: NDArray[np.bool_]) -> None:
         """Add scans: beams from starts (n, 2) to ends (n, k, 2), in the world."""
         # Loaded here: the compiler behind it takes half a second to come up.
-        from slamlab.mapping._beams import add_scan
+        from slamlab.kernels.occupancy import add_scan
 
         evidence = (self._hit, self._miss, self._limit)
         starts = (starts - self.origin) / self.resolution

@@ -75,7 +75,7 @@ def match_correlative(
     >>> found.pose.round(2).tolist()
     [0.5, 0.2, 0.0]
     """
-    from slamlab.matching._search_kernels import branch_and_bound, doubled
+    from slamlab.kernels.correlative import branch_and_bound, doubled
 
     if not isinstance(field, PointField):
         raise ValueError(f"field: expected a PointField, got {field!r}")

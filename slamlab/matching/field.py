@@ -85,7 +85,7 @@ class Field(Grid):
         return self._look_up(points)[..., 1:] / self.resolution
 
     def _look_up(self, points: ArrayLike) -> Array:
-        from slamlab.matching._field_kernels import look_up_all
+        from slamlab.kernels.field import look_up_all
 
         cells = self.scaled(points)
         out = np.empty((*cells.shape[:-1], 3))
@@ -163,7 +163,7 @@ class PointField(Field):
         ]
 
     def _stamp(self, points: Array) -> None:
-        from slamlab.matching._field_kernels import stamp
+        from slamlab.kernels.field import stamp
 
         stamp(self.values, self.scaled(points), self.sigma / self.resolution)
 
@@ -242,7 +242,7 @@ def _climb(
     field: Field, points: Array, pose: Array, prior: Array, rounds: int
 ) -> tuple[Array, float, float]:
     """Move `pose` up one field; return H, sum M and sum (1 - M)^2 there."""
-    from slamlab.matching._field_kernels import gauss_newton
+    from slamlab.kernels.field import gauss_newton
 
     frame = np.array([field.resolution, *field.origin])
     return gauss_newton(field.values, frame, field.log_odds, points, pose, prior, rounds)

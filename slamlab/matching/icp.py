@@ -51,7 +51,7 @@ def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
     >>> thin([[0.01, 0.0], [0.02, 0.0], [0.15, 0.0]], spacing=0.1).tolist()
     [[0.01, 0.0], [0.15, 0.0]]
     """
-    from slamlab.matching._icp_kernels import thinned
+    from slamlab.kernels.icp import thinned
 
     points = good_points("points", points, 0)
     spacing = as_scalar("spacing", spacing, 1e-3, 1e6)
@@ -92,7 +92,7 @@ class Outline:
         -------
         Outline
         """
-        from slamlab.matching._icp_kernels import hashed, lines_through
+        from slamlab.kernels.icp import hashed, lines_through
 
         points = good_points("points", points)
         return cls(points, *lines_through(points, hashed(points, 0.5), 5, 0.5, 0.15))
@@ -199,7 +199,7 @@ def match_icp(
     >>> match_icp(corner, scan, guess=[0, 0, 0]).pose.round(3).tolist()
     [0.1, 0.05, 0.02]
     """
-    from slamlab.matching import _icp_kernels as kernels
+    from slamlab.kernels import icp as kernels
 
     line = as_choice("metric", metric, ["line", "point"]) == "line"
     base = _reference(reference, line)

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from slamlab._checks import Array
-from slamlab._compiling import njit
-from slamlab.navigation import _boxes, _cubic
+from slamlab.kernels import boxes, spline
+from slamlab.kernels import cubic as _loops
+from slamlab.navigation import _cubic
 
 __all__ = ["Loop", "Spline"]
 
@@ -41,7 +42,7 @@ class Spline:
     def __init__(self) -> None:
         self.n = 0
         self.box_tests = 0
-        self.coefficients, self.tables = np.zeros((16, 4, 2)), np.zeros((16, _cubic.PIECES + 1))
+        self.coefficients, self.tables = np.zeros((16, 4, 2)), np.zeros((16, _loops.PIECES + 1))
         self.starts, self.boxes = np.zeros(17), np.zeros((32, 4))
 
     def copy(self) -> Spline:
@@ -57,7 +58,7 @@ class Spline:
             full = getattr(self, name)
             setattr(self, name, np.concatenate([full, np.zeros_like(full[: self.n])]))
         self.boxes = np.zeros((2 * len(self.boxes), 4))
-        _boxes.set_boxes(self.boxes, self.coefficients, self.n)
+        boxes.set_boxes(self.boxes, self.coefficients, self.n)
 
     @property
     def length(self) -> float:
@@ -70,7 +71,7 @@ class Spline:
             self._double()
         self.coefficients[self.n] = c
         self.n += 1
-        _refresh(self.coefficients, self.tables, self.starts, self.boxes, self.n - 1)
+        spline.refresh(self.coefficients, self.tables, self.starts, self.boxes, self.n - 1)
 
     def cut(self, i: int, tau: float) -> None:
         """Forget everything after parameter tau of segment i."""
@@ -81,30 +82,30 @@ class Spline:
                 self.n = i
         if self.n:
             # The boxes above the last segment must forget what is gone.
-            _boxes.set_box(self.boxes, self.coefficients, self.n - 1, self.n)
+            boxes.set_box(self.boxes, self.coefficients, self.n - 1, self.n)
 
     def locate(self, s: float) -> tuple[int, float]:
         """Segment and parameter at arc length s; the ends outside."""
-        i = int(_segment_at(self.starts, self.n, s))
-        tau = _cubic.parameter_at(self.coefficients[i], self.tables[i], s - self.starts[i])
+        i = int(spline.segment_at(self.starts, self.n, s))
+        tau = _loops.parameter_at(self.coefficients[i], self.tables[i], s - self.starts[i])
         return i, float(tau)
 
     def arc_length(self, i: int, tau: float) -> float:
         """Arc length (m) at parameter tau of segment i."""
-        inside = _cubic.length_to(self.coefficients[i], self.tables[i], tau)
+        inside = _loops.length_to(self.coefficients[i], self.tables[i], tau)
         return float(self.starts[i] + inside)
 
     def points(self, s: Array, derivative: bool = False) -> Array:
         """Points, or unit tangents, (n, 2) at arc lengths (n,)."""
         out = np.empty((len(s), 2))
-        _points(self.coefficients, self.tables, self.starts, self.n, s, derivative, out)
+        spline.points(self.coefficients, self.tables, self.starts, self.n, s, derivative, out)
         return out
 
     def nearest(self, points: Array, low: Array, high: Array) -> tuple[Array, Array]:
         """Arc length and distance (n,) of the nearest place with low <= s <= high, each (n,)."""
         s, distance = np.empty(len(points)), np.empty(len(points))
         arrays = (self.coefficients, self.tables, self.starts, self.boxes)
-        _nearest(*arrays, self.n, points, low, high, s, distance)
+        spline.nearest(*arrays, self.n, points, low, high, s, distance)
         return s, distance
 
     def meeting(self, c: Array, accuracy: float) -> tuple[float, int, float] | None:
@@ -116,9 +117,9 @@ class Spline:
         if not self.n:
             return None
         guard = 2.0 * accuracy
-        table = np.empty(_cubic.PIECES + 1)
-        _cubic.fill_table(c, table)
-        joint = _cubic.parameter_at(c, table, guard)
+        table = np.empty(_loops.PIECES + 1)
+        _loops.fill_table(c, table)
+        joint = _loops.parameter_at(c, table, guard)
         found = self._search(c, joint, 1.0, self.n, 1.0, accuracy) if joint < 1.0 else None
         if found is None and self.length > guard:
             i, tau = self.locate(self.length - guard)
@@ -128,14 +129,14 @@ class Spline:
     def _search(
         self, c: Array, low: float, high: float, n: int, last_tau: float, accuracy: float
     ) -> tuple[float, int, float] | None:
-        result = _boxes.search(
+        result = boxes.search(
             c, low, high, self.coefficients, self.boxes, n, last_tau, accuracy, False
         )
-        self.box_tests += int(result[_boxes.TESTS])
-        t, touch = float(result[_boxes.CROSS_T]), float(result[_boxes.TOUCH_T])
+        self.box_tests += int(result[boxes.TESTS])
+        t, touch = float(result[boxes.CROSS_T]), float(result[boxes.TOUCH_T])
         # A steep crossing explains all touches a few accuracies after it.
-        if t >= 0.0 and _cubic.length_between(c, t, max(t, touch)) <= 10.0 * accuracy:
-            return t, int(result[_boxes.CROSS_I]), float(result[_boxes.CROSS_TAU])
+        if t >= 0.0 and _loops.length_between(c, t, max(t, touch)) <= 10.0 * accuracy:
+            return t, int(result[boxes.CROSS_I]), float(result[boxes.CROSS_TAU])
         if touch < 0.0:
             return None
         place = _cubic.point(c, touch)[None]
@@ -164,7 +165,7 @@ class Spline:
 
     def _join_in_pieces(self, c: Array, accuracy: float) -> list[Loop]:
         cuts, before, loops = np.empty(6), self.n, []
-        n = _cubic.monotone_cuts(c, cuts)
+        n = _loops.monotone_cuts(c, cuts)
         for a, b in zip(cuts[: n - 1], cuts[1:n], strict=True):
             loops += self._join(_cubic.restrict(c, a, b), accuracy)
         if not loops:
@@ -175,8 +176,8 @@ class Spline:
 
     def _own_loop(self, c: Array, first: float, second: float) -> Loop:
         x, y = _cubic.point(c, first).tolist()
-        s = self.length + float(_cubic.length_between(c, 0.0, first))
-        return Loop(s, float(_cubic.length_between(c, first, second)), (x, y))
+        s = self.length + float(_loops.length_between(c, 0.0, first))
+        return Loop(s, float(_loops.length_between(c, first, second)), (x, y))
 
     def _join(self, c: Array, accuracy: float) -> list[Loop]:
         """Add a piece that does not meet itself, without the loops that it closes."""
@@ -187,15 +188,15 @@ class Spline:
             c = _cubic.restrict(c, found[0], 1.0)
         # What crosses within an accuracy of the joint, or of the cut, is looked for again there.
         for finer in (accuracy / 64.0, accuracy / 4096.0):
-            table = np.empty(_cubic.PIECES + 1)
-            _cubic.fill_table(c, table)
-            near = _cubic.parameter_at(c, table, 4.0 * accuracy)
+            table = np.empty(_loops.PIECES + 1)
+            _loops.fill_table(c, table)
+            near = _loops.parameter_at(c, table, 4.0 * accuracy)
             found = self.meeting(_cubic.restrict(c, 0.0, near), finer) if near > 0.0 else None
             if found is not None:
                 t, i, tau = found
                 loops.append(self._cut_loop(c, near * t, i, tau))
                 c = _cubic.restrict(c, near * t, 1.0)
-        if _cubic.length_between(c, 0.0, 1.0) > 1e-12:
+        if _loops.length_between(c, 0.0, 1.0) > 1e-12:
             self.append(c)
         return loops
 
@@ -210,59 +211,5 @@ class Spline:
         if gap > 1e-12:
             # Where the path only touches itself a short straight piece closes the gap.
             self.append(np.stack([place, reached - place, np.zeros(2), np.zeros(2)]))
-        removed = before - after + float(_cubic.length_between(c, 0.0, t))
+        removed = before - after + float(_loops.length_between(c, 0.0, t))
         return Loop(after, removed - gap, (float(place[0]), float(place[1])))
-
-
-@njit(cache=True)
-def _refresh(coefficients, tables, starts, boxes, i):  # type: ignore[no-untyped-def]
-    """Renew what depends on the coefficients of the last segment i."""
-    _cubic.fill_table(coefficients[i], tables[i])
-    starts[i + 1] = starts[i] + tables[i, _cubic.PIECES]
-    _boxes.set_box(boxes, coefficients, i, i + 1)
-
-
-@njit(cache=True)
-def _segment_at(starts, n, s):  # type: ignore[no-untyped-def]
-    i = np.searchsorted(starts[:n], s, side="right") - 1
-    return min(max(i, 0), n - 1)
-
-
-@njit(cache=True)
-def _points(coefficients, tables, starts, n, s, derivative, out):  # type: ignore[no-untyped-def]
-    for row in range(len(s)):
-        i = _segment_at(starts, n, s[row])
-        c = coefficients[i]
-        t = _cubic.parameter_at(c, tables[i], s[row] - starts[i])
-        if not derivative:
-            out[row, 0], out[row, 1] = _cubic.value(c, t, _cubic.X), _cubic.value(c, t, _cubic.Y)
-            continue
-        dx, dy = _cubic.slope(c, t, _cubic.X), _cubic.slope(c, t, _cubic.Y)
-        speed = np.hypot(dx, dy)
-        out[row, 0], out[row, 1] = (dx / speed, dy / speed) if speed > 0.0 else (1.0, 0.0)
-
-
-@njit(cache=True)
-def _nearest(coefficients, tables, starts, boxes, n, points, low, high, s, distance):  # type: ignore[no-untyped-def]
-    half = len(boxes) // 2
-    for row in range(len(points)):
-        x, y = points[row, 0], points[row, 1]
-        first, last = _segment_at(starts, n, low[row]), _segment_at(starts, n, high[row])
-        best, best_i, best_t = np.inf, first, 0.0
-        for i in range(first, last + 1):
-            box = boxes[half + i]
-            away_x = max(box[0] - x, 0.0, x - box[2])
-            away_y = max(box[1] - y, 0.0, y - box[3])
-            if away_x * away_x + away_y * away_y >= best:
-                continue
-            a, b = 0.0, 1.0
-            if i == first:
-                a = _cubic.parameter_at(coefficients[i], tables[i], low[row] - starts[i])
-            if i == last:
-                b = _cubic.parameter_at(coefficients[i], tables[i], high[row] - starts[i])
-            t, squared = _cubic.nearest_parameter(coefficients[i], x, y, a, b)
-            if squared < best:
-                best, best_i, best_t = squared, i, t
-        at = starts[best_i] + _cubic.length_to(coefficients[best_i], tables[best_i], best_t)
-        s[row] = min(max(at, low[row]), high[row])
-        distance[row] = np.sqrt(best)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_scalar
 from slamlab._files import read_npz
+from slamlab.kernels import cubic as _loops
 from slamlab.navigation import _cubic
 from slamlab.navigation._spline import Loop, Spline
 
@@ -92,17 +93,17 @@ class Cubic:
     @property
     def length(self) -> float:
         """Arc length (m), by quadrature to about 1e-14 of it."""
-        return float(_cubic.length_between(self.coefficients, 0.0, 1.0))
+        return float(_loops.length_between(self.coefficients, 0.0, 1.0))
 
     def arc_length(self, t: float) -> float:
         """Arc length (m) from t0 to t, which lies in [t0, t1]."""
         t = as_scalar("t", t, self.t0, self.t1)
-        return float(_cubic.length_between(self.coefficients, 0.0, float(self._tau(t))))
+        return float(_loops.length_between(self.coefficients, 0.0, float(self._tau(t))))
 
     def box(self) -> Array:
         """Exact bounding box: x low, y low, x high, y high (m), from ends and extrema."""
         box = np.empty(4)
-        _cubic.fill_box(self.coefficients, box)
+        _loops.fill_box(self.coefficients, box)
         return box
 
     def self_crossing(self) -> tuple[float, float] | None:
@@ -173,7 +174,7 @@ def fit_cubic(
     slope = np.zeros(2)
     if start_derivative is not None:
         slope = as_array("start_derivative", start_derivative, (2,)) * (t[-1] - t[0])
-    c = _cubic.fit(tau, held, end is not None, start_derivative is not None, *slope.tolist())
+    c = _loops.fit(tau, held, end is not None, start_derivative is not None, *slope.tolist())
     return Cubic(c, float(t[0]), float(t[-1]))
 
 
@@ -392,8 +393,8 @@ class PathMemory:
         tau = self._t[: n + 1] / width
         slope = [0.0, 0.0] if self._slope is None else (self._slope * width).tolist()
         has_end = self.variant.startswith("two-points")
-        curve = _cubic.fit(tau, points, has_end, self._slope is not None, *slope)
-        return curve, float(_cubic.deviation(curve, tau, points, self.check_between))
+        curve = _loops.fit(tau, points, has_end, self._slope is not None, *slope)
+        return curve, float(_loops.deviation(curve, tau, points, self.check_between))
 
     def _path(self) -> Spline:
         """Return the path as it stands: what is stored and, at its end, the open curve."""
@@ -463,7 +464,7 @@ class PathMemory:
     @property
     def nbytes(self) -> int:
         """Memory that the segments and the open points need (bytes)."""
-        numbers = self.n_segments * (8 + _cubic.PIECES + 1 + 1 + 2 * 4) + self._n * 3
+        numbers = self.n_segments * (8 + _loops.PIECES + 1 + 1 + 2 * 4) + self._n * 3
         return 8 * numbers
 
     def point_at(self, s: ArrayLike) -> Array:

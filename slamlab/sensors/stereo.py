@@ -161,7 +161,7 @@ class StereoRig:
         ValueError
             If `terrain` is none, a shape is wrong or a number is not finite.
         """
-        from slamlab.sensors._march import march, tops_of
+        from slamlab.kernels.march import march, tops_of
 
         if not isinstance(terrain, Terrain):
             raise ValueError(f"terrain: expected a Terrain, got {type(terrain).__name__}")

@@ -125,7 +125,7 @@ class GammaSlam(MapParticles):
         seen = np.isfinite(points).all(-1)
         if not seen.any():
             return 0.0
-        from slamlab.slam._gamma_kernels import add, gather, mark, weigh
+        from slamlab.kernels.gamma import add, gather, mark, weigh
 
         maps, poses, log_likelihood = self._maps, self._cloud.particles, np.zeros(self.n_particles)
         # 1. Sort the points into cells: each particle its own way, for cells are of the world.

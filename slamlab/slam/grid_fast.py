@@ -163,7 +163,7 @@ class GridFastSlam(MapParticles):
 
     def _weigh(self, points: Array, poses: Array, score: Array) -> None:
         """Log likelihood of the scan into `score` (M,); matching moves `poses` first."""
-        from slamlab.slam._grid_kernels import climb, penetrate
+        from slamlab.kernels.grid_fast import climb, penetrate
 
         where = (*self._maps.read(), self._maps.columns, self._maps.frame)
         if self.model == "matching":
@@ -175,7 +175,7 @@ class GridFastSlam(MapParticles):
 
     def _draw(self, points: Array, poses: Array) -> None:
         """Add the beams to every map."""
-        from slamlab.slam._grid_kernels import draw, touched
+        from slamlab.kernels.grid_fast import draw, touched
 
         starts, ends = self._beams(points, poses)
         maps = self._maps

@@ -16,9 +16,9 @@ from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
 from slamlab.grids import Grid
-from slamlab.worlds._cast import cast_everywhere, cast_grid
-from slamlab.worlds._clearance import grid_clearance
-from slamlab.worlds._collide import hits_grid
+from slamlab.kernels.cast import cast_everywhere, cast_grid
+from slamlab.kernels.clearance import grid_clearance
+from slamlab.kernels.collide import hits_grid
 from slamlab.worlds._image import read_map
 from slamlab.worlds._world import Solid
 

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_count, as_rng
+from slamlab.kernels.clearance import segment_clearance
 from slamlab.models import Bounds
-from slamlab.worlds._clearance import segment_clearance
 from slamlab.worlds.bitmap import BitmapWorld
 from slamlab.worlds.walls import WallWorld
 

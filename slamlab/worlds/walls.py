@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_a, as_array, as_scalar
 from slamlab.geometry import transform
+from slamlab.kernels.cast import cast_segments, inside_segments
+from slamlab.kernels.clearance import segment_clearance
+from slamlab.kernels.collide import hits_segments
 from slamlab.models import Bounds
-from slamlab.worlds._cast import cast_segments, inside_segments
-from slamlab.worlds._clearance import segment_clearance
-from slamlab.worlds._collide import hits_segments
 from slamlab.worlds._world import Solid
 from slamlab.worlds.bitmap import BitmapWorld, checked_beams
 

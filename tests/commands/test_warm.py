@@ -9,14 +9,10 @@ from slamlab.commands import main
 CALLED = """
 from slamlab.commands import main
 main(["warm"])
-from slamlab.filters import _sweeps
-from slamlab.matching import _field_kernels, _icp_kernels, _search_kernels
-from slamlab.navigation import _boxes, _cubic, _spline, seen_floor
-from slamlab.sensors import _march
-from slamlab.slam import _gamma_kernels, _grid_kernels
-from slamlab.worlds import _cast, _clearance
-for module in (_sweeps, _field_kernels, _icp_kernels, _search_kernels, _boxes, _cubic, _spline,
-               seen_floor, _march, _gamma_kernels, _grid_kernels, _cast, _clearance):
+import importlib, pkgutil
+from slamlab import kernels
+for found in pkgutil.iter_modules(kernels.__path__):
+    module = importlib.import_module("slamlab.kernels." + found.name)
     for name, value in vars(module).items():
         if getattr(value, "signatures", None):
             print("warm", name, len(value.signatures))
@@ -37,7 +33,7 @@ def test_warm_runs_the_loops_that_lessons_call():
     words = [line.split() for line in done.stdout.splitlines() if line.startswith("warm")]
     warm = {name: int(count) for _, name, count in words}
     asked = "recur hashed iterate thinned lines_through stamp branch_and_bound set_boxes"
-    asked += " length_between _points _nearest _wavefront _corners _unseen"
+    asked += " length_between points nearest wavefront corners_of unknown_area"
     asked += " cast_segments grid_clearance"
     assert set(asked.split()) <= set(warm)
     # Fields of points hold single precision, maps double: a loop for each.

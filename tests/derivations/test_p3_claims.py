@@ -6,9 +6,9 @@ import pytest
 from slamlab.filters import kalman
 from slamlab.gaussian import Gaussian
 from slamlab.geometry import compose
+from slamlab.kernels.boxes import TESTS, search
 from slamlab.localization import DeadReckoning
 from slamlab.navigation import Homer, PathMemory, ReturnLaw
-from slamlab.navigation._boxes import TESTS, search
 from slamlab.navigation._spline import Spline
 from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from slamlab.geometry import between, compose, inverse, rotation, transform
+from slamlab.kernels.icp import _pairs, hashed, icp_equations
 from slamlab.matching import Outline, match_icp, normals, thin
-from slamlab.matching._icp_kernels import _pairs, hashed, icp_equations
 from slamlab.sensors import Lidar
 from slamlab.worlds import rooms
 

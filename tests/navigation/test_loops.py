@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from slamlab.navigation import _boxes
+from slamlab.kernels import boxes as _boxes
 from slamlab.navigation._spline import Spline
 from slamlab.navigation.path_memory import VARIANTS, Cubic, PathMemory
 

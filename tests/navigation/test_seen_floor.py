@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from slamlab.kernels import floor as loops
 from slamlab.logs import ScanGeometry
 from slamlab.navigation import seen_floor
 from slamlab.navigation.seen_floor import FREE, OCCUPIED, UNKNOWN, SeenFloor, box_of
@@ -12,7 +13,7 @@ from slamlab.worlds import BitmapWorld, free_poses, rooms
 
 LIDAR = Lidar(120)
 ROOM = rooms.thesis_room()
-SPANS = seen_floor._spans
+SPANS = loops._spans
 
 
 def floor_of(text, resolution=0.1):
@@ -63,8 +64,8 @@ def seen_by(spans, monkeypatch, seed):
     """State and doubts after scans of random beams among random walls, cell by cell in Python."""
     rng, floor = np.random.default_rng(seed), SeenFloor([0, 0, 2.5, 2], 0.1)
     if spans is not None:
-        monkeypatch.setattr(seen_floor, "_mark_free", seen_floor._mark_free.py_func)
-        monkeypatch.setattr(seen_floor, "_spans", spans)
+        monkeypatch.setattr(seen_floor, "mark_free", loops.mark_free.py_func)
+        monkeypatch.setattr(loops, "_spans", spans)
     for _ in range(8):
         n = int(rng.choice([1, 5, 30, 90]))
         # From inside the sheet and from beyond its edges, near and far, beams lost and endless.

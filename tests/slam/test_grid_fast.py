@@ -11,11 +11,11 @@ import pytest
 from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.geometry import between, compose, inverse, wrap_angle
+from slamlab.kernels.grid_fast import climb, draw, penetrate, stop_rate, touched
 from slamlab.logs import Log
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
 from slamlab.slam import GridFastSlam
-from slamlab.slam._grid_kernels import climb, draw, penetrate, stop_rate, touched
 from slamlab.slam._grid_maps import EMPTY, TILE, AncestryTree, TileMaps
 from slamlab.worlds import rooms
 from tools.grid_table import drive, read, turned, without

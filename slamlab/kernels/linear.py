@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slamlab._compiling import njit
+from slamlab.kernels.compiling import njit
 
 __all__ = ["solve3"]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit
+from slamlab.kernels.compiling import njit
 
 # A jump ends this far (cells) short of its safe square, which is far more than any rounding.
 _SHORT = 1e-9

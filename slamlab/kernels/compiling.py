@@ -2,27 +2,43 @@
 
 Code is compiled at its first call and kept in ``__pycache__`` beside its file or, where that
 cannot be written, in numba's folder for the user (``NUMBA_CACHE_DIR`` names another one).
-``python -m slamlab warm`` does it all beforehand. Every compiled loop takes `njit` from here.
+``python -m slamlab warm`` does it all beforehand. Every compiled loop takes `njit` from here;
+where numba is not installed the loops stay Python.
 """
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from functools import partial
 from threading import Timer
+from typing import Any, TypeVar
 
-import numba
-from numba.core import event
+try:
+    import numba
+    from numba.core import event
+except ImportError:
+    numba = None
 
-__all__ = ["njit"]
+__all__ = ["COMPILED", "njit"]
+
+Loop = TypeVar("Loop", bound=Callable[..., Any])
+
+COMPILED = numba is not None
+
+
+def _as_it_is(cache: bool) -> Callable[[Loop], Loop]:
+    """Leave a loop as it is written: what `njit` does where numba is not installed."""
+    return lambda loop: loop
+
 
 # No loop of ours is called from C: without a wrapper for that it compiles in a tenth less time.
-njit = partial(numba.njit, no_cfunc_wrapper=True)
+njit = partial(numba.njit, no_cfunc_wrapper=True) if COMPILED else _as_it_is
 _PATIENCE = 1.0  # seconds of compiling that nobody is told of
 
 
-class _Notice(event.Listener):
+class _Notice(event.Listener if COMPILED else object):  # type: ignore[misc]
     """Says on a terminal, once a process, that compiling takes a while; SLAMLAB_QUIET=1 hushes it.
 
     Programs that keep what is printed, such as notebooks, are never told.
@@ -31,7 +47,7 @@ class _Notice(event.Listener):
     def __init__(self) -> None:
         self.depth, self.said, self.timer = 0, False, Timer(0.0, self.say)
 
-    def on_start(self, event: event.Event) -> None:
+    def on_start(self, event: Any) -> None:
         """Begin to count when the outermost function begins to compile."""
         module = event.data["dispatcher"].py_func.__module__
         self.depth += 1
@@ -40,7 +56,7 @@ class _Notice(event.Listener):
             self.timer.daemon = True
             self.timer.start()
 
-    def on_end(self, event: event.Event) -> None:
+    def on_end(self, event: Any) -> None:
         """Stop counting when it is done."""
         self.depth -= 1
         if self.depth == 0:
@@ -53,4 +69,5 @@ class _Notice(event.Listener):
             print("slamlab: compiling, once; the code is kept for later runs", file=sys.stderr)
 
 
-event.register("numba:compile", _Notice())
+if COMPILED:
+    event.register("numba:compile", _Notice())

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit
-from slamlab.navigation._cubic import X, Y, fill_box, monotone_cuts, slope, value
+from slamlab.kernels.compiling import njit
+from slamlab.kernels.cubic import X, Y, fill_box, monotone_cuts, slope, value
 
 # Columns of the answer of `search`.
 TESTS, CROSS_T, CROSS_I, CROSS_TAU, TOUCH_T, TOUCH_I, TOUCH_TAU = range(7)

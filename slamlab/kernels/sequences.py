@@ -8,9 +8,11 @@ this size they are faster than a library's, and compile in a tenth of the time.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from slamlab._checks import Array
-from slamlab._compiling import njit
+from slamlab.kernels.compiling import njit
+
+Array = NDArray[np.float64]
 
 Arrays = tuple[Array, ...]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit
+from slamlab.kernels.compiling import njit
 
 # Cells on each side of a block of `tops_of`.
 BLOCK = 8

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit
-from slamlab._linear import solve3
+from slamlab.kernels.compiling import njit
+from slamlab.kernels.linear import solve3
 
 SHIFT = 4  # a tile is 2^4 = 16 cells wide
 TILE = 1 << SHIFT

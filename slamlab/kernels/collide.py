@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit
+from slamlab.kernels.compiling import njit
 
 # The footprint is drawn in by this much (m), so that touching does not count.
 _DRAW_IN = 1e-9

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamlab._compiling import njit
-from slamlab._linear import solve3
+from slamlab.kernels.compiling import njit
+from slamlab.kernels.linear import solve3
 
 
 @njit(cache=True)

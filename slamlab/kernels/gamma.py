@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from slamlab._compiling import njit
+from slamlab.kernels.compiling import njit
 
 SHIFT = 4  # a tile is 2^4 = 16 cells wide
 INSIDE = (1 << SHIFT) - 1

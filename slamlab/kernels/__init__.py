@@ -1,0 +1,62 @@
+"""Compiled twins of what the systems show: arrays in, arrays out; NumPy and numba only.
+
+The plain function stands in the file of its system and says with `compiled` where its twin is.
+The twin serves where numba can be imported, the plain function elsewhere; tests hold both equal.
+"""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+from slamlab.kernels.compiling import COMPILED
+
+__all__ = ["COMPILED", "TWINS", "compiled"]
+
+Plain = TypeVar("Plain", bound=Callable[..., Any])
+
+# Plain functions by the name of their compiled twin, as "occupancy.add_scan".
+TWINS: dict[str, Callable[..., Any]] = {}
+_SAID: list[str] = []
+
+
+def compiled(name: str) -> Callable[[Plain], Plain]:
+    """Let the kernel `name` ("module.function") serve for the plain function that follows.
+
+    The kernel takes the same arguments and answers the same. `plain` of the result is the plain
+    function itself; it serves where numba is not installed, which is said once a process.
+
+    """
+
+    def decorate(plain: Plain) -> Plain:
+        module, _, function = name.partition(".")
+        TWINS[name] = plain
+
+        @wraps(plain)
+        def serve(*args: Any, **kwargs: Any) -> Any:
+            if COMPILED:
+                # The module is imported, and the function compiled, at the first call.
+                kernel = getattr(importlib.import_module(f"slamlab.kernels.{module}"), function)
+                return kernel(*args, **kwargs)
+            say_that_plain_code_serves()
+            return plain(*args, **kwargs)
+
+        serve.plain = plain  # type: ignore[attr-defined]
+        return serve  # type: ignore[return-value]
+
+    return decorate
+
+
+def say_that_plain_code_serves() -> None:
+    """Warn, once a process, that numba is missing."""
+    if not _SAID:
+        _SAID.append("said")
+        warnings.warn(
+            "numba is not installed: plain NumPy serves, more slowly; "
+            "pip install slamlab-course[fast]",
+            UserWarning,
+            stacklevel=4,
+        )
