@@ -12,8 +12,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from slamlab.filters import kalman
-from slamlab.gaussian import Gaussian
 from slamlab.localization import SignatureMap
 from slamlab.mapping import OccupancyGrid
 from slamlab.matching import Field, PointField, match_correlative, match_field, match_icp, thin
@@ -35,13 +33,6 @@ def run(options: argparse.Namespace) -> None:
         start = time.perf_counter()
         work()
         print(f"{work.__doc__} {time.perf_counter() - start:.1f} s", flush=True)
-
-
-def _filter() -> None:
-    """Kalman filter and smoother."""
-    one = np.eye(2)
-    z = np.where(np.arange(20)[:, None] % 3, 0.1, np.nan) * np.ones(2)
-    kalman.smooth(kalman.filter(z, one, one, one, one, Gaussian(np.zeros(2), one)))
 
 
 def _scans() -> None:
@@ -107,4 +98,4 @@ def _room() -> BitmapWorld:
     return BitmapWorld(occupied, 0.1)
 
 
-WORK: tuple[Callable[[], None], ...] = (_filter, _scans, _matching, _grid_slam, _signatures, _path)
+WORK: tuple[Callable[[], None], ...] = (_scans, _matching, _grid_slam, _signatures, _path)

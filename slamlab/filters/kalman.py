@@ -6,15 +6,15 @@ them. Leading axes are batches everywhere.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_covariance
-from slamlab.filters._linear import apply, innovation_root, solve_psd
-from slamlab.filters._sequences import FilterResult, SmootherResult, filter, fixed_lag, smooth
+from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
+from slamlab.filters._linear import apply, innovation_root, singular, solve_psd
 from slamlab.gaussian import Gaussian, as_belief
 
 __all__ = [
@@ -193,6 +193,319 @@ def innovation(residual: Array, S: Array, K: Array) -> Innovation:
     log_det = 2 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
     log_likelihood = -0.5 * (nis + log_det + residual.shape[-1] * np.log(2 * np.pi))
     return Innovation(residual, S, K, nis, log_likelihood)
+
+
+@dataclass(frozen=True, eq=False)
+class FilterResult:
+    """What a filter knew along T steps; leading axes are a batch of series.
+
+    Attributes
+    ----------
+    means, covs : ndarray, shape (..., T, n) and (..., T, n, n)
+        After the measurement of the step.
+    predicted_means, predicted_covs : ndarray, shape (..., T, n) and (..., T, n, n)
+        Before it.
+    residuals : ndarray, shape (..., T, m)
+        P5 (5); NaN where nothing was measured.
+    innovation_covs : ndarray, shape (..., T, m, m)
+        P5 (6); a missing component has variance 1 and no covariance.
+    gains : ndarray, shape (..., T, n, m)
+        P5 (7); zero for a missing component.
+    nis : ndarray, shape (..., T)
+        Normalised innovation squared, chi-square of as many degrees as components were measured;
+        NaN where none was.
+    log_likelihood : ndarray, shape (...)
+        Log density of all measurements of a series.
+    evolution : ndarray, shape (n, n) or (..., T, n, n)
+        The F of the run, for the smoother.
+    """
+
+    means: Array
+    covs: Array
+    predicted_means: Array
+    predicted_covs: Array
+    residuals: Array
+    innovation_covs: Array
+    gains: Array
+    nis: Array
+    log_likelihood: Array
+    evolution: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SmootherResult:
+    """Beliefs that know later measurements too.
+
+    Attributes
+    ----------
+    means : ndarray, shape (..., T, n)
+    covs : ndarray, shape (..., T, n, n)
+    """
+
+    means: Array
+    covs: Array
+
+
+def filter(
+    z: ArrayLike,
+    F: ArrayLike,
+    H: ArrayLike,
+    Q: ArrayLike,
+    R: ArrayLike,
+    initial: Gaussian,
+    B: ArrayLike | None = None,
+    u: ArrayLike | None = None,
+) -> FilterResult:
+    """Filter whole series: at each step predict, then update, P5 (3)-(9).
+
+    A matrix of two axes holds for all steps; with three or more, the third from the end is time
+    (T or 1) and those before it are the batch.
+
+    Parameters
+    ----------
+    z : array_like, shape (..., T, m)
+        Measurements; NaN marks a missing one. A step with some components missing uses the rest.
+    F, Q : array_like, shape (n, n) or (..., T, n, n)
+        Evolution and covariance of the motion noise; entry k leads from step k - 1 to k.
+    H : array_like, shape (m, n) or (..., T, m, n)
+    R : array_like, shape (m, m) or (..., T, m, m)
+    initial : Gaussian
+        Belief before the first step's motion; leading axes broadcast with the batch.
+    B : array_like, shape (n, l) or (..., T, n, l), optional
+        Control matrix; given together with `u`.
+    u : array_like, shape (..., T, l), optional
+        Controls; entry k acts on the way from step k - 1 to k.
+
+    Returns
+    -------
+    FilterResult
+        Covariances shared by the batch are read-only views.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, a number is not finite (NaN in `z` excepted), Q or R is no
+        covariance, or an innovation covariance is singular.
+
+    Examples
+    --------
+    >>> belief = Gaussian([0.0], [[1.0]])
+    >>> run = filter([[1.0], [np.nan], [1.2]], [[1.0]], [[1.0]], [[0.0]], [[1.0]], belief)
+    >>> run.means[:, 0].round(3).tolist(), run.covs[:, 0, 0].round(3).tolist()
+    ([0.5, 0.5, 0.733], [0.5, 0.5, 0.333])
+    """
+    z = as_shaped("z", z, ("...", "T", "m"))
+    if np.isinf(z).any():
+        raise ValueError("z: expected finite numbers or NaN for missing, got infinity")
+    (length, m), n = z.shape[-2:], as_belief("initial", initial).dim
+    if length == 0:
+        raise ValueError(f"z: expected at least one step, got shape {z.shape}")
+    batch = _batch_shape(z, initial, F, H, Q, R, B, u)
+    F, H = _model("F", F, (n, n), length), _model("H", H, (m, n), length)
+    Q, R = as_covariance("Q", Q, n), as_covariance("R", R, m)
+    Q, R = _model("Q", Q, (n, n), length), _model("R", R, (m, m), length)
+    push = _controls(B, u, n, length)
+    seen = ~np.isnan(z)
+    same = seen.reshape(-1, length, m)
+    shared = same[0] if (same == same[0]).all() else seen
+    if not shared.all():
+        # A missing component: an empty row of H, variance 1, no covariance, and so no gain.
+        H = np.where(shared[..., None], H, H.dtype.type(0))
+        R = np.where(shared[..., None] & shared[..., None, :], R, np.eye(m, dtype=R.dtype))
+    z = np.where(seen, z, z.dtype.type(0))
+    x, P, I, steps = initial.mean, initial.cov, np.eye(n, dtype=initial.cov.dtype), []
+    constant, settled = all(matrix.ndim == 2 for matrix in (F, H, Q, R)), False
+    for k in range(length):
+        F_k, H_k = _at(F, k), _at(H, k)
+        ahead = apply(F_k, x) + push[..., k, :]  # (3)
+        residual = z[..., k, :] - apply(H_k, ahead)  # (5)
+        if not settled:  # of a constant model they reach the steady state and stay there
+            R_k, before = _at(R, k), P
+            P_ahead = F_k @ P @ F_k.mT + _at(Q, k)  # (4)
+            P_ahead = 0.5 * (P_ahead + P_ahead.mT)
+            HP = H_k @ P_ahead
+            S = HP @ H_k.mT + R_k  # (6)
+            K = _gain(S, HP)  # (7)
+            P = (P_ahead - K @ HP) @ (I - K @ H_k).mT + K @ R_k @ K.mT  # (9), Joseph's form
+            P = 0.5 * (P + P.mT)
+            settled = constant and _unchanged(P, before)
+        x = ahead + apply(K, residual)  # (8)
+        steps.append((x, P, ahead, P_ahead, residual, S, K))
+    columns = zip(*steps, strict=True)
+    axes = (1, 2, 1, 2, 1, 2, 2)
+    means, covs, ahead, P_ahead, residuals, S, K = (
+        _in_time(column, batch, n_axes) for column, n_axes in zip(columns, axes, strict=True)
+    )
+    learned = innovation(residuals, _shared(S, batch), K)
+    n_seen = seen.sum(-1)
+    unseen = 0.5 * (m - n_seen) * np.log(2 * np.pi)  # of the components that stand for nothing
+    return FilterResult(
+        means=means,
+        covs=covs,
+        predicted_means=ahead,
+        predicted_covs=P_ahead,
+        residuals=np.where(seen, residuals, np.nan),
+        innovation_covs=S,
+        gains=K,
+        nis=np.where(n_seen > 0, learned.nis, np.nan),
+        log_likelihood=(learned.log_likelihood + unseen).sum(-1),
+        evolution=F,
+    )
+
+
+def smooth(result: FilterResult) -> SmootherResult:
+    """Rauch-Tung-Striebel smoother: every step as seen after the last measurement.
+
+    Parameters
+    ----------
+    result : FilterResult
+        Of `filter`.
+
+    Returns
+    -------
+    SmootherResult
+
+    Examples
+    --------
+    >>> belief = Gaussian([0.0], [[1.0]])
+    >>> run = filter([[1.0], [np.nan], [1.2]], [[1.0]], [[1.0]], [[0.1]], [[1.0]], belief)
+    >>> bool(np.all(smooth(run).covs <= run.covs + 1e-12))
+    True
+    """
+    means, ahead = result.means, result.predicted_means
+    P, P_ahead, C = _for_smoothing(result)
+    # x_k|T = x_k + C_k (x_k+1|T - x_k+1|k), and the covariances alike: what is known comes first
+    known = means[..., :-1, :] - apply(C, ahead[..., 1:, :])
+    known_cov = P[..., :-1, :, :] - C @ P_ahead[..., 1:, :, :] @ C.mT
+    x, cov = [means[..., -1, :]], [P[..., -1, :, :]]
+    for k in range(means.shape[-2] - 2, -1, -1):
+        C_k = C[..., k, :, :]
+        x.append(known[..., k, :] + apply(C_k, x[-1]))
+        cov.append(known_cov[..., k, :, :] + C_k @ cov[-1] @ C_k.mT)
+    batch = means.shape[:-2]
+    return SmootherResult(_in_time(x[::-1], batch, 1), _in_time(cov[::-1], batch, 2))
+
+
+def fixed_lag(result: FilterResult, lag: int) -> SmootherResult:
+    """Every step as seen `lag` measurements later: what a robot can know in time to use it.
+
+    Parameters
+    ----------
+    result : FilterResult
+        Of `filter`.
+    lag : int
+        In steps; 0 returns the filter, T - 1 or more the smoother. The last steps see what is
+        left.
+
+    Returns
+    -------
+    SmootherResult
+
+    Raises
+    ------
+    ValueError
+        If `lag` is no count.
+
+    Examples
+    --------
+    >>> belief = Gaussian([0.0], [[1.0]])
+    >>> run = filter([[1.0], [0.8], [1.2]], [[1.0]], [[1.0]], [[0.1]], [[1.0]], belief)
+    >>> np.allclose(fixed_lag(run, 2).means, smooth(run).means)
+    True
+    """
+    lag = as_count("lag", lag)
+    means, ahead = result.means, result.predicted_means
+    P, P_ahead, C = _for_smoothing(result)
+    length = means.shape[-2]
+    last = np.minimum(np.arange(length) + lag, length - 1)
+    x, cov = means[..., last, :], P[..., last, :, :]
+    for back in range(min(lag, length - 1) - 1, -1, -1):
+        stop = length - 1 - back
+        now, then, gain = slice(back, -1), slice(back + 1, None), C[..., back:, :, :]
+        x[..., :stop, :] = means[..., now, :] + apply(gain, x[..., :stop, :] - ahead[..., then, :])
+        change = cov[..., :stop, :, :] - P_ahead[..., then, :, :]
+        cov[..., :stop, :, :] = P[..., now, :, :] + gain @ change @ gain.mT
+    return SmootherResult(x, np.broadcast_to(cov, (*x.shape, x.shape[-1])))
+
+
+def _for_smoothing(result: FilterResult) -> tuple[Array, Array, Array]:
+    """Covariances, predicted ones and the smoother's gains C_k = P_k F_k+1^T (P_k+1|k)^-1."""
+    batch, F = result.means.shape[:-2], result.evolution
+    P, P_ahead = _shared(result.covs, batch), _shared(result.predicted_covs, batch)
+    cross = (F if F.ndim == 2 else F[..., 1:, :, :]) @ P[..., :-1, :, :]
+    try:
+        np.linalg.cholesky(P_ahead[..., 1:, :, :])
+        gains = np.linalg.solve(P_ahead[..., 1:, :, :], cross)
+    except np.linalg.LinAlgError:
+        gains = np.linalg.pinv(P_ahead[..., 1:, :, :], rcond=1e-12, hermitian=True) @ cross
+    return P, P_ahead, np.asarray(gains).mT
+
+
+def _gain(S: Array, HP: Array) -> Array:
+    """K = P H^T S^-1, from S and H P."""
+    try:
+        return np.asarray(np.linalg.solve(S, HP)).mT
+    except np.linalg.LinAlgError as error:
+        raise singular(S) from error
+
+
+def _unchanged(P: Array, before: Array) -> bool:
+    """Whether a step changed a covariance by rounding only, of the standard deviations."""
+    sigma = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1))
+    limit = 4 * np.finfo(P.dtype).eps * sigma[..., :, None] * sigma[..., None, :]
+    return bool((np.abs(P - before) <= limit).all())
+
+
+def _batch_shape(z: Array, initial: Gaussian, *others: ArrayLike | None) -> tuple[int, ...]:
+    *matrices, u = others
+    shapes = [z.shape[:-2], initial.mean.shape[:-1], initial.cov.shape[:-2]]
+    shapes += [np.shape(matrix)[:-3] for matrix in matrices if matrix is not None]
+    shapes += [np.shape(u)[:-2]] if u is not None else []
+    try:
+        return np.broadcast_shapes(*shapes)
+    except ValueError as error:
+        raise ValueError(f"z: expected batch axes that broadcast, got {shapes}") from error
+
+
+def _model(name: str, matrix: ArrayLike, shape: tuple[int, int], length: int) -> Array:
+    """Bring a model matrix to two axes, or to a third from the end that is time, of length T."""
+    matrix = as_array(name, matrix, ("...", *shape))
+    if matrix.ndim == 2:
+        return matrix
+    if matrix.shape[-3] not in (1, length):
+        raise ValueError(
+            f"{name}: expected {length} steps (or 1) on the third axis from the end, "
+            f"got shape {matrix.shape}"
+        )
+    return np.broadcast_to(matrix, (*matrix.shape[:-3], length, *shape))
+
+
+def _controls(B: ArrayLike | None, u: ArrayLike | None, n: int, length: int) -> Array:
+    """B u of every step, shape (..., T, n)."""
+    if B is None or u is None:
+        return np.broadcast_to(np.float32(_control(B, u, n)), (length, n))
+    u = as_array("u", u, ("...", length, "l"))
+    return apply(_model("B", B, (n, u.shape[-1]), length), u)
+
+
+def _at(matrix: Array, k: int) -> Array:
+    return matrix if matrix.ndim == 2 else matrix[..., k, :, :]
+
+
+def _in_time(steps: Sequence[Array], batch: tuple[int, ...], axes: int) -> Array:
+    """Join what T steps gave, time before the last `axes` axes; one for all series if shared."""
+    full = steps[-1].shape
+    if steps[0].shape != full:  # the first steps do not know yet that the series differ
+        steps = [np.broadcast_to(step, full) for step in steps]
+    joined = np.stack(steps, -1 - axes)
+    return np.broadcast_to(joined, (*batch, *joined.shape[joined.ndim - 1 - axes :]))
+
+
+def _shared(matrices: Array, batch: tuple[int, ...]) -> Array:
+    """Take what is the same for all series (strides of zero) once."""
+    if any(matrices.strides[: len(batch)]):
+        return matrices
+    return matrices[(0,) * len(batch)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ for found in pkgutil.iter_modules(kernels.__path__):
 def test_warm_says_how_long_each_kind_of_loop_took(capsys):
     assert main(["warm"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 6
+    assert len(lines) == 5
     assert all(line.endswith(" s") for line in lines)
 
 
@@ -32,7 +32,7 @@ def test_warm_runs_the_loops_that_lessons_call():
     )
     words = [line.split() for line in done.stdout.splitlines() if line.startswith("warm")]
     warm = {name: int(count) for _, name, count in words}
-    asked = "recur hashed iterate thinned lines_through stamp branch_and_bound set_boxes"
+    asked = "hashed iterate thinned lines_through stamp branch_and_bound set_boxes"
     asked += " length_between points nearest wavefront corners_of unknown_area"
     asked += " cast_segments grid_clearance"
     assert set(asked.split()) <= set(warm)
