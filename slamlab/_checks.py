@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Shape = Sequence[int | str | None]
+_DOUBLE = np.dtype(np.float64)
 _SMALL = 36  # numbers of a covariance that is remembered
 _SHORT = Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 3, 60, 80
@@ -35,7 +36,7 @@ def shown(value: object) -> str:
 def as_array(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
     """Return `value` as a finite array of floats of the given trailing shape.
 
-    A float32 array stays float32, everything else becomes float64.
+    Float32 stays float32, everything else becomes float64, both in this machine's byte order.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ def as_array(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
 
 def as_shaped(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
     """Like `as_array`, but NaN and infinity may pass (a missing measurement, a lost beam)."""
-    floats = type(value) is np.ndarray and value.dtype.char == "d"
+    floats = type(value) is np.ndarray and value.dtype == _DOUBLE  # of this machine's byte order
     array: Array = value if floats else _as_floats(name, value)  # type: ignore[assignment]
     if shape is not None and not _shape_fits(array.shape, tuple(shape)):
         wanted = ", ".join("any" if s is None else str(s) for s in shape)
@@ -85,7 +86,8 @@ def _as_floats(name: str, value: ArrayLike) -> Array:
         # NumPy reads None as NaN and words as numbers.
         if array.dtype.kind == "O" and any(isinstance(x, str | bytes | None) for x in array.flat):
             raise TypeError
-        return array if array.dtype == np.float32 else array.astype(np.float64, copy=False)
+        single = array.dtype.newbyteorder("=") == np.float32
+        return array.astype(np.float32 if single else np.float64, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
         if np.ma.is_masked(value):
             raise ValueError(f"{name}: expected no masked entries, got some") from error

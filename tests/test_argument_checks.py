@@ -17,6 +17,7 @@ from slamlab._checks import (
     as_shaped,
     shown,
 )
+from slamlab.gaussian import Gaussian, as_root
 
 HIDDEN = np.ma.array([1.0, 2.0], mask=[False, True])
 NO_NUMBERS = [
@@ -211,3 +212,16 @@ def test_what_came_is_shown_shortly_whatever_it_is():
     for value in ("y" * 10**6, list(range(10**5)), bomb, np.zeros(10**5), Unprintable(), 10**5000):
         assert len(shown(value)) <= 200
     assert shown([1, "a"]) == "[1, 'a']"
+
+
+@pytest.mark.parametrize("kind", [">f8", "<f8", ">f4", "<f4", ">i4"])
+def test_the_byte_order_of_an_array_changes_no_number(kind):
+    """Arrays of FITS, HDF5 and .mat files often have the other byte order."""
+    cov = np.array([[4, 1], [1, 9]]).astype(kind)
+    for found in (as_array("P", cov), as_covariance("P", cov), Gaussian([0, 0], cov).cov):
+        assert found.dtype.isnative
+        assert found.tolist() == [[4, 1], [1, 9]]
+    assert as_array("P", cov).dtype.itemsize == (4 if kind.endswith("f4") else 8)
+    np.testing.assert_allclose(as_root("P", cov, 2) @ as_root("P", cov, 2).T, cov, rtol=1e-6)
+    with pytest.raises(ValueError, match="smallest eigenvalue is -9"):
+        as_covariance("P", (-cov).astype(kind))
