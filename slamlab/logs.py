@@ -18,6 +18,7 @@ from slamlab._checks import (
     Array,
     as_a,
     as_array,
+    as_choice,
     as_covariance,
     as_distances,
     as_index,
@@ -29,7 +30,9 @@ from slamlab._checks import (
 from slamlab._files import read_npz
 from slamlab.models import ScanSensor, as_scan_sensor
 
-__all__ = ["Log", "ScanGeometry", "Step"]
+__all__ = ["CONTROLS", "Log", "ScanGeometry", "Step"]
+
+CONTROLS = ("velocity", "displacement")
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +151,7 @@ class Log:
     times : array_like, shape (T,)
         Ends of the steps (s).
     u : array_like, shape (T, p)
-        Controls as the motion model takes them.
+        Controls as the motion model takes them; `controls` says which kind they are.
     dt : float or array_like, shape (T,)
         Durations (s), not negative.
     control_cov : array_like, shape (p, p) or (T, p, p)
@@ -169,6 +172,9 @@ class Log:
         True landmarks; row i is the one with id i.
     notes : mapping of name to array_like, shapes (T, ...), optional
         Whatever else was noted in each step, such as collisions.
+    controls : {"velocity", "displacement"}, optional
+        What `u` means: velocities of the body, driven for `dt` (`robots.Mecanum`, `Unicycle`), or
+        the motion of the whole step (dx, dy, dtheta) of `robots.RelativePose`. None: not recorded.
 
     Raises
     ------
@@ -198,6 +204,7 @@ class Log:
     truth: Array | None = field(default=None, kw_only=True)
     landmarks: Array | None = field(default=None, kw_only=True)
     notes: Mapping[str, NDArray[Any]] = field(default_factory=dict, kw_only=True)
+    controls: str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         """Check every part and keep copies."""
@@ -221,6 +228,8 @@ class Log:
         if self.landmarks is not None:
             checked["landmarks"] = as_array("landmarks", self.landmarks, ("...", "n", 2))
         as_a("notes", self.notes, Mapping)
+        if self.controls is not None:
+            as_choice("controls", self.controls, CONTROLS)
         checked["notes"] = {name: _note(name, value, T) for name, value in self.notes.items()}
         for name, value in checked.items():
             object.__setattr__(self, name, _frozen(value))
@@ -339,6 +348,8 @@ class Log:
         if self.scan is not None:
             arrays["beam_angles"] = self.scan.beam_angles
             arrays["lidar"] = np.array([self.scan.max_range, self.scan.offset])
+        if self.controls is not None:
+            arrays["controls"] = np.array(self.controls)
         arrays |= {f"note_{name}": note for name, note in self.notes.items()}
         with open(path, "wb") as file:
             np.savez_compressed(file, **arrays)
@@ -362,6 +373,8 @@ class Log:
                 if name in parts:
                     ends = np.cumsum(arrays[f"{name}_sizes"])[:-1]
                     parts[name] = np.split(parts[name], ends) if len(arrays["times"]) else ()
+            if "controls" in parts:
+                parts["controls"] = str(parts["controls"])
             if "beam_angles" in arrays:
                 parts["scan"] = ScanGeometry(arrays["beam_angles"], *arrays["lidar"])
             notes = {name[5:]: note for name, note in arrays.items() if name.startswith("note_")}

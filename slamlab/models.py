@@ -32,6 +32,7 @@ __all__ = [
     "as_motion",
     "as_scan_sensor",
     "as_sensor",
+    "controls_of",
 ]
 
 Bounds = tuple[float, float, float, float]
@@ -84,6 +85,11 @@ class MotionModel(Protocol):
         lead = as_batch("u", u.shape[:-1], pose.shape[:-1])
         noise = as_rng("rng", rng).standard_normal((*lead, u.shape[-1]))
         return self.step(pose, u + noise @ mixing.T, dt)
+
+
+def controls_of(motion: MotionModel) -> str:
+    """Say what the controls of a motion model are, for `Log.controls`: velocities as a rule."""
+    return str(getattr(motion, "controls", "velocity"))
 
 
 @runtime_checkable

@@ -10,6 +10,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +22,21 @@ from slamlab.datasets import read_carmen, read_rosbag, write_tum
 from slamlab.evaluation import Run
 from slamlab.evaluation import run as run_system
 from slamlab.localization import DeadReckoning
-from slamlab.logs import Log
+from slamlab.logs import CONTROLS, Log
 from slamlab.mapping import OccupancyGrid
-from slamlab.models import as_scan_sensor
-from slamlab.robots import RelativePose
+from slamlab.models import MotionModel, as_scan_sensor
+from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.slam import HectorSlam, ScanGraphSlam
 
 _MOST_STEPS, _MOST_BEAMS = 500, 90  # of the replay: the page stays below some megabytes
 _TRUSTED = 30.0  # beams count for the map up to this range (m)
+# By kind of the controls, their axes and how many there are. Any platform that moves sideways
+# integrates the velocities of its body alike.
+MOTIONS: dict[tuple[str, int, int], MotionModel] = {
+    ("displacement", 2, 3): RelativePose(),
+    ("velocity", 2, 3): YOUBOT,
+    ("velocity", 2, 2): Unicycle(),
+}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,6 +52,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--field-of-view", type=float, default=180.0, metavar="DEG", help="of FLASER scans"
     )
+    parser.add_argument(
+        "--controls",
+        choices=CONTROLS,
+        help="what the controls of an .npz are, where it does not say so",
+    )
     parser.add_argument("--scan-topic", help="of a bag with several lidars")
     parser.add_argument("--odometry-topic", help="of a bag with several odometries")
 
@@ -54,7 +67,8 @@ def run(options: argparse.Namespace) -> None:
     with np.errstate(all="ignore"), about(options.log.name):
         log = read_log(options)
         start = time.perf_counter()
-        result = run_system(system_for(options.method, log), log, progress=_wants_bar())
+        system = system_for(options.method, log)
+        result = run_system(system, log, progress=_wants_bar())
         rows = report(options.method, result, time.perf_counter() - start)
         grid = draw_map(result, options.resolution)
         for name, value in rows:
@@ -64,7 +78,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def read_log(options: argparse.Namespace) -> Log:
-    """Read the log by its kind; ValueError if it has no scans or other controls."""
+    """Read the log by its kind; ValueError if it has no scans, or its controls are not known."""
     path: Path = options.log
     if path.is_dir() or path.suffix in (".bag", ".db3", ".mcap"):
         log = read_rosbag(path, options.scan_topic, options.odometry_topic)
@@ -74,20 +88,29 @@ def read_log(options: argparse.Namespace) -> Log:
         log = read_carmen(path, field_of_view=np.deg2rad(options.field_of_view))
     if log.ranges is None or len(log) == 0:
         raise ValueError(f"{path.name}: expected a log with scans, it has none")
-    if log.u.ndim != 2 or log.u.shape[1] != 3:
+    if options.controls is not None:
+        log = replace(log, controls=options.controls)
+    if log.controls is None:
         raise ValueError(
-            f"{path.name}: expected motions (dx, dy, dtheta) from scan to scan, "
-            f"got controls of shape {log.u.shape}"
+            f"{path.name}: expected a log that says what its controls are: add --controls "
+            "velocity (of the body, driven for dt) or --controls displacement (dx, dy, dtheta)"
+        )
+    if (log.controls, log.u.ndim, log.u.shape[-1]) not in MOTIONS:
+        raise ValueError(
+            f"{path.name}: expected motions (dx, dy, dtheta) from scan to scan, or velocities "
+            f"(forward, left, turn) or (forward, turn), got {log.controls} of shape {log.u.shape}"
         )
     return log
 
 
 def system_for(method: str, log: Log) -> Any:
     """Return the system that makes the map."""
+    motion = MOTIONS[str(log.controls), log.u.ndim, log.u.shape[-1]]
     if method == "odometry":
-        return DeadReckoning(RelativePose(), np.zeros(3))
+        return DeadReckoning(motion, np.zeros(3))
     lidar = as_scan_sensor("log.scan", log.scan)
-    return HectorSlam(lidar) if method == "hector" else ScanGraphSlam(lidar)
+    system = HectorSlam if method == "hector" else ScanGraphSlam
+    return system(lidar, motion=motion)
 
 
 def report(method: str, result: Run, seconds: float) -> list[tuple[str, str]]:

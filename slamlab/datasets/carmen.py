@@ -226,6 +226,7 @@ def _log(scans: list[_Scan], limit: float, corrected: bool) -> Log:
         ranges=np.where(ranges < max_range, ranges, np.inf),
         scan=ScanGeometry(scans[0].angles, max_range),
         truth=poses if corrected else None,
+        controls="displacement",
         notes={"beyond": (ranges >= max_range).sum(1)},
     )
 

@@ -94,6 +94,7 @@ class Killian:
             0.5 * (cov + np.swapaxes(cov, 1, 2)),
             ranges=self.scans,
             scan=self.lidar,
+            controls="displacement",
             truth=self.graph.with_poses(self.dead_reckoned()).optimize().poses,
         )
 

@@ -107,7 +107,7 @@ def _log(scans: list[tuple[float, Any]], odometry: list[tuple[float, Any]], name
     u, cov = _motion(times, odometry)
     dt = np.diff(times, prepend=times[:1])
     scan = ScanGeometry(angles, float(first.range_max))
-    return Log(times, u, dt, cov, ranges=ranges, scan=scan)
+    return Log(times, u, dt, cov, ranges=ranges, scan=scan, controls="displacement")
 
 
 def _motion(times: Array, odometry: list[tuple[float, Any]]) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ A text of numbers with commas: time, motion, true pose, ranges; `simulator.js` w
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,8 @@ def read_simulator(path: str | Path) -> Log:
     dt = np.diff(table[:, 0], prepend=table[0, 0])
     scan = ScanGeometry(2 * np.pi * np.arange(n) / n)
     motion, truth, ranges = table[:, 1:4], table[:, 4:7], table[:, 7:]
-    return Log(table[:, 0], motion, dt, _CONTROL_COV, ranges=ranges, scan=scan, truth=truth)
+    parts: dict[str, Any] = dict(ranges=ranges, scan=scan, truth=truth, controls="displacement")
+    return Log(table[:, 0], motion, dt, _CONTROL_COV, **parts)
 
 
 def _row(line: str, place: str, n: int) -> Array:

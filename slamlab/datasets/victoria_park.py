@@ -147,6 +147,7 @@ def _parse(file: TextIO, name: str) -> Log:
         moved[:, :3],
         np.minimum(steps, 1.0),
         moved[:, 3:][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
+        controls="displacement",
         looks=tuple(some[:, 1:3] for some in seen),
         ids=tuple(some[:, 0].astype(int) for some in seen),
         covs=tuple(some[:, 3:][:, [[0, 1], [1, 2]]] for some in seen),

@@ -6,6 +6,7 @@ What real logs carry (Killian Court, CARMEN, Victoria Park). Chapters 00, 13, 14
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +30,8 @@ class RelativePose(MotionModel):
     >>> RelativePose().step([2, 0, np.pi / 2], [1, 0, 0], dt=0.1).round(3).tolist()
     [2.0, 1.0, 1.571]
     """
+
+    controls: ClassVar[str] = "displacement"
 
     def step(self, pose: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """Return the pose after the motion: x (+) u.

@@ -82,7 +82,7 @@ def drifted(
     cov[:, 2, 2] = spread**2 + (turn_bias * length) ** 2 + 1e-8
     dt = np.maximum(np.diff(log.times, prepend=log.times[:1]), 0.0)
     dt[1:] = np.maximum(dt[1:], 1e-3)
-    return replace(log, u=u, dt=dt, control_cov=_symmetric(cov))
+    return replace(log, u=u, dt=dt, control_cov=_symmetric(cov), controls="displacement")
 
 
 def _symmetric(cov: Array) -> Array:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
-from slamlab.models import MotionModel, as_motion, as_sensor
+from slamlab.models import MotionModel, as_motion, as_sensor, controls_of
 from slamlab.robots import YOUBOT, Unicycle, dead_reckoning
 from slamlab.sensors import RangeBearing, Wall
 
@@ -101,7 +101,8 @@ def landmark_drives(
     z[~sensor.visible(there, landmarks)] = np.nan
     looks = (np.full((n_runs, len(landmarks), 2), np.nan), *z)
     ids = (np.arange(len(landmarks)),) * len(poses)
-    return landmark_log(u, dt, control_cov, looks=looks, ids=ids, truth=truth, landmarks=landmarks)
+    parts: dict[str, Any] = dict(looks=looks, ids=ids, truth=truth, landmarks=landmarks)
+    return landmark_log(u, dt, control_cov, controls=controls_of(motion), **parts)
 
 
 def room_drives(
@@ -235,4 +236,5 @@ def landmark_log(u: Array, dt: float, control_cov: Array, **parts: Any) -> Log:
     """Log of T steps of dt, after one that moved nothing, with the other `parts` of a log."""
     steps = np.arange(len(u) + 1, dtype=float)
     u = np.concatenate([np.zeros((1, *u.shape[1:])), u])
+    parts = {"controls": "velocity"} | parts
     return Log(dt * steps, u, np.minimum(steps, 1.0) * dt, control_cov, **parts)

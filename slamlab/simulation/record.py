@@ -6,6 +6,7 @@ belief is on the other, and the pilot sees nothing else. Chapters 09, 17, 18 and
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,7 +16,16 @@ from slamlab._checks import Array, as_a, as_array, as_rng, as_scalar
 from slamlab.gaussian import as_root
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
-from slamlab.models import Estimator, MotionModel, Pilot, View, World, as_estimator, as_motion
+from slamlab.models import (
+    Estimator,
+    MotionModel,
+    Pilot,
+    View,
+    World,
+    as_estimator,
+    as_motion,
+    controls_of,
+)
 from slamlab.sensors import Lidar, RangeBearing
 from slamlab.worlds import LandmarkWorld
 
@@ -205,7 +215,8 @@ def record(
         _inform(belief, measured)
         said = {"believed": belief.pose, "hit": hit, "command": u, "driven": driven}
         rows.append({**measured, **said, "u": control, "cov": cov})
-    return _log(first, rows, dt, world, sensor)
+    controls = "displacement" if odometer is not None else controls_of(robot)
+    return replace(_log(first, rows, dt, world, sensor), controls=controls)
 
 
 class _Scene:

@@ -10,7 +10,9 @@ from slamlab.datasets import read_tum
 from slamlab.evaluation import ate
 from slamlab.geometry import compose
 from slamlab.logs import Log
+from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
+from slamlab.simulation import Script, Truth, record
 from slamlab.slam import PoseGraph
 from slamlab.worlds import BitmapWorld, rooms
 
@@ -40,7 +42,9 @@ def npz(tmp_path):
     file = tmp_path / "drive.npz"
     dt = np.r_[0.0, np.ones(N - 1)]
     cov = np.diag(np.square([0.05, 0.02, 0.02]))
-    Log(np.arange(N), motions(), dt, cov, ranges=ranges(), scan=LIDAR).save(file)
+    Log(
+        np.arange(N), motions(), dt, cov, ranges=ranges(), scan=LIDAR, controls="displacement"
+    ).save(file)
     return file
 
 
@@ -126,6 +130,51 @@ def test_a_log_without_scans_or_with_other_controls(tmp_path, capsys):
     Log([0.0], [[0, 0, 0]], 0.0, np.eye(3)).save(file)
     assert main(["map", str(file), "-o", str(tmp_path / "out")]) == 1
     assert "expected a log with scans" in capsys.readouterr().err
-    Log([0.0], [[0, 0]], 0.0, np.eye(2), ranges=ranges()[:1], scan=LIDAR).save(file)
+    Log([0.0], [[0]], 0.0, [[1.0]], ranges=ranges()[:1], scan=LIDAR, controls="velocity").save(
+        file
+    )
     assert main(["map", str(file), "-o", str(tmp_path / "out")]) == 1
     assert "expected motions" in capsys.readouterr().err
+
+
+def velocities(controls):
+    """The same drive as velocities of the body, five steps a second, as simulations record it."""
+    dt = np.r_[0.0, np.full(N - 1, 0.2)]
+    u = motions() / np.maximum(dt, 0.2)[:, None]
+    cov = np.diag(np.square([0.25, 0.1, 0.1]))
+    return Log(np.cumsum(dt), u, dt, cov, ranges=ranges(), scan=LIDAR, controls=controls)
+
+
+@pytest.mark.parametrize("method", ["scan-graph", "hector", "odometry"])
+def test_velocities_of_a_simulated_log_are_driven_for_their_time(method, tmp_path, capsys):
+    file = tmp_path / "drive.npz"
+    velocities("velocity").save(file)
+    assert main(["map", str(file), "-o", str(tmp_path / "out"), "--method", method]) == 0
+    driven = float(said(capsys)["driven"].split()[0])
+    length = np.hypot(*np.diff(path()[:, :2], axis=0).T).sum()
+    assert abs(driven - length) < 0.1 * length
+    # Taken for displacements, five times as far: what the command did before it asked.
+    velocities("displacement").save(file)
+    main(["map", str(file), "-o", str(tmp_path / "out"), "--method", "odometry"])
+    assert float(said(capsys)["driven"].split()[0]) > 4 * length
+
+
+def test_a_recorded_drive_says_what_its_controls_are(tmp_path):
+    robot, world = YOUBOT, rooms.office()
+    script = Script([[0.2, 0.0, 0.0]] * 3)
+    log = record(
+        world, robot, LIDAR, script, Truth(), np.random.default_rng(0),
+        start=[2.0, 4.0, 0.0], dt=0.2,
+    )  # fmt: skip
+    assert log.controls == "velocity"
+    log.save(tmp_path / "drive.npz")
+    assert Log.load(tmp_path / "drive.npz").controls == "velocity"
+
+
+def test_controls_that_nobody_named_are_asked_for(tmp_path, capsys):
+    file = tmp_path / "drive.npz"
+    velocities(None).save(file)
+    out = ["-o", str(tmp_path / "out"), "--method", "odometry"]
+    assert main(["map", str(file), *out]) == 1
+    assert "add --controls velocity" in capsys.readouterr().err
+    assert main(["map", str(file), *out, "--controls", "velocity"]) == 0
