@@ -2,7 +2,11 @@
 
 import sys
 
-from slamlab.commands import main
-
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        from slamlab.commands import main
+
+        sys.exit(main())
+    except KeyboardInterrupt:  # before a command has begun
+        print("slamlab: interrupted", file=sys.stderr)
+        sys.exit(130)

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import gzip
 import io
+import lzma
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -23,6 +25,8 @@ __all__ = ["about", "read_bytes", "read_npz"]
 MOST_BYTES = 2**28
 
 _BROKEN = (
+    lzma.LZMAError,
+    tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
     EOFError,

@@ -33,7 +33,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         0 if all went well, 1 if the command could not do its work, 130 if it was interrupted.
         Wrong words on the command line end in SystemExit with 2, as argparse does it.
     """
-    options = _parser().parse_args(argv)
+    try:
+        options = _parser().parse_args(argv)
+    except KeyboardInterrupt:
+        print("slamlab: interrupted", file=sys.stderr)
+        return 130
     try:
         with warnings.catch_warnings(record=True) as noted:
             warnings.simplefilter("always", UserWarning)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from slamlab._checks import as_scalar
 from slamlab._files import about
 from slamlab.commands import _page
 from slamlab.datasets import read_carmen, read_rosbag, write_tum
@@ -29,6 +30,7 @@ from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.slam import HectorSlam, ScanGraphSlam
 
 _MOST_STEPS, _MOST_BEAMS = 500, 90  # of the replay: the page stays below some megabytes
+_CELLS = 0.005, 10.0  # smallest and largest cell of a map (m)
 _TRUSTED = 30.0  # beams count for the map up to this range (m)
 # By kind of the controls, their axes and how many there are. Any platform that moves sideways
 # integrates the velocities of its body alike.
@@ -47,7 +49,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--method", choices=["scan-graph", "hector", "odometry"], default="scan-graph"
     )
     parser.add_argument(
-        "--resolution", type=float, default=0.05, metavar="M", help="cell of the map (m)"
+        "--resolution",
+        type=float,
+        default=0.05,
+        metavar="M",
+        help="cell of the map (m), 0.005 to 10",
     )
     parser.add_argument(
         "--field-of-view", type=float, default=180.0, metavar="DEG", help="of FLASER scans"
@@ -63,14 +69,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Read, run, report, write."""
+    resolution = as_scalar("resolution", options.resolution, *_CELLS)
     # Numbers of astronomic size end in a sentence.
     with np.errstate(all="ignore"), about(options.log.name):
         log = read_log(options)
+        options.output.mkdir(parents=True, exist_ok=True)  # said now, not after an hour
         start = time.perf_counter()
         system = system_for(options.method, log)
         result = run_system(system, log, progress=_wants_bar())
         rows = report(options.method, result, time.perf_counter() - start)
-        grid = draw_map(result, options.resolution)
+        grid = draw_map(result, resolution)
         for name, value in rows:
             print(f"{name:24s} {value}")
         write(options.output, options.log.name, result, grid, rows)
@@ -164,7 +172,6 @@ def write(
     folder: Path, name: str, result: Run, grid: OccupancyGrid, rows: list[tuple[str, str]]
 ) -> None:
     """Write into `folder` what `result`, `grid` and the `rows` of the report on `name` say."""
-    folder.mkdir(parents=True, exist_ok=True)
     path, system = result.trajectory, result.system
     grid.save_ros(folder / "map.yaml")
     write_tum(folder / "trajectory.tum", result.times, path)

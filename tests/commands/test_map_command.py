@@ -1,6 +1,9 @@
 """``python -m slamlab map``: a log in, a map out; damage ends in a sentence."""
 
 import gzip
+import subprocess
+import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -178,3 +181,70 @@ def test_controls_that_nobody_named_are_asked_for(tmp_path, capsys):
     assert main(["map", str(file), *out]) == 1
     assert "add --controls velocity" in capsys.readouterr().err
     assert main(["map", str(file), *out, "--controls", "velocity"]) == 0
+
+
+@pytest.mark.parametrize("resolution", ["0", "-1", "nan", "1e-9", "inf"])
+def test_a_senseless_resolution_is_named_before_anything_is_made(
+    resolution, npz, tmp_path, capsys
+):
+    out = tmp_path / "out"
+    assert main(["map", str(npz), "-o", str(out), f"--resolution={resolution}"]) == 1
+    assert "resolution: expected a number in [0.005, 10]" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_an_output_that_cannot_be_a_folder_is_named_before_the_run(
+    npz, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr("slamlab.commands.map.run_system", None)  # must not be reached
+    (tmp_path / "out").write_text("a file")
+    assert main(["map", str(npz), "-o", str(tmp_path / "out")]) == 1
+    assert "out" in capsys.readouterr().err
+
+
+def bad_header(file):
+    """An archive whose array has a header that the tokenizer cannot read to its end."""
+    with zipfile.ZipFile(file, "w") as archive:
+        text = b"{'descr': '<f8', 'fortran_order': False, 'shape': (3,"
+        head = text + b" " * (118 - len(text) - 1) + b"\n"
+        archive.writestr("u.npy", b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head)
+
+
+def bad_lzma(file):
+    """A zip of method LZMA whose content is damaged."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("drive.log", b"FLASER " * 1000)
+    whole = bytearray(file.read_bytes())
+    whole[60:90] = bytes(30)
+    file.write_bytes(bytes(whole))
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"), [("a.npz", bad_header), ("a.log", bad_lzma), ("a.g2o", bad_lzma)]
+)
+def test_damaged_archives_end_in_a_sentence(name, damage, tmp_path, capsys):
+    file = tmp_path / name
+    damage(file)
+    command = "graph" if name.endswith("g2o") else "map"
+    assert main([command, str(file), "-o", str(tmp_path / "out")]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"slamlab {command}: ")
+    assert name in error
+    assert len(error.splitlines()) == 1
+
+
+def test_an_interrupt_before_the_command_begins_ends_in_a_sentence():
+    code = (
+        "import sys, runpy, importlib.abc\n"
+        "class Interrupt(importlib.abc.MetaPathFinder):\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'slamlab.commands.map': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupt())\n"
+        "sys.argv = ['slamlab', 'map', 'x.log']\n"
+        "runpy.run_module('slamlab', run_name='__main__')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 130
+    assert done.stderr == "slamlab: interrupted\n"
