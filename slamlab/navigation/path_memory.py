@@ -597,10 +597,11 @@ class PathMemory:
         for c in _metres("coefficients", kept["coefficients"], ("n", 4, 2)):
             memory._spline.append(c)
         memory._spline.box_tests = box_tests
-        memory._loops = [Loop(s, length, (x, y)) for s, length, x, y in kept["loops"].tolist()]
+        loops = as_array("loops", kept["loops"], ("n", 4))
+        memory._loops = [Loop(s, length, (x, y)) for s, length, x, y in loops.tolist()]
         memory._n, memory.n_points = len(kept["t"]), n_points
         memory._points[: memory._n] = _metres("points", kept["points"], (memory._n, 2))
         memory._t[: memory._n] = as_array("t", kept["t"], ("n",))
-        memory._slope = next(iter(kept["slope"]), None)
-        memory._curve = next(iter(kept["curve"]), None)
+        memory._slope = next(iter(_metres("slope", kept["slope"], ("n", 2))), None)
+        memory._curve = next(iter(_metres("curve", kept["curve"], ("n", 4, 2))), None)
         return memory
