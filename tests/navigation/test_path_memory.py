@@ -540,3 +540,28 @@ def test_a_path_of_points_is_what_adding_them_one_by_one_makes():
     assert whole.length != open_end, "the loops that the last segment closes are cut out too"
     with pytest.raises(ValueError, match="points: expected"):
         PathMemory.from_points([1.0, 2.0], 0.05)
+
+
+@pytest.mark.parametrize(
+    ("part", "damage"),
+    [
+        ("curve", lambda a: a * np.nan),
+        ("curve", lambda a: a[:, :3]),
+        ("slope", lambda a: a * np.nan),
+        ("slope", lambda a: a[:, :1]),
+        ("loops", lambda a: np.full((1, 4), np.nan)),
+        ("loops", lambda a: np.zeros((2, 3))),
+        ("points", lambda a: a * np.inf),
+    ],
+)
+def test_a_damaged_memory_is_refused_and_not_asked_for_its_length(part, damage, tmp_path):
+    """A curve of NaN made `length` run without end, in compiled code that no signal stops."""
+    memory = PathMemory(0.002, "two-points-derivative")
+    for t in np.linspace(0.0, 6.0, 90):
+        memory.add([t, np.sin(t)])
+    memory.save(tmp_path / "m.npz")
+    kept = dict(np.load(tmp_path / "m.npz"))
+    assert len(kept["curve"]) == len(kept["slope"]) == 1
+    np.savez(tmp_path / "m.npz", **(kept | {part: damage(kept[part])}))
+    with pytest.raises(ValueError, match=f"expected a path memory in .*{part}"):
+        PathMemory.load(tmp_path / "m.npz")
