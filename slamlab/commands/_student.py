@@ -1,176 +1,228 @@
-"""One student's file at work in a process of its own, asked through a pipe.
+"""The process of a submission: ``python -m slamlab.commands._student``, asked by `_process`.
 
-``python -m slamlab.commands._student FILE MEGABYTES ROOM ...`` is that process. It is told what a
-robot is told, step by step, and answers with numbers: the truth never comes here, and what it
-answers is read as JSON, so that nothing of it runs where the score is made.
+It executes the cells that it is sent and does what it is asked, with a time limit for each cell.
+Nothing is judged here, and no reference, check or truth ever comes here.
 """
 
 from __future__ import annotations
 
+import importlib.abc
 import json
 import os
 import pickle
+import signal
 import struct
-import subprocess
 import sys
-import tempfile
-import threading
 import traceback
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, NoReturn, cast
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib.machinery import ModuleSpec
+from io import BytesIO
+from types import ModuleType
+from typing import Any, NoReturn
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array
-from slamlab.commands import _submission
-from slamlab.exercises import lab_scores
-from slamlab.models import View
+__all__: list[str] = []
 
-__all__ = ["Process", "RemoteSmoother", "RemoteSystem"]
+# What a submission does not need: other processes, signals to them.
+PROCESSES = (
+    "os.exec", "os.fork", "os.forkpty", "os.kill", "os.killpg", "os.posix_spawn", "os.spawn",
+    "os.startfile", "os.system", "pty.spawn", "subprocess.Popen",
+)  # fmt: skip
+PATHS = (
+    "open", "os.chmod", "os.chown", "os.link", "os.listdir", "os.mkdir", "os.remove", "os.rename",
+    "os.rmdir", "os.scandir", "os.symlink", "os.truncate", "shutil.copyfile", "shutil.rmtree",
+)  # fmt: skip
 
 
-class Process:
-    """The process of one file; a context that ends it.
+class _TooLongError(BaseException):
+    """Time is up; no `except Exception` of a student catches it."""
 
-    Parameters
-    ----------
-    path : Path
-        .py or .ipynb.
-    seconds : float
-        How long it may work for one drive.
-    megabytes : int
-        How much memory it may take.
-    closed : sequence of str
-        Rooms of the library that it may not import.
+
+class _NoAnswers(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Checks that do nothing in place of the exercises; closed subpackages cannot be imported."""
+
+    def __init__(self, closed: Sequence[str]) -> None:
+        self.closed = tuple(closed)
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        """Answer for the exercises' modules; refuse closed subpackages."""
+        if name.startswith("slamlab.exercises.ch"):
+            return ModuleSpec(name, self)
+        if f"{name}.".startswith(tuple(f"{room}." for room in self.closed)):
+            raise ImportError(f"{name} is not to be used here: it is what you are asked to write")
+        return None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Give the module checks that do nothing."""
+        module.__getattr__ = partial(_check, module.__name__)  # type: ignore[method-assign]
+
+
+def _check(module: str, name: str) -> Any:
+    if name.startswith("check_"):
+        return lambda *_: None
+    raise AttributeError(f"{module} has no {name} for a submission")
+
+
+class _Shell:
+    """What `get_ipython()` is in a submission: magics do nothing, %%time runs its cell."""
+
+    def __init__(self, space: dict[str, Any]) -> None:
+        self._space = space
+
+    def run_cell_magic(self, name: str, line: str, cell: str) -> None:
+        """Run the cell below %%time and %%capture."""
+        if name in ("time", "capture", "prun"):
+            exec(compile(cell, "yours", "exec"), self._space)
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *_, **__: None
+
+
+def _limited(seconds: float, work: Callable[[], Any]) -> Any:
+    """Do some work, for so long at most; on Windows the limit of the whole process remains."""
+
+    def ring(*_: Any) -> None:
+        raise _TooLongError
+
+    if not hasattr(signal, "SIGALRM"):
+        return work()
+    signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        return work()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def _limit_memory(size: int) -> None:
+    """Let this process take so many bytes at most; Windows knows no such limit."""
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_AS, (size, size))
+
+
+def _watch(folders: Sequence[str]) -> None:
+    """Refuse other processes, and whatever touches a closed folder; there is no way back."""
+    shut = tuple(os.path.join(folder, "") for folder in folders)
+    own = f"/proc/{os.getpid()}/", "/proc/self/", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat"
+    start, real, fspath = str.startswith, os.path.realpath, os.fspath
+
+    def refuse(event: str, given: tuple[Any, ...]) -> None:
+        if event in PROCESSES:
+            raise PermissionError(f"a submission starts and ends no process ({event})")
+        if event not in PATHS:
+            return
+        for one in given[:2]:
+            if not isinstance(one, str | bytes | os.PathLike):
+                continue
+            path = real(os.fsdecode(fspath(one)))
+            others = start(path, "/proc/") and not start(path, own)
+            if others or start(os.path.join(path, ""), shut):
+                raise PermissionError("a submission opens nothing there")
+
+    sys.addaudithook(refuse)
+
+
+def _set_up(
+    space: dict[str, Any], kept: dict[str, ModuleType], setup: dict[str, Any]
+) -> dict[str, Any]:
+    """Close what is closed, then run the cells; return what went wrong, and the functions.
+
+    `kept` are closed modules, whose classes the settings of a lab are made of.
     """
+    import slamlab.exercises
 
-    def __init__(
-        self, path: Path, seconds: float, megabytes: int, closed: Sequence[str] = ()
-    ) -> None:
-        self.seconds = seconds
-        self._place = tempfile.TemporaryDirectory()
-        words = [sys.executable, "-m", "slamlab.commands._student", str(path.resolve())]
-        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-        self._process = subprocess.Popen(
-            [*words, str(megabytes), *closed],
-            cwd=self._place.name,
-            env={**os.environ, **threads, "MPLBACKEND": "Agg"},
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-        self._late = False
-        self._clock = threading.Timer(seconds, self._ring)
-        self.start_clock()
+    if setup["closed"]:  # a lab: its settings must be known before the rest is closed
+        from slamlab.exercises import lab_scores, labs
 
-    def __enter__(self) -> Process:
-        """Return itself."""
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        """End the process."""
-        self._clock.cancel()
-        self._process.kill()
-        self._process.communicate()
-        self._place.cleanup()
-
-    def start_clock(self) -> None:
-        """Give the process its seconds, from now on."""
-        self._clock.cancel()
-        self._clock = threading.Timer(self.seconds, self._ring)
-        self._clock.daemon = True
-        self._clock.start()
-
-    def _ring(self) -> None:
-        self._late = True
-        self._process.kill()
-
-    def ask(self, verb: str, *given: Any) -> Any:
-        """Let the file's system do something; ValueError says why it did not."""
-        pipe_in, pipe_out = cast(Any, self._process.stdin), cast(Any, self._process.stdout)
-        message = pickle.dumps((verb, given))
+        scores = ModuleType(lab_scores.__name__)
+        scores.practise = lambda *_, **__: None  # type: ignore[attr-defined]
+        slamlab.exercises.lab_scores = scores
+        sys.modules[scores.__name__], sys.modules[labs.__name__] = scores, labs
+        sys.modules.pop("slamlab.exercises.lab_systems", None)
+    for room in setup["closed"]:  # neither `import slamlab` nor what was loaded shows them
+        for name in [name for name in sys.modules if f"{name}.".startswith(f"{room}.")]:
+            kept[name] = sys.modules.pop(name)
+        vars(sys.modules["slamlab"]).pop(room.rpartition(".")[2], None)
+    sys.meta_path.insert(0, _NoAnswers(setup["closed"]))
+    _limit_memory(int(setup["megabytes"]) * 2**20)
+    _watch(setup["folders"])
+    shell = _Shell(space)
+    space["get_ipython"] = lambda: shell
+    notes = []
+    for number, cell in enumerate(setup["cells"], start=1):
         try:
-            pipe_in.write(struct.pack("<q", len(message)) + message)
-            pipe_in.flush()
-            line = pipe_out.readline()
-        except OSError:
-            line = b""
-        if not line.endswith(b"\n"):
-            self._gone(verb)
-        answer = json.loads(line)
-        if "error" in answer:
-            raise ValueError(f"{verb}: {answer['error']}")
-        return answer["came"]
-
-    def _gone(self, verb: str) -> NoReturn:
-        if self._late:
-            raise ValueError(f"{verb}: it did not end within {self.seconds:g} s")
-        raise ValueError(f"{verb}: its process ended early")
-
-    def system(self, setting: Any) -> RemoteSystem:
-        """Return the system that the file's `make` builds for a drive."""
-        self.start_clock()
-        came = self.ask("make", setting)
-        return (RemoteSmoother if came["smoother"] else RemoteSystem)(self, came["measures"])
+            _limited(setup["seconds"], partial(_executed, cell, space))
+        except _TooLongError:
+            notes.append(f"cell {number} did not end within {setup['seconds']:g} s")
+        except BaseException as error:
+            notes.append(f"cell {number} raised {_said(error)}")
+    own = [name for name, value in space.items() if callable(value) and name[:1] != "_"]
+    return {"notes": notes, "functions": own}
 
 
-class RemoteSystem:
-    """A student's system at the other end of the pipe: an Estimator, and a Pilot if it is one."""
-
-    def __init__(self, process: Process, measures: str) -> None:
-        self.measures, self._process = measures, process
-        self._pose, self._cov = np.zeros(3), np.zeros((3, 3))
-        self._take(process.ask("belief"))
-
-    def __repr__(self) -> str:
-        """Return where it believes to be."""
-        return f"RemoteSystem({np.round(self._pose, 2).tolist()})"
-
-    @property
-    def pose(self) -> Array:
-        """Estimated pose (3,), a copy."""
-        return self._pose.copy()
-
-    @property
-    def pose_cov(self) -> Array:
-        """Its covariance (3, 3), a copy."""
-        return self._cov.copy()
-
-    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
-        """Move."""
-        self._take(self._process.ask("predict", u, dt, control_cov))
-
-    def update(self, measurement: ArrayLike, ids: Any = None) -> None:
-        """Take in a measurement."""
-        given = (measurement,) if self.measures == "ranges" else (measurement, ids)
-        self._take(self._process.ask("update", *given))
-
-    def command(self, view: View) -> Array | None:
-        """Return the next control, None when the student's pilot is done."""
-        u = self._process.ask("command", view)
-        return None if u is None else as_array("command", u, ("p",))
-
-    def _take(self, belief: dict[str, Any]) -> None:
-        self._pose = as_array("pose", belief["pose"], (3,))
-        self._cov = as_array("pose_cov", belief["cov"], (3, 3))
+def _executed(cell: str, space: dict[str, Any]) -> None:
+    exec(compile(cell, "yours", "exec"), space)
 
 
-class RemoteSmoother(RemoteSystem):
-    """A student's system that revises its past."""
+def _called(function: Callable[..., Any], given: tuple[Any, ...]) -> dict[str, Any]:
+    """Call a function; say what came, what became of its arguments, and who shares memory."""
+    try:
+        came = function(*given)
+    except Exception as error:
+        return {"raised": [type(error).__name__, str(error)]}
+    if (came is None or came is Ellipsis) and _is_stub(function):
+        return {"raised": ["NotImplementedError", "nothing written yet"]}
+    arrays = [a for one in given for a in (one if isinstance(one, list) else [one])]
+    arrays = [a for a in arrays if isinstance(a, np.ndarray)]
+    came = None if came is Ellipsis else came
+    return {"result": _encoded(came, arrays), "after": [_encoded(one, []) for one in given]}
 
-    @property
-    def trajectory(self) -> Array:
-        """Best poses (T, 3) of all steps so far."""
-        return as_array("trajectory", self._process.ask("trajectory"), ("T", 3))
+
+def _is_stub(function: Callable[..., Any]) -> bool:
+    """Say whether a function has no body yet: nothing but `...` or its docstring."""
+    code = getattr(function, "__code__", None)
+    return code is not None and not code.co_names and len(code.co_code) <= 8
 
 
-# The other end.
+def _encoded(value: Any, arrays: list[np.ndarray]) -> Any:
+    """Turn a result into what JSON can say; `arrays` are those it may share memory with."""
+    if hasattr(value, "mean") and hasattr(value, "cov") and not isinstance(value, np.ndarray):
+        value = (np.array(value.mean, dtype=float), np.array(value.cov, dtype=float))
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.ndarray | np.generic):
+        array = np.asarray(value)
+        if array.dtype.kind not in "biuf":
+            return repr(value)
+        same = (
+            k for k, a in enumerate(arrays)
+            if a.size == array.size > 0 and np.may_share_memory(a, array)
+        )  # fmt: skip
+        place = next(same, None)
+        arrays.append(array)
+        shape = list(array.shape)
+        return {"array": array.ravel().tolist(), "shape": shape, "kind": array.dtype.kind,
+                "shares": place}  # fmt: skip
+    if isinstance(value, tuple):
+        return {"tuple": [_encoded(entry, arrays) for entry in value]}
+    if isinstance(value, list | range):
+        return [_encoded(entry, arrays) for entry in value]
+    return repr(value)
+
+
+# A lab: a system is made, then driven step by step.
 
 
 def _answer(space: dict[str, Any], notes: list[str], verb: str, given: tuple[Any, ...]) -> Any:
     """Do what was asked, and return plain data."""
+    if verb == "call":
+        name, arguments = given
+        return _called(space[name], arguments)
     if verb in ("make", "map_room"):
         if not callable(space.get(verb)):
             said = f" ({'; '.join(notes)})" if notes else ""
@@ -188,9 +240,9 @@ def _answer(space: dict[str, Any], notes: list[str], verb: str, given: tuple[Any
     system = space["__system"]
     if verb == "trajectory":
         return np.asarray(system.trajectory, float).tolist()
-    came = getattr(system, verb)(*given) if verb != "belief" else None
+    control = getattr(system, verb)(*given) if verb != "belief" else None
     if verb == "command":
-        return None if came is None else np.asarray(came, float).tolist()
+        return None if control is None else np.asarray(control, float).tolist()
     pose, cov = np.asarray(system.pose, float), np.asarray(system.pose_cov, float)
     return {"pose": pose.tolist(), "cov": cov.tolist()}
 
@@ -199,37 +251,46 @@ def _said(error: BaseException) -> str:
     """Say what was raised and on which line of the student's file."""
     lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == "yours"]
     where = f", line {lines[-1]} of its cell" if lines else ""
-    return f"{type(error).__name__}: {error}{where}"
+    return f"{type(error).__name__}: {str(error)[:500]}{where}"
 
 
-def main(file: str, megabytes: str, *closed: str) -> None:
-    """Execute a file, then answer what comes through the pipe until it is closed."""
+def main() -> NoReturn:
+    """Answer what comes through the pipe until it is closed."""
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
     questions = os.fdopen(os.dup(0), "rb")
-    sys.stdin = open(os.devnull, encoding="utf-8")
-    sys.argv = [file]
-    lab_scores.practise = lambda *_, **__: None
-    _submission.limit_memory(int(megabytes) * 2**20)
-    for room in closed:  # `import slamlab` does not show them
-        vars(sys.modules["slamlab"]).pop(room.rpartition(".")[2], None)
+    answer: dict[str, Any]
+    sys.stdin, sys.argv = open(os.devnull, encoding="utf-8"), ["submission"]
     space: dict[str, Any] = {"__name__": "submission"}
-    notes = []
-    for number, cell in enumerate(_submission.cells_of(Path(file)), start=1):
-        try:
-            exec(compile(cell, "yours", "exec"), space)
-        except BaseException as error:
-            notes.append(f"cell {number} raised {_said(error)}")
+    notes: list[str] = []
+    kept: dict[str, ModuleType] = {}
+
+    class Reader(pickle.Unpickler):
+        """Finds classes of modules that are closed to the submission."""
+
+        def find_class(self, module: str, name: str) -> Any:
+            return (
+                getattr(kept[module], name) if module in kept else super().find_class(module, name)
+            )
+
+    # A cell may change what these names mean for everybody; ours stay what they are.
+    dump, unpack = json.dumps, struct.unpack
     while size := questions.read(8):
-        verb, given = pickle.loads(questions.read(struct.unpack("<q", size)[0]))
+        text = BytesIO(questions.read(unpack("<q", size)[0]))
         try:
-            answer = {"came": _answer(space, notes, verb, given)}
+            verb, given = Reader(text).load()
+            if verb == "setup":
+                answer = {"came": _set_up(space, kept, *given)}
+                notes += answer["came"]["notes"]
+            else:
+                answer = {"came": _answer(space, notes, verb, given)}
         except BaseException as error:
             answer = {"error": _said(error)}
-        answers.write(json.dumps(answer) + "\n")
+        answers.write(dump(answer) + "\n")
         answers.flush()
+    os._exit(0)  # not a line more of the submission runs
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -2,147 +2,216 @@
 
 Every function is tried on the inputs of its check; each exercise gives as much of a point as the
 share of its properties that hold. A table goes into a CSV file and a page for each student into
-the folder `feedback` beside it. Submissions that import the references, change the checks or look
-into the interpreter get no points, and the note says why. Limits of time and memory keep one
-submission from spoiling the others; run strangers' code in a container or a throwaway account
-all the same.
+the folder `feedback` beside it; with --roster the lines of a class list come back with the points
+in columns of their own, which Moodle and Canvas import.
+
+The process of a submission gets arguments and answers with numbers: references, checks and other
+submissions are not in it, it may start no process, and limits of time and memory hold. Whatever
+one submission does, the others keep their marks. Files elsewhere on the computer are as open to it
+as to whoever runs the command: strangers' code belongs into a container or a throwaway account.
+
+    python -m slamlab grade hand-ins --chapter 02
+    python -m slamlab grade hand-ins --chapter 02,09 --roster class.csv -o marks.csv
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import json
-import os
-import subprocess
-import sys
-import tempfile
+import re
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from slamlab.commands import _page, _submission
-from slamlab.exercises import Check, Report
+import slamlab.exercises
+from slamlab._checks import as_count, as_positive
+from slamlab.commands import _page
+from slamlab.commands._process import cells_of, printable
+from slamlab.commands._submission import Mark, checks_of, marked
+from slamlab.exercises import Check
+
+__all__ = ["arguments", "run"]
+
+_KINDS = {".ipynb", ".py"}
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what a spreadsheet would work out
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what the command takes."""
     parser.add_argument("folder", type=Path, help="submissions; folders in it are searched too")
-    parser.add_argument("--chapter", required=True, help="two digits, as 02")
+    parser.add_argument(
+        "--chapter", required=True, help="two digits, as 02; several with commas, as 02,09"
+    )
     parser.add_argument("-o", "--output", type=Path, default=Path("marks.csv"), metavar="FILE")
+    parser.add_argument(
+        "--roster",
+        type=Path,
+        metavar="FILE",
+        help="class list (.csv) of Moodle or Canvas; a gradebook is written beside the table",
+    )
     parser.add_argument("--seconds", type=float, default=10.0, help="for each cell and exercise")
     parser.add_argument("--megabytes", type=int, default=2048, help="memory of a submission")
     parser.add_argument("--jobs", type=int, default=2, help="how many run at a time")
 
 
-@dataclass
-class Mark:
-    """What one submission has earned."""
-
-    student: str
-    reports: dict[str, Report] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    refused: bool = False
-
-    def share(self, name: str) -> float:
-        """Share of the properties of one exercise that hold."""
-        report = self.reports.get(name)
-        return 0.0 if report is None or self.refused else report.held / report.total
-
-    @property
-    def points(self) -> float:
-        """One point an exercise, or the share of it."""
-        return sum(self.share(name) for name in self.reports)
-
-
 def run(options: argparse.Namespace) -> None:
     """Grade, write the table and the pages, and print the table."""
-    checks = _submission.checks_of(options.chapter)
-    kinds = {".ipynb", ".py"}
-    paths = sorted(path for path in options.folder.rglob("*") if path.suffix in kinds)
+    as_positive("seconds", options.seconds, 1e6)
+    as_count("megabytes", options.megabytes, 1)
+    as_count("jobs", options.jobs, 1)
+    chapters = [chapter.strip() for chapter in options.chapter.split(",")]
+    checks = {chapter: checks_of(chapter) for chapter in chapters}
+    roster = None if options.roster is None else read_roster(options.roster)
+    paths = sorted(path for path in options.folder.rglob("*") if path.suffix in _KINDS)
     paths = [path for path in paths if ".ipynb_checkpoints" not in path.parts]
     if not paths:
         raise ValueError(f"folder: expected .ipynb or .py files in {options.folder}, found none")
-    with ThreadPoolExecutor(options.jobs) as pool:
-        raw = list(pool.map(lambda path: _executed(path, options), paths))
-    names = ["_".join(path.relative_to(options.folder).with_suffix("").parts) for path in paths]
-    if len(set(names)) < len(names):
-        names = [path.relative_to(options.folder).as_posix().replace("/", "_") for path in paths]
-    marks = [_marked(name, lines, checks) for name, lines in zip(names, raw, strict=True)]
-    write(marks, list(checks), options.output)
-    for mark in marks:
-        print(f"{mark.student:30s} {mark.points:5.2f} of {len(checks)}  {'; '.join(mark.notes)}")
-    print(f"{'written to':30s} {options.output}")
+    (options.output.parent / "feedback").mkdir(parents=True, exist_ok=True)
+    # Every file is read before the first of them runs.
+    names = _names([path.relative_to(options.folder) for path in paths])
+    marks = [Mark(name, _chapter(path, chapters)) for name, path in zip(names, paths, strict=True)]
+    files = [_read(path) for path in paths]
+    folders = [Path(slamlab.exercises.__path__[0]), options.folder, options.output.parent]
 
+    def judge(mark: Mark, cells: list[str] | str) -> Mark:
+        if isinstance(cells, str):
+            mark.notes.append(f"the file cannot be read: {cells}")
+            return mark
+        if not mark.chapter:
+            mark.notes.append(f"which chapter? its name holds none of {', '.join(chapters)}")
+            return mark
+        limits = options.seconds, options.megabytes
+        return marked(mark, cells, checks[mark.chapter], *limits, folders)
 
-def _executed(path: Path, options: argparse.Namespace) -> list[dict[str, Any]]:
-    """Run one submission; return what its process has written, line by line."""
+    pool = ThreadPoolExecutor(options.jobs)
     try:
-        refused = _submission.refusals(_submission.cells_of(path))
+        marks = list(pool.map(judge, marks, files))
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+    write(marks, checks, options.output)
+    for mark in marks:
+        of, notes = len(checks.get(mark.chapter, ())), "; ".join(mark.notes)
+        print(f"{mark.student:30s} {mark.points:5.2f} of {of}  {notes}")
+    print(f"{'written to':30s} {options.output}")
+    if roster is not None:
+        book = options.output.with_name(f"{options.output.stem}-gradebook.csv")
+        owners = [_labels(path.relative_to(options.folder)) for path in paths]
+        missing = write_gradebook(roster, owners, marks, checks, book)
+        print(f"{'gradebook':30s} {book}, {missing} of {len(roster)} without a submission")
+
+
+def _chapter(path: Path, chapters: list[str]) -> str:
+    """Return the chapter that a file is of: the only one, or the one that its name holds."""
+    found = [one for one in chapters if re.search(rf"(?<!\d){one}(?!\d)", path.stem)]
+    return chapters[0] if len(chapters) == 1 else found[0] if len(found) == 1 else ""
+
+
+def _read(path: Path) -> list[str] | str:
+    """Cells of a file, or why it has none."""
+    try:
+        return cells_of(path)
     except (ValueError, OSError) as error:
-        return [{"note": f"the file cannot be read: {error}"}]
-    if refused:
-        return [{"cheat": text} for text in refused]
-    checks = _submission.checks_of(options.chapter)
-    longest = options.seconds * (len(checks) + 3) + 60
-    with tempfile.TemporaryDirectory() as place:
-        output = Path(place, "observed.jsonl")
-        words = [str(path.resolve()), options.chapter, str(output)]
-        command = [sys.executable, "-m", "slamlab.commands._submission", *words]
-        threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
-        note = "its process ended early: what follows was not tried"
-        try:
-            subprocess.run(
-                [*command, str(options.seconds), str(options.megabytes)],
-                cwd=place,
-                env={**os.environ, **threads},
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                timeout=longest,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            note = f"its process was stopped after {longest:g} s"
-        text = output.read_text(encoding="utf-8") if output.exists() else ""
-    lines = [json.loads(line) for line in text.splitlines() if line.endswith("}")]
-    return lines if lines and "done" in lines[-1] else [*lines, {"note": note}]
+        return printable(str(error))
 
 
-def _marked(student: str, lines: list[dict[str, Any]], checks: dict[str, Check]) -> Mark:
-    """Judge what was observed."""
-    mark = Mark(student)
-    for line in lines:
-        if "cheat" in line:
-            mark.refused = True
-            mark.notes.append(f"refused: {line['cheat']}")
-        elif "exercise" in line and "seen" in line:
-            check = checks[line["exercise"]]
-            mark.reports[line["exercise"]] = check.judge(_submission.decoded(line["seen"]))
-        elif "note" in line:
-            where = f"{line['exercise']}: " if "exercise" in line else ""
-            mark.notes.append(where + line["note"])
-    return mark
+def _names(paths: list[Path]) -> list[str]:
+    """Give each file a name that no other has, and that a file can bear."""
+    names = [printable("_".join(path.with_suffix("").parts)) for path in paths]
+    if len(set(names)) < len(names):
+        names = [printable(path.as_posix().replace("/", "_")) for path in paths]
+    for k, name in enumerate(names):
+        again = names[:k].count(name)
+        names[k] = f"{name} ({again + 1})" if again else name
+    return names
 
 
-def write(marks: list[Mark], exercises: list[str], output: Path) -> None:
-    """Write the table and a page for each student."""
+def write(marks: list[Mark], checks: dict[str, dict[str, Check]], output: Path) -> None:
+    """Write the table, row by row, and a page for each student."""
     pages = output.parent / "feedback"
-    pages.mkdir(parents=True, exist_ok=True)
-    with output.open("w", newline="", encoding="utf-8") as file:
+    several = len(checks) > 1
+    columns = [(chapter, name) for chapter, names in checks.items() for name in names]
+    titles = [f"{chapter}.{name}" if several else name for chapter, name in columns]
+    with output.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
         table = csv.writer(file)
-        table.writerow(["student", "points", "of", *exercises, "note"])
+        table.writerow(["student", "points", "of", *titles, "note"])
         for mark in marks:
-            shares = [f"{mark.share(name):.2f}" for name in exercises]
-            notes = "; ".join(mark.notes)
+            exercises = list(checks.get(mark.chapter, ()))
+            shares = [
+                f"{mark.share(name):.2f}" if chapter == mark.chapter else ""
+                for chapter, name in columns
+            ]
             points = f"{mark.points:.2f}"
-            table.writerow([mark.student, points, len(exercises), *shares, notes])
-            parts = [_page.paragraph(f"{points} of {len(exercises)} points")]
-            parts += [_page.paragraph(note) for note in mark.notes]
-            for name in exercises:
-                report = mark.reports.get(name)
-                missing = _page.paragraph(f"{name}: nothing was handed in, or it did not end")
-                parts.append(report._repr_html_() if report else missing)
-            text = _page.page(mark.student, *parts)
-            (pages / f"{mark.student}.html").write_text(text, encoding="utf-8")
+            row = [mark.student, points, len(exercises), *shares, "; ".join(mark.notes)]
+            table.writerow([_harmless(entry) for entry in row])
+            (pages / f"{mark.student}.html").write_text(
+                feedback(mark, exercises), encoding="utf-8", errors="backslashreplace"
+            )
+
+
+def _harmless(entry: Any) -> Any:
+    """Keep a spreadsheet from taking a text for a formula."""
+    return f"'{entry}" if isinstance(entry, str) and entry.startswith(_FORMULA) else entry
+
+
+def feedback(mark: Mark, exercises: list[str]) -> str:
+    """Return the page of a student: points, notes, and the report of each exercise."""
+    parts = [_page.paragraph(f"{mark.points:.2f} of {len(exercises)} points")]
+    parts += [_page.paragraph(note) for note in mark.notes]
+    for name in exercises:
+        report = mark.reports.get(name)
+        missing = _page.paragraph(f"{name}: nothing was handed in, or it did not end")
+        parts.append(report._repr_html_() if report else missing)
+    return _page.page(mark.student, *parts)
+
+
+# Class lists.
+
+
+def read_roster(path: Path) -> list[dict[str, str]]:
+    """Read the lines of a class list, as Moodle or Canvas exports it."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = list(csv.DictReader(file, strict=True))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"roster: expected a table of text in {path.name} ({error})") from error
+    if not rows or any(None in row or None in row.values() for row in rows):
+        raise ValueError(f"roster: expected lines of equal length in {path.name}")
+    return rows
+
+
+def write_gradebook(
+    roster: list[dict[str, str]],
+    owners: list[set[str]],
+    marks: list[Mark],
+    checks: dict[str, dict[str, Check]],
+    output: Path,
+) -> int:
+    """Write the class list with the points of each chapter; return how many lines have no file.
+
+    A file is of a line if a word of its path is an entry of the line: a user name, an address, an
+    ID. Of several files of a chapter the best counts.
+    """
+    titles = {chapter: f"slamlab {chapter} (of {len(names)})" for chapter, names in checks.items()}
+    missing = 0
+    with output.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
+        table = csv.DictWriter(file, [*roster[0], *titles.values(), "Feedback"])
+        table.writeheader()
+        for line in roster:
+            keys = {key.strip().casefold() for key in line.values() if len(key.strip()) > 2}
+            own = [m for m, words in zip(marks, owners, strict=True) if keys & words]
+            points, notes = {}, []
+            for chapter, title in titles.items():
+                files = [mark for mark in own if mark.chapter == chapter]
+                best = max(files, key=lambda mark: mark.points, default=None)
+                points[title] = "" if best is None else f"{best.points:.2f}"
+                notes += [] if best is None else best.notes
+            missing += not own
+            told = "; ".join(notes) if own else "no file"
+            table.writerow(line | points | {"Feedback": _harmless(told)})
+    return missing
+
+
+def _labels(path: Path) -> set[str]:
+    """Words by which a path can be told: its parts, and their pieces between underscores."""
+    parts = [*path.parts[:-1], path.stem]
+    return {word.casefold() for part in parts for word in (part, *part.split("_"))}

@@ -26,13 +26,21 @@ def run(options: argparse.Namespace) -> None:
     missing = [chapter for chapter in options.chapters if chapter not in found]
     if missing:
         raise ValueError(f"chapters: expected some of {', '.join(found)}, got {missing[0]}")
-    options.to.mkdir(parents=True, exist_ok=True)
+    files = {options.to / "README.md": README}
     for chapter in options.chapters:
         notebook = emptied(json.loads(found[chapter].read_text(encoding="utf-8")))
         text = json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
-        (options.to / found[chapter].name).write_text(text, encoding="utf-8")
-        print(options.to / found[chapter].name)
-    (options.to / "README.md").write_text(README, encoding="utf-8")
+        files[options.to / found[chapter].name] = text
+    for file, text in files.items():
+        if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
+            raise ValueError(
+                f"to: expected a folder without {file.name}, or with the same one, since it may "
+                f"hold somebody's work; {file} differs"
+            )
+    options.to.mkdir(parents=True, exist_ok=True)
+    for file, text in files.items():
+        file.write_text(text, encoding="utf-8")
+        print(file)
 
 
 README = """# Exercises

@@ -15,8 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from slamlab.commands import _submission
-from slamlab.commands._student import Process
+from slamlab import exercises
+from slamlab._checks import as_positive
+from slamlab.commands._process import Gone, Process, cells_of
+from slamlab.commands._remote import remote_system
 from slamlab.exercises.lab_scores import Row, library_rows, row, sheet
 from slamlab.exercises.labs import LABS, Task, as_system_sees_it, tasks
 
@@ -40,24 +42,33 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the score sheet."""
-    closed = (*CLOSED[options.lab], "slamlab.commands")
-    refused = _submission.refusals(_submission.cells_of(options.file), closed)
-    if refused:
-        raise ValueError(f"refused: {'; '.join(refused)}")
+    as_positive("seconds", options.seconds, 1e6)
+    as_positive("megabytes", options.megabytes, 1e6)
+    cells = cells_of(options.file)
     seed = secrets.randbits(32) if options.seed is None else options.seed
     print(f"Lab {options.lab}: {options.file.name}, seed {seed}")
     won = of = 0
     for task in tasks(options.lab, np.random.default_rng((21, seed))):
         bar = library_rows(options.lab, task, not options.alone)
-        good, asked = sheet(options.lab, task, _yours(options, task, closed), bar)
+        good, asked = sheet(options.lab, task, _yours(options, task, cells), bar)
         won, of = won + good, of + asked
     print(f"\n{won} of {of} points")
 
 
-def _yours(options: argparse.Namespace, task: Task, closed: tuple[str, ...]) -> Row:
+def _yours(options: argparse.Namespace, task: Task, cells: list[str]) -> Row:
     """Let the student's system do a drive in its own process."""
-    with Process(options.file, options.seconds, options.megabytes, closed) as process:
-        if options.lab != "II":
-            return row(options.lab, task, "you", partial(process.system, task.setting))
-        log = as_system_sees_it(task.log)
-        return row("II", task, "you", partial(process.ask, "map_room", task.setting, log))
+    closed = (*CLOSED[options.lab], "slamlab.commands")
+    folders = [Path(exercises.__path__[0])]
+    try:
+        with Process(cells, options.seconds, options.megabytes, closed, folders) as process:
+            if options.lab != "II":
+                return row(options.lab, task, "you", partial(remote_system, process, task.setting))
+            process.start_clock()
+            log = as_system_sees_it(task.log)
+            return row("II", task, "you", partial(process.ask, "map_room", task.setting, log))
+    except Gone as error:
+        return row(options.lab, task, "you", partial(_no_answer, str(error)))
+
+
+def _no_answer(reason: str, *_: object) -> None:
+    raise ValueError(reason)

@@ -5,7 +5,7 @@ from slamlab.datasets.killian import Killian, killian
 from slamlab.datasets.relations import Relations, read_relations
 from slamlab.datasets.rosbag import read_rosbag
 from slamlab.datasets.simulator_log import read_simulator
-from slamlab.datasets.synthetic import ManhattanGraph, manhattan_graph
+from slamlab.datasets.synthetic import ManhattanGraph, manhattan_graph, town_with_false_closures
 from slamlab.datasets.tum import read_tum, write_tum
 from slamlab.datasets.victoria_park import (
     read_landmark_log,
@@ -25,6 +25,7 @@ __all__ = [
     "read_rosbag",
     "read_simulator",
     "read_tum",
+    "town_with_false_closures",
     "victoria_park",
     "victoria_park_runs",
     "write_tum",

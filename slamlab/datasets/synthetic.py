@@ -6,9 +6,11 @@ Chapter 13 and the benchmarks use it.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from slamlab._checks import Array, as_count, as_positive, as_rng
@@ -16,7 +18,7 @@ from slamlab.geometry import between, wrap_angle
 from slamlab.robots import RelativePose, dead_reckoning
 from slamlab.slam import PoseGraph
 
-__all__ = ["ManhattanGraph", "manhattan_graph"]
+__all__ = ["ManhattanGraph", "manhattan_graph", "town_with_false_closures"]
 
 
 class ManhattanGraph(NamedTuple):
@@ -118,3 +120,38 @@ def _closures(truth: Array, count: int, rng: np.random.Generator) -> np.ndarray:
         radius *= 1.5
     chosen = np.sort(rng.choice(len(pairs), size=count, replace=False))
     return pairs[chosen]
+
+
+@cache
+def town_with_false_closures(town: int) -> tuple[PoseGraph, NDArray[np.bool_]]:
+    """Town number `town` as dead reckoning draws it, with six false closures among 61 true ones.
+
+    Parameters
+    ----------
+    town : int
+        Seed of the town, at least 0.
+
+    Returns
+    -------
+    PoseGraph
+        200 poses, 61 true closures and six false ones.
+    ndarray of bool, shape (266,)
+        Which of its edges are false.
+
+    Raises
+    ------
+    ValueError
+        If `town` is no such number.
+
+    Examples
+    --------
+    >>> graph, false = town_with_false_closures(3)
+    >>> len(graph.poses), int(false.sum())
+    (200, 6)
+    """
+    rng = np.random.default_rng(as_count("town", town))
+    base = manhattan_graph(200, 260, rng, sigma_heading=0.05).graph
+    pairs = np.array([np.sort(rng.choice(200, 2, replace=False)) for _ in range(6)])
+    wrong = np.column_stack([rng.uniform(-1, 1, (6, 2)), rng.uniform(-3, 3, 6)])
+    edges, measurements = np.vstack([base.edges, pairs]), np.vstack([base.measurements, wrong])
+    return PoseGraph(base.poses, edges, measurements, base.information[0]), np.arange(266) >= 260

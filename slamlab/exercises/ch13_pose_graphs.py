@@ -5,12 +5,11 @@ Formulas (A), (B), (E) and (F) of the chapter; Grisetti et al. 2010, Agarwal et 
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from slamlab.datasets import manhattan_graph
+from slamlab.datasets import town_with_false_closures
 from slamlab.exercises._draw import a_covariance, a_pose, an_angle
 from slamlab.exercises._report import Array, Check, Function
 from slamlab.geometry import between, compose, rotation
@@ -218,41 +217,13 @@ check_weight = Check(
 # Exercise 5: a kernel to tune.
 
 
-@cache
-def town_with_lies(town: int) -> tuple[PoseGraph, np.ndarray]:
-    """Town number `town` from dead reckoning, with six lies, and which closures are lies.
-
-    Parameters
-    ----------
-    town : int
-
-    Returns
-    -------
-    PoseGraph
-        200 poses, 61 true closures and six false ones.
-    ndarray of bool
-        Which of its edges are lies.
-    """
-    rng = np.random.default_rng(town)
-    base = manhattan_graph(200, 260, rng, sigma_heading=0.05).graph
-    pairs = np.array([np.sort(rng.choice(200, 2, replace=False)) for _ in range(6)])
-    lies = np.column_stack([rng.uniform(-1, 1, (6, 2)), rng.uniform(-3, 3, 6)])
-    graph = PoseGraph(
-        base.poses,
-        np.vstack([base.edges, pairs]),
-        np.vstack([base.measurements, lies]),
-        base.information[0],
-    )
-    return graph, np.arange(266) >= 260
-
-
 def _outcome(function: Function, town: int) -> Any:
     """Count the true closures that were rejected and the lies that were believed."""
-    graph, lie = town_with_lies(town)
+    graph, false = town_with_false_closures(town)
     width = np.atleast_1d(np.asarray(function(town), dtype=float)).tolist()
     result = graph.optimize(kernel="dcs", kernel_width=width, max_iterations=60)
     rejected = result.weights < 0.1
-    return int((rejected & graph.closures & ~lie).sum()), int((~rejected & lie).sum())
+    return int((rejected & graph.closures & ~false).sum()), int((~rejected & false).sum())
 
 
 def _widths(town: int) -> tuple[float, ...]:

@@ -77,15 +77,14 @@ WRONG = {  # what is handed in, a piece of what is said
     ),
     "dies": (GOOD + "\n\nimport os\nos._exit(1)\n", "its process ended early"),
 }
-CHEATS = {
-    "from slamlab.slam import EKFSlam\n": "imports slamlab.slam.EKFSlam",
-    "import slamlab.filters.extended as ekf\n": "imports slamlab.filters.extended",
-    "from slamlab import filters\n": "imports slamlab.filters",
-    "import slamlab\nslamlab.slam.EKFSlam\n": "uses slamlab.slam",
-    "from slamlab.exercises.labs import tasks\n": "imports slamlab.exercises.labs.tasks",
-    "__import__('slamlab.slam')\n": "uses __import__",
-    "open('/proc/1/environ')\n": "opens /proc/1/environ",
-    "import inspect\n": "imports inspect",
+CHEATS = {  # what is handed in before a good tracker, and a piece of what is said
+    "from slamlab.slam import EKFSlam\n": "ImportError: slamlab.slam is not to be used here",
+    "import slamlab.filters.extended as ekf\n": "slamlab.filters is not to be used here",
+    "from slamlab import filters\n": "slamlab.filters is not to be used here",
+    "import slamlab\nslamlab.slam.EKFSlam\n": "slamlab.slam is not to be used here",
+    "from slamlab.exercises.lab_systems import trackers\n": "PermissionError",
+    "__import__('slamlab.slam')\n": "slamlab.slam is not to be used here",
+    "open('/proc/1/environ')\n": "PermissionError: a submission opens nothing there",
 }
 
 
@@ -157,11 +156,11 @@ def test_what_goes_wrong_is_said_and_the_sheet_goes_on(tmp_path, only, name):
 
 
 @pytest.mark.parametrize("line", CHEATS)
-def test_what_is_not_the_students_own_is_refused(tmp_path, capsys, line):
-    file = tmp_path / "mine.py"
-    file.write_text(line + GOOD)
-    assert main(["lab", "I", str(file)]) == 1
-    assert f"refused: {CHEATS[line]}" in capsys.readouterr().err
+def test_what_is_not_the_students_own_is_refused(tmp_path, only, line):
+    only(slice(1))
+    report = sheet(tmp_path, "I", line + GOOD, "--alone")
+    assert CHEATS[line] in report
+    assert points(report) == (0, 3)
 
 
 def test_the_truth_is_not_told(tmp_path, only):
