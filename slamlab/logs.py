@@ -408,7 +408,7 @@ def _names(name: str, ids: Any, k: int) -> NDArray[Any]:
     if names.shape != (k,) or names.dtype.kind not in "iuU":
         got = f"{names.dtype} of {names.shape}"
         raise ValueError(f"{name}: expected {k} whole numbers or names, got {got}")
-    return names
+    return _native(names)
 
 
 def _covs(name: str, covs: Any, k: int) -> Array:
@@ -422,7 +422,12 @@ def _note(name: str, value: Any, T: int) -> NDArray[Any]:
     note = np.asarray(value)
     if note.ndim == 0 or len(note) != T or note.dtype.kind not in "biufU":
         raise ValueError(f"notes[{name!r}]: expected an array with {T} rows, got {note.shape}")
-    return note
+    return _native(note)
+
+
+def _native(array: NDArray[Any]) -> NDArray[Any]:
+    """Return the same entries in the byte order of the machine."""
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def _frozen(value: Any) -> Any:

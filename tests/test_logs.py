@@ -151,3 +151,23 @@ def test_scan_geometry_keeps_its_own_angles():
     scan = ScanGeometry(angles)
     angles += 1
     assert scan.beam_angles.tolist() == [0, 0, 0]
+
+
+def test_a_log_of_foreign_byte_order_holds_the_same_numbers_in_that_of_the_machine():
+    foreign = [np.array([7], ">i8"), np.array([7], ">i8"), np.array([], ">i8")]
+    log = Log(
+        np.array([0, 1, 2], ">f8"),
+        np.array([[0, 0], [1, 0], [1, 0]], ">f4"),
+        np.array([0, 1, 1], ">i2"),
+        np.diag([0.04, 0.01]).astype(">f8"),
+        looks=[np.array([[2, 0]], ">f8"), np.array([[1, 0]], ">f8"), []],
+        ids=foreign,
+        notes={"hit": np.array([0, 1, 0], ">u2")},
+    )
+    assert log.control_cov.tolist() == [[0.04, 0.0], [0.0, 0.01]]
+    assert log.u[1].tolist() == [1.0, 0.0]
+    assert [names.tolist() for names in log.ids] == [[7], [7], []]
+    assert log.notes["hit"].tolist() == [0, 1, 0]
+    kept = (log.times, log.u, log.dt, log.control_cov, *log.looks, *log.ids, log.notes["hit"])
+    assert all(array.dtype.isnative for array in kept)
+    assert not foreign[0].dtype.isnative
