@@ -597,11 +597,19 @@ class PathMemory:
         for c in _metres("coefficients", kept["coefficients"], ("n", 4, 2)):
             memory._spline.append(c)
         memory._spline.box_tests = box_tests
-        loops = as_array("loops", kept["loops"], ("n", 4))
-        memory._loops = [Loop(s, length, (x, y)) for s, length, x, y in loops.tolist()]
+        loops = _metres("loops", kept["loops"], ("n", 4)).tolist()
+        memory._loops = [Loop(s, length, (x, y)) for s, length, x, y in loops]
         memory._n, memory.n_points = len(kept["t"]), n_points
         memory._points[: memory._n] = _metres("points", kept["points"], (memory._n, 2))
-        memory._t[: memory._n] = as_array("t", kept["t"], ("n",))
-        memory._slope = next(iter(_metres("slope", kept["slope"], ("n", 2))), None)
-        memory._curve = next(iter(_metres("curve", kept["curve"], ("n", 4, 2))), None)
+        t = as_array("t", kept["t"], ("n",))
+        if (t[:1] != 0.0).any() or (np.diff(t) <= 0.0).any():
+            raise ValueError("t: expected arc lengths that grow from 0, got others")
+        memory._t[: memory._n] = t
+        slopes = _metres("slope", kept["slope"], ("n", 2))
+        curves = _metres("curve", kept["curve"], ("n", 4, 2))
+        if len(slopes) > 1 or len(curves) > (memory._n > 1):
+            got = f"{len(slopes)} and {len(curves)} for {memory._n} points"
+            raise ValueError(f"slope, curve: expected at most one each, got {got}")
+        memory._slope = next(iter(slopes), None)
+        memory._curve = next(iter(curves), None)
         return memory

@@ -522,6 +522,55 @@ def test_a_file_that_is_no_memory_is_named(tmp_path):
         PathMemory.load(tmp_path / "nowhere.npz")
 
 
+@pytest.mark.parametrize("name", ["slope", "curve", "loops", "points", "t", "coefficients"])
+@pytest.mark.parametrize(
+    "damage", ["nan", "inf", "1e12", "words", "too few columns", "one number"]
+)
+def test_a_memory_with_one_array_damaged_is_refused_by_its_name(tmp_path, name, damage):
+    # With NaN in its open curve a memory that loads seeks its length without end.
+    eight = np.linspace(0.5, 6.5, 300)
+    memory = PathMemory(0.04, "two-points-derivative", loop_accuracy=1e-3)
+    for point in np.stack([np.sin(eight), np.sin(2 * eight)], 1):
+        memory.add(point)
+    memory.save(tmp_path / "path.npz")
+    with np.load(tmp_path / "path.npz") as kept:
+        arrays = dict(kept)
+    assert min(arrays[one].size for one in ("slope", "curve", "loops", "coefficients")) > 0
+    good = arrays[name]
+    arrays[name] = {
+        "nan": good * np.nan,
+        "inf": np.full_like(good, np.inf),
+        "1e12": np.full_like(good, 1e12),
+        "words": good.astype(str),
+        "too few columns": good[..., :-1] if good.ndim > 1 else good[:, None],
+        "one number": np.float64(1.0),
+    }[damage]
+    np.savez(tmp_path / "path.npz", **arrays)
+    with pytest.raises(ValueError, match="file: expected a path memory .*path.npz, got "):
+        PathMemory.load(tmp_path / "path.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "wanted"),
+    [
+        ("curve", lambda a: np.concatenate([a, a]), "at most one"),
+        ("slope", lambda a: np.concatenate([a, a]), "at most one"),
+        ("t", lambda a: a + 1.0, "grow from 0"),
+        ("t", lambda a: a[::-1], "grow from 0"),
+    ],
+)
+def test_a_memory_whose_parts_do_not_go_together_is_refused(tmp_path, name, change, wanted):
+    memory = PathMemory(0.04, "two-points-derivative")
+    for point in wandering(12, 300):
+        memory.add(point)
+    memory.save(tmp_path / "path.npz")
+    with np.load(tmp_path / "path.npz") as kept:
+        arrays = dict(kept)
+    np.savez(tmp_path / "path.npz", **(arrays | {name: change(arrays[name])}))
+    with pytest.raises(ValueError, match=wanted):
+        PathMemory.load(tmp_path / "path.npz")
+
+
 def test_a_path_of_points_is_what_adding_them_one_by_one_makes():
     side = np.linspace(0, 1, 21)[1:]
     points = np.array(
