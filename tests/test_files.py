@@ -10,7 +10,10 @@ import pytest
 
 from slamlab._files import read_bytes, read_npz
 from slamlab.datasets import read_rosbag
+from slamlab.localization import SignatureMap
+from slamlab.logs import Log
 from slamlab.mapping import OccupancyGrid
+from slamlab.navigation import PathMemory
 from slamlab.worlds import BitmapWorld
 
 
@@ -60,6 +63,37 @@ def test_damaged_archives_are_refused_and_nothing_else_comes_out(tmp_path, seed)
         with contextlib.suppress(ValueError):
             read_bytes(path, lambda name: name == "a.npy")
     assert refused > 300
+
+
+def test_an_array_whose_header_breaks_off_is_refused_by_name(tmp_path):
+    # numpy hands such a header to Python's tokenizer, whose error is no ValueError.
+    path = tmp_path / "a.npz"
+    np.savez(path, times=np.arange(4.0))
+    with zipfile.ZipFile(path) as archive:
+        good = archive.read("times.npy")
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("times.npy", good.replace(b"), }", b"(, {"))
+    for read in (read_npz, Log.load, PathMemory.load, SignatureMap.load):
+        with pytest.raises(ValueError, match="a.npz: expected a"):
+            read(path)
+
+
+@pytest.mark.parametrize("method", ["ZIP_DEFLATED", "ZIP_BZIP2", "ZIP_LZMA"])
+def test_damaged_bytes_of_any_method_of_packing_are_refused_by_name(tmp_path, method):
+    path, rng = tmp_path / "a.zip", np.random.default_rng(1)
+    text = b"".join(b"%d " % n for n in rng.integers(0, 9999, 500))
+    with zipfile.ZipFile(path, "w", getattr(zipfile, method)) as archive:
+        archive.writestr("a.txt", text)
+    good, refused = path.read_bytes(), 0
+    for _ in range(100):
+        data = bytearray(good)
+        data[int(rng.integers(35, len(good) - 100))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(data)
+        refused += 1
+        with contextlib.suppress(ValueError):
+            assert read_bytes(path) == text
+            refused -= 1
+    assert refused > 90
 
 
 def test_no_object_is_unpickled(tmp_path):

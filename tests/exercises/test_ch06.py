@@ -1,5 +1,9 @@
 """Right answers of chapter 06, written in other ways: each passes."""
 
+import itertools
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,6 +11,8 @@ from slamlab.exercises import ch06_lidar_simulation as ch
 from slamlab.geometry import wrap_angle
 from slamlab.sensors import Lidar
 from slamlab.worlds import BitmapWorld
+
+NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
 
 
 def by_the_library(occupied, x, y, angle):
@@ -71,3 +77,24 @@ def by_the_lidar(occupied, resolution, poses, n_beams, field_of_view, max_range)
 )
 def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
+
+
+def walk_of_the_chapter():
+    """Return `cells_on_beam`, as chapter 06 has it on the page."""
+    cells = json.loads((NOTEBOOKS / "06_lidar_simulation.ipynb").read_text("utf-8"))["cells"]
+    source = next(s for c in cells if "def cells_on_beam" in (s := "".join(c["source"])))
+    names = {"np": np}
+    exec(source, names)
+    return names["cells_on_beam"]
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi / 2, np.pi, -np.pi / 2, 0.3])
+def test_the_walk_on_the_page_ends_in_every_direction(angle):
+    walk = walk_of_the_chapter()
+    # Without an end given here, the walk that divides by zero would go south for ever.
+    found = list(itertools.islice(walk(0.5, 0.5, angle, 5.0), 20))
+    assert len(found) <= 8
+    entered = np.array([t for _, _, t in found])
+    assert (np.diff(entered) >= 0).all()
+    way = np.array([0.5, 0.5]) + (entered[:, None] + 1e-9) * [np.cos(angle), np.sin(angle)]
+    np.testing.assert_array_equal(np.array(found)[:, :2], np.floor(way))
