@@ -15,8 +15,10 @@ import numpy as np
 
 from slamlab._files import about
 from slamlab.commands import _page
+from slamlab.commands._results import results
 from slamlab.slam import PoseGraph, Result
 
+FILES = ("optimised.g2o", "graph.png")
 _WIDTHS = (30.0, 10.0, 3.0)
 
 
@@ -41,14 +43,22 @@ def run(options: argparse.Namespace) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     graph = PoseGraph.read_g2o(options.file)
+    if options.output is None:
+        _optimise(options, graph, None)
+        return
+    with results(options.output, FILES) as folder:  # made now, not after the work
+        _optimise(options, graph, folder)
+    print(f"{'written to':24s} {options.output}")
+
+
+def _optimise(options: argparse.Namespace, graph: PoseGraph, folder: Path | None) -> None:
     before = time.perf_counter()
     result, start = best_of_two(graph, None if options.kernel == "none" else options.kernel)
     rows = report(graph, result, start, time.perf_counter() - before)
     for name, value in rows:
         print(f"{name:24s} {value}")
-    if options.output is not None:
-        write(options.output, options.file.name, graph, result, rows)
-        print(f"{'written to':24s} {options.output}")
+    if folder is not None:
+        write(folder, options.file.name, graph, result, rows)
 
 
 def best_of_two(graph: PoseGraph, kernel: str | None) -> tuple[Result, str]:
@@ -89,7 +99,6 @@ def write(
     folder: Path, name: str, graph: PoseGraph, result: Result, rows: list[tuple[str, str]]
 ) -> None:
     """Write the graph, its picture and the page."""
-    folder.mkdir(parents=True, exist_ok=True)
     graph.with_poses(result.poses, result.landmarks).write_g2o(folder / "optimised.g2o")
     png = drawing(graph, result)
     (folder / "graph.png").write_bytes(png)

@@ -19,6 +19,7 @@ import numpy as np
 from slamlab._checks import as_scalar
 from slamlab._files import about
 from slamlab.commands import _page
+from slamlab.commands._results import results
 from slamlab.datasets import read_carmen, read_rosbag, write_tum
 from slamlab.evaluation import Run
 from slamlab.evaluation import run as run_system
@@ -29,8 +30,12 @@ from slamlab.models import MotionModel, as_scan_sensor
 from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.slam import HectorSlam, ScanGraphSlam
 
+FILES = ("map.yaml", "map.pgm", "map.png", "trajectory.tum", "graph.g2o")
 _MOST_STEPS, _MOST_BEAMS = 500, 90  # of the replay: the page stays below some megabytes
 _CELLS = 0.005, 10.0  # smallest and largest cell of a map (m)
+_BAGS = (".bag", ".db3", ".mcap")
+_DISTRUST = "do not trust the map"
+_PAUSE = 2.0  # a longer one between two scans is named where scans are lost (s)
 _TRUSTED = 30.0  # beams count for the map up to this range (m)
 # By kind of the controls, their axes and how many there are. Any platform that moves sideways
 # integrates the velocities of its body alike.
@@ -73,22 +78,23 @@ def run(options: argparse.Namespace) -> None:
     # Numbers of astronomic size end in a sentence.
     with np.errstate(all="ignore"), about(options.log.name):
         log = read_log(options)
-        options.output.mkdir(parents=True, exist_ok=True)  # said now, not after an hour
-        start = time.perf_counter()
-        system = system_for(options.method, log)
-        result = run_system(system, log, progress=_wants_bar())
-        rows = report(options.method, result, time.perf_counter() - start)
-        grid = draw_map(result, resolution)
-        for name, value in rows:
-            print(f"{name:24s} {value}")
-        write(options.output, options.log.name, result, grid, rows)
+        with results(options.output, FILES) as folder:  # made now, not after an hour
+            start = time.perf_counter()
+            system = system_for(options.method, log)
+            result = run_system(system, log, progress=_wants_bar())
+            seconds = time.perf_counter() - start
+            rows = report(options.method, result, seconds, suspects(options, log))
+            grid = draw_map(result, resolution)
+            for name, value in rows:
+                print(f"{name:24s} {value}")
+            write(folder, options.log.name, result, grid, rows)
     print(f"{'written to':24s} {options.output}")
 
 
 def read_log(options: argparse.Namespace) -> Log:
     """Read the log by its kind; ValueError if it has no scans, or its controls are not known."""
     path: Path = options.log
-    if path.is_dir() or path.suffix in (".bag", ".db3", ".mcap"):
+    if path.is_dir() or path.suffix in _BAGS:
         log = read_rosbag(path, options.scan_topic, options.odometry_topic)
     elif path.suffix == ".npz":
         log = Log.load(path)
@@ -121,8 +127,39 @@ def system_for(method: str, log: Log) -> Any:
     return system(lidar, motion=motion)
 
 
-def report(method: str, result: Run, seconds: float) -> list[tuple[str, str]]:
-    """List names and values of what came of it."""
+def suspects(options: argparse.Namespace, log: Log) -> list[str]:
+    """List what may be wrong with a log whose scans lie nowhere, the likeliest first."""
+    found = []
+    if options.log.suffix not in (".npz", *_BAGS) and not options.log.is_dir():
+        found.append(f"the field of view ({options.field_of_view:g} degrees were taken)")
+    if back := _backwards(log):
+        found.append(f"times that run backwards ({back})")
+    step = np.diff(log.times)
+    pause = float(step.max(initial=0.0))
+    if pause > max(_PAUSE, 10 * float(np.median(step)) if len(step) else 0.0):
+        found.append(f"the clock, or a pause of {pause:.1f} s before scan {step.argmax() + 1}")
+    if not log.u.any():
+        found.append("odometry that says nothing")
+    if (share := _seen(log).mean()) < 0.2:
+        found.append(f"few readings that met anything ({100 * share:.0f} %)")
+    return found
+
+
+def _seen(log: Log) -> Any:
+    """Which readings (T, n) met something."""
+    assert log.ranges is not None
+    assert log.scan is not None
+    return (log.ranges > 0) & (log.ranges < log.scan.max_range)
+
+
+def _backwards(log: Log) -> str:
+    """In how many steps the times run backwards; empty if in none."""
+    count = int((np.diff(log.times) < 0).sum())
+    return f"{count} of {len(log) - 1} steps" if count else ""
+
+
+def report(method: str, result: Run, seconds: float, causes: list[str]) -> list[tuple[str, str]]:
+    """List names and values of what came of it; `causes` may be why scans were lost."""
     log, system, path = result.log, result.system, result.trajectory
     driven = float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
     rows = [
@@ -134,25 +171,39 @@ def report(method: str, result: Run, seconds: float) -> list[tuple[str, str]]:
         ("driven", f"{driven:.1f} m"),
         ("seconds", f"{seconds:.1f}, {1e3 * seconds / len(log):.1f} ms a scan"),
     ]
+    if back := _backwards(log):
+        rows.append(("times", f"run backwards in {back}: is the file in order?"))
     if isinstance(system, ScanGraphSlam):
         counts = {state: 0 for state in ("confirmed", "waiting", "rejected")}
         for one in system.closures:
             counts[one.state] += 1
         rows.append(("nodes", f"{len(system.nodes)}"))
         rows.append(("closures", ", ".join(f"{n} {state}" for state, n in counts.items())))
-        rows.append(("lost", _scans(system.lost_scans, len(log))))
+    lost = _lost(log, system)
+    if lost:
+        rows.append(("lost", lost))
+        if _DISTRUST in lost:
+            rows.append(("suspects", "; ".join([*causes, "walls out of reach, glass, crowds"])))
+    return rows
+
+
+def _lost(log: Log, system: Any) -> str:
+    """Where the robot was lost; empty for a method that cannot say it."""
+    if not _seen(log).any():
+        return f"nothing was ever seen: {_DISTRUST}"
+    if isinstance(system, ScanGraphSlam):
+        return _scans(system.lost_scans, len(log))
     if isinstance(system, HectorSlam):
         at = system.lost_at
-        told = "never" if at is None else f"from scan {at} on: do not trust the map after it"
-        rows.append(("lost", told))
-    return rows
+        return "never" if at is None else f"from scan {at} on: {_DISTRUST} after it"
+    return ""
 
 
 def _scans(lost: list[int], total: int) -> str:
     if not lost:
         return "never"
     some = ", ".join(str(k) for k in lost[:8]) + (", ..." if len(lost) > 8 else "")
-    doubt = ": do not trust the map" if len(lost) > 0.05 * total else ""
+    doubt = f": {_DISTRUST}" if len(lost) > 0.05 * total else ""
     return f"{len(lost)} scans lay nowhere, the wheels are believed there ({some}){doubt}"
 
 
@@ -164,7 +215,11 @@ def draw_map(result: Run, resolution: float) -> OccupancyGrid:
     grid = OccupancyGrid((cells, cells), resolution, corner)
     assert log.ranges is not None
     assert log.scan is not None
-    grid.insert(path, log.ranges, log.scan, max_range=_TRUSTED, free_missing=False)
+    try:
+        grid.insert(path, log.ranges, log.scan, max_range=_TRUSTED, free_missing=False)
+    except (ValueError, MemoryError) as error:
+        wanted = f"a map that fits into memory at --resolution {resolution:g}"
+        raise ValueError(f"expected {wanted}, got: {error}") from error
     return grid
 
 

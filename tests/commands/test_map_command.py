@@ -4,6 +4,7 @@ import gzip
 import subprocess
 import sys
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -248,3 +249,52 @@ def test_an_interrupt_before_the_command_begins_ends_in_a_sentence():
     )
     assert done.returncode == 130
     assert done.stderr == "slamlab: interrupted\n"
+
+
+@pytest.mark.parametrize("method", ["scan-graph", "hector", "odometry"])
+@pytest.mark.parametrize("reading", [np.nan, np.inf, 0.0, 81.91])
+def test_a_drive_that_saw_nothing_is_not_told_as_one_that_was_never_lost(
+    reading, method, tmp_path, capsys
+):
+    file = tmp_path / "drive.npz"
+    replace(velocities("velocity"), ranges=np.full((N, 180), reading)).save(file)
+    assert main(["map", str(file), "-o", str(tmp_path / "out"), "--method", method]) == 0
+    told = said(capsys)
+    assert told["lost"] == "nothing was ever seen: do not trust the map"
+    assert "few readings that met anything (0 %)" in told["suspects"]
+
+
+def test_times_that_run_backwards_are_told_and_a_log_in_order_says_nothing(
+    carmen, tmp_path, capsys
+):
+    words = ["map", str(carmen), "-o", str(tmp_path / "out"), "--method", "odometry"]
+    assert main(words) == 0
+    assert "times" not in said(capsys)
+    carmen.write_text("\n".join(carmen.read_text().splitlines()[::-1]) + "\n")
+    assert main(words) == 0
+    assert (
+        said(capsys)["times"]
+        == f"run backwards in {N - 1} of {N - 1} steps: is the file in order?"
+    )
+    assert "run backwards" in (tmp_path / "out" / "index.html").read_text()
+
+
+def test_scans_that_lie_nowhere_name_what_may_be_wrong(tmp_path, capsys):
+    rng, lines = np.random.default_rng(0), []
+    for k in range(N):
+        readings = " ".join(f"{r:.3f}" for r in rng.uniform(1.0, 20.0, 180))
+        pose, time = f"{0.3 * k:.3f} 0 0", k + 40.0 * (k > 20) - 3.0 * (k == 9)
+        lines.append(f"FLASER 180 {readings} {pose} {pose} {time} robot {time}")
+    (tmp_path / "noise.log").write_text("\n".join(lines) + "\n")
+    out = ["-o", str(tmp_path / "out"), "--field-of-view", "200"]
+    assert main(["map", str(tmp_path / "noise.log"), *out]) == 0
+    told = said(capsys)
+    assert told["lost"].endswith("do not trust the map")
+    causes = told["suspects"].split("; ")
+    assert causes[0] == "the field of view (200 degrees were taken)"
+    assert causes[1] == f"times that run backwards (1 of {N - 1} steps)"
+    assert causes[2] == "the clock, or a pause of 41.0 s before scan 21"
+    # A log of the same drive that fits has no suspects.
+    velocities("velocity").save(tmp_path / "good.npz")
+    assert main(["map", str(tmp_path / "good.npz"), *out]) == 0
+    assert "suspects" not in said(capsys)
