@@ -161,14 +161,16 @@ class EKFSlamBatch:
         Raises
         ------
         ValueError
-            If a shape does not fit, or `ids` are missing, repeated or out of range. The filters
-            are then as they were.
+            If a shape does not fit, `ids` are missing, repeated or out of range, or a new
+            landmark cannot lie where `z` says. The filters are then as they were.
         """
         z = self._as_measurements(z, ids)
         seen = np.isfinite(z).all(-1)
+        fresh = seen & ~self.known
+        # What cannot be a landmark is refused while nothing has changed.
+        self.sensor.locate(self._mean[np.nonzero(fresh)[0], :3], z[fresh])
         innovation = self._correct(z, seen & self.known)
         # P1 (37)-(43), one landmark at a time in all the runs that see it first.
-        fresh = seen & ~self.known
         for k in np.flatnonzero(fresh.any(0)):
             self._augment(int(k), np.flatnonzero(fresh[:, k]), z[:, k])
         return innovation

@@ -124,3 +124,21 @@ def test_a_call_that_is_refused_leaves_the_filters_as_they_were():
         EKFSlamBatch(YOUBOT, ROOM_SENSOR, np.zeros(3), n_landmarks=3)
     with pytest.raises(ValueError, match="n_landmarks: expected"):
         EKFSlamBatch(YOUBOT, ROOM_SENSOR, np.zeros((2, 3)), n_landmarks=-1)
+
+
+@pytest.mark.parametrize("bad", [-1.0, -1e-9])
+def test_a_measurement_that_no_landmark_can_give_leaves_all_filters_as_they_were(bad):
+    batch = EKFSlamBatch(YOUBOT, RangeBearing(0.1, 0.02), np.zeros((2, 3)), n_landmarks=3)
+    batch.predict([0.2, 0.0, 0.0], 1.0, 0.01 * np.eye(3))
+    batch.update([[[2.0, 0.3]], [[2.0, 0.3]]], [2])
+    before = batch.pose, batch.pose_cov, batch.landmarks, batch.landmark_covs
+    # Landmark 2 is known, 0 is new and can be added, and then 1 cannot.
+    z = [[[2.1, 0.3], [1.0, 0.0], [3.0, 0.1]], [[2.1, 0.3], [1.0, 0.0], [bad, 0.1]]]
+    with pytest.raises(ValueError, match="expected ranges that are not negative"):
+        batch.update(z, [2, 0, 1])
+    after = batch.pose, batch.pose_cov, batch.landmarks, batch.landmark_covs
+    for old, new in zip(before, after, strict=True):
+        np.testing.assert_array_equal(old, new)
+    z[1][2][0] = 3.0
+    batch.update(z, [2, 0, 1])
+    assert np.isfinite(batch.landmarks).all()
