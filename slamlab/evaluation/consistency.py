@@ -113,12 +113,12 @@ def invariant_nees(
     Returns
     -------
     ndarray, shape (...)
-        NaN where a covariance is singular.
+        Of a run: NaN where it claims to know a pose exactly.
 
     Raises
     ------
     ValueError
-        If shapes do not fit or a number is not finite.
+        If shapes do not fit, a number is not finite, or a covariance is not positive definite.
 
     Examples
     --------
@@ -126,11 +126,18 @@ def invariant_nees(
     [1.0]
     """
     if isinstance(poses, Run):
-        return invariant_nees((poses.poses, poses.truth), poses.covs)
+        error, P = _invariant(poses.poses, poses.truth, poses.covs)
+        return _nees_where_doubtful(error, P)
     both = as_tuple("poses", poses)
     if len(both) != 2:
         raise ValueError(f"poses: expected a pair, estimated and true, got {len(both)} things")
     estimate, truth = (as_array("poses", part, ("...", 3)) for part in both)
+    P = as_array("covs", cast(ArrayLike, covs), (*estimate.shape, 3))
+    return mahalanobis_squared(*_invariant(estimate, truth, P))
+
+
+def _invariant(estimate: Array, truth: Array, covs: Array) -> tuple[Array, Array]:
+    """Right-invariant errors (..., 3), position first, and their covariances (..., 3, 3)."""
     J, p = np.array([[0.0, -1.0], [1.0, 0.0]]), estimate[..., :2, None]
     turn = wrap_angle(truth[..., 2] - estimate[..., 2])
     # p' = R(turn) p + V(turn) xi, V the mean of R from 0 to turn.
@@ -140,8 +147,7 @@ def invariant_nees(
     # The covariance in these coordinates: xi = dp - J p dtheta.
     T = np.tile(np.eye(3), (*turn.shape, 1, 1))
     T[..., :2, 2:] = -J @ p
-    P = T @ as_array("covs", cast(ArrayLike, covs), (*estimate.shape, 3)) @ np.swapaxes(T, -1, -2)
-    return _nees_where_doubtful(np.concatenate([xi, turn[..., None]], -1), P)
+    return np.concatenate([xi, turn[..., None]], -1), T @ covs @ np.swapaxes(T, -1, -2)
 
 
 def nis(residuals: ArrayLike | Run, covs: ArrayLike | None = None) -> Array:

@@ -115,6 +115,11 @@ def epipolar_distances(F: ArrayLike, first: ArrayLike, second: ArrayLike) -> Arr
     F : array_like, shape (3, 3)
     first, second : array_like, shape (n, 2)
 
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, a number is not finite, or `F` allows a point no line.
+
     Examples
     --------
     >>> sideways = [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
@@ -123,8 +128,12 @@ def epipolar_distances(F: ArrayLike, first: ArrayLike, second: ArrayLike) -> Arr
     """
     F, (first, second) = as_array("F", F, (3, 3)), _pairs(first, second)
     lines = np.column_stack([first, np.ones(len(first))]) @ F.T
+    size = np.linalg.norm(lines[:, :2], axis=-1)
+    if not size.all():
+        i = int(np.argmin(size))
+        raise ValueError(f"F: expected a line for each point of first, got none for point {i}")
     off = np.abs((lines[:, :2] * second).sum(-1) + lines[:, 2])
-    return np.asarray(off / np.linalg.norm(lines[:, :2], axis=-1))
+    return np.asarray(off / size)
 
 
 def _pairs(first: ArrayLike, second: ArrayLike) -> tuple[Array, Array]:

@@ -205,6 +205,7 @@ def moved(
     """
     u = as_array("u", u, ("...", "p"))
     V = as_covariance("control_cov", control_cov, u.shape[-1])
+    covs = tuple(as_array("covs", P, ("...", 3, 3)) for P in covs)
     F_x, F_u = as_motion("motion", motion).jacobians(pose, u, dt)
     Q = F_u @ V @ np.swapaxes(F_u, -1, -2)
     after = (F_x @ P @ np.swapaxes(F_x, -1, -2) + Q for P in covs)

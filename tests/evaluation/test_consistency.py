@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from slamlab.evaluation import chi2_band, monte_carlo, nees, nis
+from slamlab.evaluation import chi2_band, invariant_nees, monte_carlo, nees, nis
 
 
 def scalar_filter(rng, believed_r=0.25, q=0.04, r=0.25, steps=30):
@@ -194,3 +194,12 @@ def test_an_error_of_a_run_is_passed_on():
 def test_bad_input_of_monte_carlo_is_named(arguments, message):
     with pytest.raises(ValueError, match=message):
         monte_carlo(*arguments)
+
+
+@pytest.mark.parametrize("cov", [np.zeros((3, 3)), -np.eye(3), np.diag([1.0, 1.0, 0.0])])
+def test_no_score_comes_of_a_covariance_that_is_not_positive_definite(cov):
+    pair = np.array([[0.1, 0.0, 0.0]]), np.zeros((1, 3))
+    for score in (nees, invariant_nees):
+        with pytest.raises(ValueError, match="expected a positive definite matrix"):
+            score(pair, cov[None])
+        assert np.isfinite(score(pair, np.eye(3)[None])).all()

@@ -117,3 +117,14 @@ def test_pairs_must_be_pairs():
             call(first, second[:-1])
     with pytest.raises(ValueError, match="F"):
         epipolar_distances(np.eye(2), first, second)
+
+
+def test_a_matrix_that_allows_a_point_no_line_gives_no_distance():
+    points = np.array([[100.0, 40.0], [0.0, 0.0]])
+    with pytest.raises(ValueError, match="F: expected a line for each point .* point 0"):
+        epipolar_distances(np.zeros((3, 3)), points, points)
+    # The epipole itself has none either: here it is the point (0, 0).
+    forward = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    with pytest.raises(ValueError, match="point 1"):
+        epipolar_distances(forward, points, points)
+    assert np.isfinite(epipolar_distances(forward, points[:1], points[:1])).all()

@@ -5,7 +5,15 @@ import pytest
 
 from slamlab.evaluation import chi2_band, nees
 from slamlab.geometry import wrap_angle
-from slamlab.robots import YOUBOT, Encoders, Mecanum, Unicycle, dead_reckoning, dead_reckoning_cov
+from slamlab.robots import (
+    YOUBOT,
+    Encoders,
+    Mecanum,
+    Unicycle,
+    dead_reckoning,
+    dead_reckoning_cov,
+    moved,
+)
 
 FINE = Encoders(10**6, sigma_slip=0.05)
 t = np.arange(200) * 0.1
@@ -139,3 +147,18 @@ def test_a_heading_error_feeds_the_position_as_the_jacobian_says():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    ("cov", "wanted"),
+    [
+        (np.full((3, 3), np.nan), "covs: expected finite numbers"),
+        (np.diag([1.0, np.inf, 1.0]), "covs: expected finite numbers"),
+        (np.eye(2), r"covs: expected shape \(..., 3, 3\)"),
+    ],
+)
+def test_a_covariance_that_holds_no_numbers_is_not_moved(cov, wanted):
+    step = (Unicycle(), [0, 0, 0], [1.0, 0.0], 1.0, np.eye(2))
+    with pytest.raises(ValueError, match=wanted):
+        moved(*step, np.eye(3), cov)
+    assert len(moved(*step, np.eye(3), np.eye(3))) == 3
