@@ -7,9 +7,10 @@ Everything may import this; it imports nothing of ours.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
 from math import isfinite
+from operator import ne
 from reprlib import Repr
 from typing import Any
 
@@ -328,3 +329,71 @@ def as_rng(name: str, value: Any) -> np.random.Generator:
         wanted = "a numpy.random.Generator such as np.random.default_rng(1)"
         raise ValueError(f"{name}: expected {wanted}, got {shown(value)}")
     return value
+
+
+def as_names(name: str, ids: Any, length: int | None = None) -> tuple[Hashable | None, ...]:
+    """Names as a tuple of plain Python values, none twice; numbers of an array become ints."""
+    try:
+        listed = ids.tolist() if isinstance(ids, np.ndarray) else ids
+        names = tuple(one.item() if isinstance(one, np.generic) else one for one in listed)
+        different = len(set(names))
+    except TypeError as error:
+        raise ValueError(f"{name}: expected a sequence of names, got {ids!r}") from error
+    if length is not None and len(names) != length:
+        raise ValueError(f"{name}: expected one for each of {length} rows of z, got {len(names)}")
+    if any(map(ne, names, names)):
+        raise ValueError(f"{name}: expected names, got NaN, which is never the same twice")
+    if different < len(names):
+        twice = [one for k, one in enumerate(names) if one is not None and one in names[:k]]
+        if twice:
+            raise ValueError(f"{name}: expected every landmark once, got {twice[0]!r} twice")
+    return names
+
+
+def as_landmarks(z: ArrayLike, covs: ArrayLike | None, own: Array) -> tuple[Array, Array]:
+    """Measurements (k, 2) of landmarks and the covariance of each, (k, 2, 2).
+
+    Parameters
+    ----------
+    z : array_like, shape (k, 2)
+    covs : array_like, shape (2, 2) or (k, 2, 2), optional
+        Given for this call.
+    own : ndarray, shape (2, 2)
+        The sensor's, if none are given.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit, a number is not finite, or `covs` is no covariance.
+    """
+    z = as_array("z", z, ("k", 2))
+    R = own if covs is None else as_covariance("covs", covs, 2)
+    if R.shape not in ((2, 2), (len(z), 2, 2)):
+        raise ValueError(f"covs: expected shape (2, 2) or ({len(z)}, 2, 2), got {R.shape}")
+    return z, np.broadcast_to(R, (len(z), 2, 2))
+
+
+def as_rows(name: str, rows: ArrayLike, n: int) -> NDArray[np.intp]:
+    """Rows (m,) of a map of n landmarks; ValueError if one is not in it or no whole number."""
+    array = np.asarray(rows)
+    if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
+        raise ValueError(f"{name}: expected whole numbers of shape (m,), got {rows!r}")
+    if ((array < 0) | (array >= n)).any():
+        raise ValueError(f"{name}: expected rows of {n} landmarks, got {rows!r}")
+    return array.astype(np.intp)
+
+
+def as_associations(rows: ArrayLike, k: int, n: int) -> NDArray[np.intp]:
+    """Check what `associate` answers: for each of k measurements a row of n landmarks, -1 or -2.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else.
+    """
+    array = np.asarray(rows)
+    if array.shape != (k,) or (array.size and array.dtype.kind not in "iu"):
+        raise ValueError(f"associate: expected {k} rows, whole numbers, got {array!r}")
+    if ((array < -2) | (array >= n)).any():
+        raise ValueError(f"associate: expected rows of {n} landmarks, -1 or -2, got {array!r}")
+    return array.astype(np.intp)

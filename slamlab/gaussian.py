@@ -28,6 +28,7 @@ __all__ = [
     "Ellipse",
     "Gaussian",
     "as_belief",
+    "block_diagonal",
     "chi2_quantile",
     "confidence_ellipse",
     "mahalanobis_squared",
@@ -284,3 +285,17 @@ def confidence_ellipse(mean: ArrayLike, cov: ArrayLike, probability: float = 0.9
     angle = np.where(angle > np.pi / 2, angle - np.pi, angle)
     center = np.broadcast_to(mean, half_axes.shape)
     return Ellipse(center, half_axes, angle[()])
+
+
+def block_diagonal(blocks: Array) -> Array:
+    """Matrix (2m, 2m) with the blocks (m, 2, 2) on its diagonal: independent parts together.
+
+    Examples
+    --------
+    >>> block_diagonal(np.array([[[4.0, 1.0], [1.0, 2.0]], [[3.0, 0.0], [0.0, 3.0]]])).tolist()
+    [[4.0, 1.0, 0.0, 0.0], [1.0, 2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0], [0.0, 0.0, 0.0, 3.0]]
+    """
+    m, k = len(blocks), np.arange(len(blocks))
+    matrix = np.zeros((m, 2, m, 2))
+    matrix[k, :, k] = blocks
+    return matrix.reshape(2 * m, 2 * m)

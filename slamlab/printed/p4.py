@@ -29,6 +29,6 @@ class LocalBlockSlam(CompressedEKFSlam):
         return report
 
     def _forget(self) -> None:
-        accounts, n = self._accounts, len(self._accounts.Psi)
-        accounts.Phi[:n] = np.eye(n)
-        accounts.Psi[:], accounts.theta[:] = 0.0, 0.0
+        n = len(self._Psi)
+        self._Phi[:n] = np.eye(n)
+        self._Psi[:], self._theta[:] = 0.0, 0.0

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from scipy.special import expit
 
 from slamlab._checks import Array
+from slamlab.gaussian import block_diagonal
 from slamlab.models import LandmarkSensor
-from slamlab.slam._covariance import diagonal
 from slamlab.slam._landmark_maps import LandmarkMaps, moments
 
 __all__ = ["IGNORED", "NEW", "ParticleView"]
@@ -86,6 +86,5 @@ class ParticleView:
         rows = np.asarray(rows, dtype=np.intp)
         H_pose, H = self.sensor.jacobians(self.pose, self.landmarks[rows])
         tall = H_pose.reshape(-1, 3)
-        joint = tall @ self.pose_cov @ tall.T
-        joint[diagonal(len(rows))] += H @ self.landmark_covs[rows] @ H.mT + self.sensor.cov
-        return joint
+        own = H @ self.landmark_covs[rows] @ H.mT + self.sensor.cov
+        return tall @ self.pose_cov @ tall.T + block_diagonal(own)

@@ -7,16 +7,13 @@ numbers as EKF-SLAM at a local price per step. Chapters 10 and 16.
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_scalar
-from slamlab.gaussian import root
+from slamlab._checks import Array, as_names, as_scalar
 from slamlab.models import LandmarkSensor, MotionModel
-from slamlab.slam._covariance import Covariance, times
-from slamlab.slam.ekf import Associate, Correction, EKFSlam, Names, as_names, with_pose
+from slamlab.slam.ekf import Associate, Correction, EKFSlam, Names, entries, symmetric
 
 __all__ = ["CompressedEKFSlam"]
 
@@ -98,6 +95,22 @@ class CompressedEKFSlam:
 
     # The region.
 
+    def _open(self, names: Sequence[Hashable]) -> None:
+        """Start a region at what the full filter says now."""
+        full = self._full
+        self._rows = full.rows_of(names)
+        a = entries(self._rows)
+        self.local = EKFSlam(
+            full.motion, full.sensor, full._x[a], ids=names, associate=full.associate
+        )
+        self.local._P = full._P[np.ix_(a, a)]
+        self.local.next_id = full.next_id  # new landmarks must not take names used elsewhere
+        self.local.sightings = full.sightings[self._rows]
+        self.local.unseen_for = full.unseen_for[self._rows]
+        self._Phi, self._Psi = np.eye(len(a)), np.zeros((len(a), len(a)))
+        self._theta = np.zeros(len(a))
+        self._predictions, self._is_settled = 0, True
+
     @property
     def reach(self) -> float:
         """How far the sensor sees (m), as given; half of `radius` if it was not."""
@@ -137,31 +150,25 @@ class CompressedEKFSlam:
         O(n^2 k) for k numbers measured in the region. Read the returned filter, which is the same
         object each time; change it through this one only. The region stays the same.
         """
-        local, full, accounts = self.local, self._full, self._accounts
-        if accounts.is_untouched:
+        local, full, a = self.local, self._full, entries(self._rows)
+        if self._is_settled:
             return full
-        a, N = with_pose(self._rows), len(full.mean)
-        new = local.ids[len(self._rows) :]
-        entries = with_pose(np.append(self._rows, full.n_landmarks + np.arange(len(new))))
-        # P_ab, with zeros where a stands: what is added there is nothing.
-        P_ab = full._P.rows(a)
-        P_ab[:, a] = 0.0
-        # P_bb - P_ba Psi P_ab by a square root of Psi, and x_b + P_ba theta.
-        W = root(accounts.Psi)
-        weights = (W**2).sum(0)
-        told = weights > np.finfo(float).eps * weights.max()
-        full._P.correct(times(W.T[told], P_ab))
-        full._mean = np.append(full._mean + accounts.theta @ P_ab, np.zeros(2 * len(new)))
-        # P_ab <- Phi P_ab, and a itself as the region says.
-        rows = np.zeros((len(entries), len(full._mean)))
-        rows[:, :N] = times(accounts.Phi, P_ab)
-        rows[:, entries] = local.cov
-        full._P.put(entries, rows)
-        full._mean[entries], full._first = local.mean, full._mean
-        full.unseen_for += accounts.predictions
-        full._enrol(new)
-        seen = (entries[3::2] - 3) // 2
-        full.sightings[seen], full.unseen_for[seen] = local.sightings, local.unseen_for
+        P_ab = full._P[a]
+        P_ab[:, a] = 0.0  # b alone: a is as the region says
+        full._x = full._x + self._theta @ P_ab  # x_b + P_ba theta
+        full._P -= symmetric(P_ab.T @ self._Psi @ P_ab)  # P_bb - P_ba Psi P_ab
+        # New landmarks of the region come in behind b.
+        N, new = len(full._x), local.ids[len(self._rows) :]
+        m = 2 * len(new)
+        full._append(new, local._x[len(a) :], np.zeros((m, 3)), np.zeros((m, m)))
+        a = np.append(a, np.arange(N, len(full._x)))
+        full._P[a, :N] = self._Phi @ P_ab  # P_ab <- Phi P_ab
+        full._P[:N, a] = full._P[a, :N].T
+        full._P[np.ix_(a, a)], full._x[a] = local._P, local._x
+        full._first = full._x
+        rows = (a[3::2] - 3) // 2
+        full.unseen_for += self._predictions
+        full.sightings[rows], full.unseen_for[rows] = local.sightings, local.unseen_for
         full.next_id = local.next_id
         self._open(local.ids)
         return full
@@ -169,20 +176,32 @@ class CompressedEKFSlam:
     # A step, in the region.
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
-        """Move the pose, as `EKFSlam.predict`."""
+        """Move the pose, as `EKFSlam.predict`: Phi <- F Phi."""
+        F, _ = self.motion.jacobians(self.pose, u, dt)
         self.local.predict(u, dt, control_cov)
+        self._Phi[:3] = F @ self._Phi[:3]
+        self._predictions, self._is_settled = self._predictions + 1, False
 
     def update(
         self, z: ArrayLike, ids: Names | None = None, covs: ArrayLike | None = None
     ) -> Correction:
         """Correct by landmarks of the region and add new ones, as `EKFSlam.update`."""
         names = () if ids is None else as_names("ids", ids)
-        outside = [n for n in names if n in self._known and n not in self.local._row_of]
-        driven = np.hypot(*(self.local.pose - self._entered)[:2])
+        outside = any(n in self._full._row_of and n not in self.local._row_of for n in names)
+        driven = np.hypot(*(self.pose - self._entered)[:2])
         if outside or driven > self.radius - self.reach:
             near = self.near(self.radius)
-            self.enter([*dict.fromkeys([*near, *(n for n in names if n in self._known)])])
-        return self.local.update(z, ids, covs)
+            known = [name for name in names if name in self._full._row_of]
+            self.enter(list(dict.fromkeys([*near, *known])))
+        report = self.local.update(z, ids, covs)
+        owed = report.W @ report.H @ self._Phi[report.i]  # W H Phi
+        self._Psi += owed.T @ owed  # Phi^T H^T S^-1 H Phi
+        self._theta += report.W @ report.residual @ owed  # Phi^T H^T S^-1 v
+        self._Phi -= report.B.T @ owed  # (I - K H) Phi
+        # New landmarks are correlated with b through the pose.
+        self._Phi = np.concatenate([self._Phi, report.G @ self._Phi[:3]])
+        self._is_settled = False
+        return report
 
     @property
     def pose(self) -> Array:
@@ -197,7 +216,8 @@ class CompressedEKFSlam:
     @property
     def ids(self) -> tuple[Hashable, ...]:
         """Names of all landmarks of the map, those of the region included."""
-        return (*self._full.ids, *(name for name in self.local.ids if name not in self._known))
+        known = self._full._row_of
+        return (*self._full.ids, *(name for name in self.local.ids if name not in known))
 
     @property
     def n_landmarks(self) -> int:
@@ -208,43 +228,3 @@ class CompressedEKFSlam:
     def landmarks(self) -> Array:
         """Estimated landmarks, shape (n, 2), in the order of `ids`; settles first."""
         return self.settle().landmarks
-
-    def _open(self, names: Sequence[Hashable]) -> None:
-        """Start a region at what the full filter says now."""
-        full = self._full
-        self._rows, self._known = full.rows_of(names), set(full.ids)
-        a = with_pose(self._rows)
-        self._accounts = _Accounts(full._P.block(a))
-        self.local = EKFSlam(
-            full.motion, full.sensor, full.mean[a], self._accounts, names, associate=full.associate
-        )
-        self.local.next_id = full.next_id  # new landmarks must not take names used elsewhere
-        self.local.sightings = full.sightings[self._rows]
-        self.local.unseen_for = full.unseen_for[self._rows]
-
-
-class _Accounts(Covariance):
-    """The covariance of a region, which keeps account of what the rest of the map must learn."""
-
-    def __init__(self, P: Array) -> None:
-        super().__init__(P)
-        self.Phi, self.Psi, self.theta = np.eye(len(P)), np.zeros_like(P), np.zeros(len(P))
-        self.predictions, self.is_untouched = 0, True
-
-    def move(self, F: Array, Q: Array) -> None:
-        super().move(F, Q)
-        self.Phi[:3] = F @ self.Phi[:3]
-        self.predictions, self.is_untouched = self.predictions + 1, False
-
-    def correct(self, B: Array, **account: Any) -> None:
-        super().correct(B)
-        owed = account["W"] @ account["H"] @ self.Phi[account["i"]]
-        self.Psi += owed.T @ owed
-        self.theta += account["y"] @ owed
-        self.Phi -= B.T @ owed
-        self.is_untouched = False
-
-    def append(self, G: Array, own: Array) -> None:
-        super().append(G, own)
-        self.Phi = np.concatenate([self.Phi, G @ self.Phi[:3]])
-        self.is_untouched = False

@@ -9,25 +9,35 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, log, pi
-from operator import ne
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dpotrf, dtrtri
 
-from slamlab._checks import Array, all_finite, as_array, as_count, as_covariance
+from slamlab._checks import (
+    Array,
+    all_finite,
+    as_array,
+    as_associations,
+    as_count,
+    as_covariance,
+    as_landmarks,
+    as_names,
+    as_rows,
+)
+from slamlab.gaussian import block_diagonal
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
-from slamlab.slam._covariance import POSE, Covariance, block_diagonal, diagonal, times
-from slamlab.slam._linearise import as_linearisation, carried, corrected
 from slamlab.slam.association import IGNORED, NEW, nearest_neighbour
+from slamlab.slam.linearisation import as_linearisation, fej_jacobian, reset_covariance, retract
 
 __all__ = ["Correction", "EKFSlam"]
 
 Rows = NDArray[np.intp]
 Associate = Callable[..., ArrayLike]
 Names = Sequence[Hashable | None] | ArrayLike
+POSE = np.arange(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,25 +54,37 @@ class Correction:
         Normalised innovation squared.
     ids : tuple
         Landmark of each measurement, None if it was left out.
+    i : ndarray of int, shape (3 + 2m,)
+        Entries of the state that were measured: the pose and the m landmarks.
+    H : ndarray, shape (2m, 3 + 2m)
+        Jacobian by these, P1 (22)-(32).
+    W : ndarray, shape (2m, 2m)
+        Root of the inverse of S: W^T W = S^-1.
+    B : ndarray, shape (2m, 3 + 2n)
+        W H P: the covariance loses B^T B.
+    G : ndarray, shape (2k, 3)
+        Jacobian of the k new landmarks by the pose, P1 (39).
     """
 
     residual: Array
     cov: Array
     nis: float
     ids: tuple[Hashable | None, ...]
-    _roots: tuple[Array, Array] = field(repr=False)
+    i: Rows = field(repr=False)
+    H: Array = field(repr=False)
+    W: Array = field(repr=False)
+    B: Array = field(repr=False)
+    G: Array = field(repr=False)
 
     @property
     def gain(self) -> Array:
         """Kalman gain K = P H^T S^-1, P1 (34), shape (3 + 2n, 2m)."""
-        # S^-1 = W^T W and B = W H P
-        W, B = self._roots
-        return times(W.T, B).T
+        return self.B.T @ self.W
 
     @property
     def log_likelihood(self) -> float:
         """Log density of the measurement, as predicted."""
-        W = self._roots[0]
+        W = self.W
         return float(np.log(W.diagonal()).sum() - 0.5 * (self.nis + len(W) * log(2 * pi)))
 
 
@@ -139,7 +161,7 @@ class EKFSlam:
         motion: MotionModel,
         sensor: LandmarkSensor,
         mean: ArrayLike,
-        cov: ArrayLike | Covariance | None = None,
+        cov: ArrayLike | None = None,
         ids: Sequence[Hashable] = (),
         *,
         associate: Associate | None = None,
@@ -148,80 +170,15 @@ class EKFSlam:
         self.motion, self.sensor = as_motion("motion", motion), as_sensor("sensor", sensor)
         self.associate: Associate = nearest_neighbour if associate is None else associate
         self.linearisation = as_linearisation(linearisation, sensor)
-        names = as_names("ids", ids)
-        size = 3 + 2 * len(names)
-        # Pose and landmarks, P1 (4), and P1 (7).
-        self._mean = as_array("mean", mean, (size,)).astype(float)
-        self._mean[2] = wrap_angle(self._mean[2])
-        if cov is None:
-            cov = Covariance(np.zeros((size, size)))
-        if not isinstance(cov, Covariance):
-            cov = Covariance(as_covariance("cov", cov, size))
-        self._P, self._first = cov, self._mean.copy()
-        self.ids: tuple[Hashable, ...] = ()
-        self._row_of: dict[Hashable, int] = {}
-        self.sightings, self.unseen_for = np.zeros((2, 0), dtype=int)
-        self.next_id = 0
-        self._checked_cov = b""
-        self._enrol(names)
-
-    def __repr__(self) -> str:
-        """Say where it is and how much it knows."""
-        x, y, theta = self._mean[:3]
-        return (
-            f"{type(self).__name__}(pose=({x:.2f}, {y:.2f}, {theta:.2f}), "
-            f"{self.n_landmarks} landmarks, linearisation={self.linearisation!r})"
-        )
-
-    # The state, as copies.
-
-    @property
-    def mean(self) -> Array:
-        """Estimate P1 (4): pose, then the landmarks, shape (3 + 2n,)."""
-        return self._mean.copy()
-
-    @property
-    def cov(self) -> Array:
-        """Covariance P1 (7), shape (3 + 2n, 3 + 2n), exactly symmetric."""
-        return self._P.matrix.copy()
-
-    @property
-    def pose(self) -> Array:
-        """Estimated pose (m, m, rad), shape (3,)."""
-        return self._mean[:3].copy()
-
-    @property
-    def pose_cov(self) -> Array:
-        """Covariance of the pose, P1 (5), shape (3, 3)."""
-        return self._P.pose
-
-    @property
-    def n_landmarks(self) -> int:
-        """Number n of landmarks in the map."""
-        return len(self.ids)
-
-    @property
-    def landmarks(self) -> Array:
-        """Estimated landmarks, shape (n, 2), in the order of `ids`."""
-        return self._mean[3:].reshape(-1, 2).copy()
-
-    @property
-    def landmark_covs(self) -> Array:
-        """Covariances of the single landmarks, shape (n, 2, 2)."""
-        i = np.arange(3, len(self._mean)).reshape(-1, 2)
-        return self._P.pairs(i[:, :, None], i[:, None, :])
-
-    def landmark_cov(self, id: Hashable) -> Array:
-        """Covariance (2, 2) of the landmark named `id`; ValueError if it is not in the map."""
-        return self._P.block(entries_of(self.rows_of(as_names("id", [id]))))
-
-    def rows_of(self, ids: Names) -> Rows:
-        """Rows (k,) of `landmarks` that have these names; ValueError if one is not in the map."""
-        names = as_names("ids", ids)
-        missing = [name for name in names if name not in self._row_of]
-        if missing:
-            raise ValueError(f"ids: expected landmarks of the map, got {missing}")
-        return np.array([self._row_of[name] for name in names], dtype=np.intp)
+        self.ids: tuple[Hashable, ...] = as_names("ids", ids)
+        n, N = len(self.ids), 3 + 2 * len(self.ids)
+        self._x = as_array("mean", mean, (N,)).astype(float)  # (4)
+        self._x[2] = wrap_angle(self._x[2])
+        self._P = np.zeros((N, N)) if cov is None else as_covariance("cov", cov, N)  # (7)
+        self._first = self._x.copy()  # where "first-estimates" takes its Jacobians
+        self._row_of = {name: row for row, name in enumerate(self.ids)}
+        self.sightings, self.unseen_for = np.ones(n, int), np.zeros(n, int)
+        self.next_id = 1 + max([-1, *(name for name in self.ids if isinstance(name, int))])
 
     # The three stages of P1.
 
@@ -244,19 +201,21 @@ class EKFSlam:
         ValueError
             If a shape does not fit, a number is not finite, or `control_cov` is no covariance.
         """
-        u, pose = as_array("u", u, ("l",)), self._mean[:3]
-        V = self._as_control_cov(control_cov, len(u))
-        # (12), (13): both at the estimate before the step.
-        F_x, F_u = self.motion.jacobians(pose, u, dt)
-        # (8), P2 (8)
-        moved = self.motion.step(pose, u, dt)
-        # (14)
-        Q = F_u @ V @ F_u.T
+        u = as_array("u", u, ("l",))
+        V = as_covariance("control_cov", as_array("control_cov", control_cov, (len(u), len(u))))
+
+        F, G = self.motion.jacobians(self._x[:3], u, dt)  # (12), (13): at the old estimate
+        moved = self.motion.step(self._x[:3], u, dt)  # (8), P2 (8)
+        Q = G @ V @ G.T  # (14)
         if not all_finite(Q):
             raise ValueError(f"control_cov: expected a finite motion noise, got {Q.tolist()}")
-        # (11), P2 (9)
-        self._P.move(carried(F_x, pose, self._first, self.linearisation), Q)
-        self._mean[:3] = self._first[:3] = moved
+        F = fej_jacobian(F, self._x, self._first, self.linearisation)
+
+        P = self._P
+        P[:3] = F @ P[:3]  # (11), P2 (9): the pose and its covariance with the map
+        P[:3, :3] = symmetric(P[:3, :3] @ F.T + Q)
+        P[3:, :3] = P[:3, 3:].T
+        self._x[:3] = self._first[:3] = moved
         self.unseen_for += 1
 
     def update(
@@ -289,50 +248,47 @@ class EKFSlam:
             If a shape does not fit, a number is not finite, `covs` is no covariance, an id comes
             twice, or the correction overflows. The filter is then as it was.
         """
-        z, R = self._as_measurements(z, covs)
-        names = self._associated(z, None if covs is None else R) if ids is None else ids
-        names = as_names("ids", names, len(z))
-        if all(name is None for name in names):
-            # A look at nothing teaches nothing.
-            none = np.empty((0, 0))
-            B = np.empty((0, len(self._mean)))
-            return Correction(np.empty(0), none, 0.0, names, (none, B))
-        rows = np.array([self._row_of.get(n, IGNORED if n is None else NEW) for n in names], int)
-        known, new = rows >= 0, rows == NEW
-        seen = rows[known]
-        # (18), (19): predicted observation and innovation, wrapped.
-        landmarks = self._mean[3:].reshape(-1, 2)[seen]
-        v = self.sensor.residual(z[known], self.sensor.observe(self._mean[:3], landmarks)).ravel()
-        # (22)-(32)
-        i, H = with_pose(seen), side_by_side(*self._slopes(seen))
-        # (33): S = H P H^T + R, from the rows i of P that H does not multiply by zero.
-        HP = times(H, self._P.rows(i))
-        S = HP[:, i] @ H.T + block_diagonal(R[known])
-        # (34): K = P H^T S^-1 = B^T W with S^-1 = W^T W and B = W H P.
-        W = whitener(S)
-        B, y = times(W, HP), W @ v
-        # (35): x + K v
+        z, R = as_landmarks(z, covs, self.sensor.cov)
+        names = as_names("ids", self._associated(z, R, covs) if ids is None else ids, len(z))
+        row = [self._row_of.get(name, IGNORED if name is None else NEW) for name in names]
+        rows = np.array(row, int)
+        known, new, rows = rows >= 0, rows == NEW, rows[rows >= 0]
+
+        predicted = self.sensor.observe(self._x[:3], self._landmarks[rows])  # (18)
+        v = self.sensor.residual(z[known], predicted).ravel()  # (19), wrapped
+        i, H = self._jacobian(rows)  # (22)-(32): zero but in the columns i
+        HP = H @ self._P[i]
+        S = HP[:, i] @ H.T + block_diagonal(R[known])  # (33)
+        W = inverse_root(S)  # S^-1 = W^T W
+        B, y = W @ HP, W @ v  # (34): K = P H^T S^-1 = B^T W
         change = y @ B
         if not all_finite(change):
             raise ValueError("z: expected measurements that can be weighed, the update overflows")
-        mean, shear = corrected(self._mean, change, self.linearisation)
-        # (37)-(42): new landmarks, seen from the corrected pose.
-        arrivals = self._locate(mean[:3], z[new], R[new]) if np.count_nonzero(new) else None
-        # Nothing can fail any more. (36): P - K S K^T = P - B^T B
-        self._mean = mean
-        self._P.correct(B, i=i, H=H, W=W, y=y)
+        x, shear = retract(self._x, change, self.linearisation)  # (35): x + K v
+        points, G, noise = self._new_landmarks(x[:3], z[new], R[new])  # (37)-(42)
+
+        # Nothing can fail any more.
+        self._x = x
+        downdate(self._P, B)  # (36): P - K S K^T = P - B^T B
         if shear is not None:
-            self._P.shear(shear)
-        # (43)
-        if arrivals is not None:
-            points, G, noise = arrivals
-            self._P.append(G, noise)
-            self._mean = np.append(mean, points)
-            self._first = np.append(self._first, points)
-            self._enrol([names[k] for k in np.flatnonzero(new)])
-        self.sightings[seen] += 1
-        self.unseen_for[seen] = 0
-        return Correction(v, S, float(y @ y), names, (W, B))
+            reset_covariance(self._P, shear)
+        self.sightings[rows] += 1
+        self.unseen_for[rows] = 0
+        self._append([names[k] for k in np.flatnonzero(new)], points, G, noise)  # (43)
+        return Correction(v, S, float(y @ y), names, i, H, W, B, G)
+
+    def _append(self, names: Sequence[Hashable], points: Array, G: Array, noise: Array) -> None:
+        """Add landmarks x = G pose + noise, P1 (43): they are correlated with all others."""
+        if not names:
+            return
+        cross = G @ self._P[:3]
+        self._P = np.block([[self._P, cross.T], [cross, symmetric(cross[:, :3] @ G.T + noise)]])
+        self._x, self._first = np.append(self._x, points), np.append(self._first, points)
+        self._row_of |= {name: self.n_landmarks + k for k, name in enumerate(names)}
+        self.ids = (*self.ids, *names)
+        self.sightings = np.append(self.sightings, np.ones(len(names), int))
+        self.unseen_for = np.append(self.unseen_for, np.zeros(len(names), int))
+        self.next_id = max([self.next_id, *(n + 1 for n in names if isinstance(n, int))])
 
     def remove(self, ids: Names) -> None:
         """Take landmarks out of the map: drop their rows and columns, which marginalises them.
@@ -349,11 +305,10 @@ class EKFSlam:
         ValueError
             If a name is not in the map or comes twice; the filter is then as it was.
         """
-        keep = np.ones(self.n_landmarks, dtype=bool)
+        keep = np.ones(self.n_landmarks, bool)
         keep[self.rows_of(ids)] = False
-        entries = with_pose(np.flatnonzero(keep))
-        self._P.keep(entries)
-        self._mean, self._first = self._mean[entries], self._first[entries]
+        i = entries(np.flatnonzero(keep))
+        self._x, self._first, self._P = self._x[i], self._first[i], self._P[np.ix_(i, i)]
         self.sightings, self.unseen_for = self.sightings[keep], self.unseen_for[keep]
         self.ids = tuple(name for name, stays in zip(self.ids, keep, strict=True) if stays)
         self._row_of = {name: row for row, name in enumerate(self.ids)}
@@ -382,21 +337,75 @@ class EKFSlam:
             self.remove(names)
         return names
 
-    # For the association: which measurement fits which landmark?
+    def __repr__(self) -> str:
+        """Say where it is and how much it knows."""
+        x, y, theta = self._x[:3]
+        return (
+            f"{type(self).__name__}(pose=({x:.2f}, {y:.2f}, {theta:.2f}), "
+            f"{self.n_landmarks} landmarks, linearisation={self.linearisation!r})"
+        )
+
+    # The estimate, as copies.
+
+    @property
+    def mean(self) -> Array:
+        """Estimate P1 (4): pose, then the landmarks, shape (3 + 2n,)."""
+        return self._x.copy()
+
+    @property
+    def cov(self) -> Array:
+        """Covariance P1 (7), shape (3 + 2n, 3 + 2n), exactly symmetric."""
+        return self._P.copy()
+
+    @property
+    def pose(self) -> Array:
+        """Estimated pose (m, m, rad), shape (3,)."""
+        return self._x[:3].copy()
+
+    @property
+    def pose_cov(self) -> Array:
+        """Covariance of the pose, P1 (5), shape (3, 3)."""
+        return self._P[:3, :3].copy()
+
+    @property
+    def n_landmarks(self) -> int:
+        """Number n of landmarks in the map."""
+        return len(self.ids)
+
+    @property
+    def landmarks(self) -> Array:
+        """Estimated landmarks, shape (n, 2), in the order of `ids`."""
+        return self._landmarks.copy()
+
+    @property
+    def landmark_covs(self) -> Array:
+        """Covariances of the single landmarks, shape (n, 2, 2)."""
+        i = np.arange(3, len(self._x)).reshape(-1, 2)
+        return self._P[i[:, :, None], i[:, None, :]]
+
+    def landmark_cov(self, id: Hashable) -> Array:
+        """Covariance (2, 2) of the landmark named `id`; ValueError if it is not in the map."""
+        return self.landmark_covs[self.rows_of(as_names("id", [id]))[0]]
+
+    def rows_of(self, ids: Names) -> Rows:
+        """Rows (k,) of `landmarks` that have these names; ValueError if one is not in the map."""
+        names = as_names("ids", ids)
+        missing = [name for name in names if name not in self._row_of]
+        if missing:
+            raise ValueError(f"ids: expected landmarks of the map, got {missing}")
+        return np.array([self._row_of[name] for name in names], dtype=np.intp)
+
+    # For the association: what would landmarks measure, and with what covariance?
 
     def innovation_covs(self, rows: ArrayLike) -> Array:
         """Covariances (m, 2, 2) of what the landmarks in `rows` would measure, each for itself.
 
         P1 (33) with the sensor's R included. `rows` (m,) index `landmarks`.
         """
-        rows = self._as_rows(rows)
-        H_pose, H_landmark = self._slopes(rows)
-        i = entries_of(rows).reshape(-1, 2)
-        P_lp = self._P.pairs(i[..., None], POSE)
-        P_ll = self._P.pairs(i[:, :, None], i[:, None, :])
-        cross = H_landmark @ P_lp @ H_pose.mT
-        own = H_landmark @ P_ll @ H_landmark.mT + self.sensor.cov
-        return H_pose @ self._P.pose @ H_pose.mT + cross + cross.mT + own
+        rows = as_rows("rows", rows, self.n_landmarks)
+        i = np.hstack([np.tile(POSE, (len(rows), 1)), 3 + 2 * rows[:, None] + [0, 1]])
+        H = np.concatenate(self._jacobians(rows), 2)
+        return H @ self._P[i[:, :, None], i[:, None, :]] @ H.mT + self.sensor.cov
 
     def innovation_cov(self, rows: ArrayLike) -> Array:
         """Joint covariance (2m, 2m) of what the landmarks in `rows` would measure together.
@@ -404,132 +413,81 @@ class EKFSlam:
         P1 (33) with the sensor's R included; the blocks off the diagonal are what joint
         compatibility needs. `rows` (m,) index `landmarks`.
         """
-        rows = self._as_rows(rows)
-        H = side_by_side(*self._slopes(rows))
-        R = block_diagonal(self.sensor.cov[None].repeat(len(rows), 0))
-        return H @ self._P.block(with_pose(rows)) @ H.T + R
+        i, H = self._jacobian(as_rows("rows", rows, self.n_landmarks))
+        R = np.broadcast_to(self.sensor.cov, (len(H) // 2, 2, 2))
+        return H @ self._P[np.ix_(i, i)] @ H.T + block_diagonal(R)
 
     # Inside.
 
-    def _slopes(self, rows: Rows) -> tuple[Array, Array]:
-        """H_pose (m, 2, 3) and H_landmark (m, 2, 2) of landmarks, P1 (22)-(32)."""
-        at = self._first if self.linearisation == "first-estimates" else self._mean
+    @property
+    def _landmarks(self) -> Array:
+        return self._x[3:].reshape(-1, 2)
+
+    def _jacobians(self, rows: Rows) -> tuple[Array, Array]:
+        """Jacobians of landmarks by the pose (m, 2, 3) and by the landmark (m, 2, 2)."""
+        at = self._first if self.linearisation == "first-estimates" else self._x
         return self.sensor.jacobians(at[:3], at[3:].reshape(-1, 2)[rows])
 
-    def _locate(self, pose: Array, z: Array, R: Array) -> tuple[Array, Array, Array]:
-        """P1 (37)-(42): new landmarks (2k,), their slopes by the pose and their own noise."""
+    def _jacobian(self, rows: Rows) -> tuple[Rows, Array]:
+        """Jacobian H (2m, 3 + 2m) of m landmarks by the entries i (3 + 2m,) of the state."""
+        H_pose, H_landmark = self._jacobians(rows)
+        return entries(rows), np.hstack([H_pose.reshape(-1, 3), block_diagonal(H_landmark)])
+
+    def _new_landmarks(self, pose: Array, z: Array, R: Array) -> tuple[Array, Array, Array]:
+        """P1 (37)-(42): new landmarks (2k,), their Jacobian by the pose and their own noise."""
+        if not len(z):
+            return np.empty(0), np.empty((0, 3)), np.empty((0, 0))
         points = self.sensor.locate(pose, z)
         G_pose, G_z = self.sensor.locate_jacobians(pose, z)
         noise = G_z @ R @ G_z.mT
-        if not (np.isfinite(points).all() and np.isfinite(noise).all()):
+        if not (all_finite(points) and all_finite(noise)):
             raise ValueError("z: expected measurements of landmarks that can be placed, got inf")
-        G = carried(G_pose.reshape(-1, 3), pose, self._first, self.linearisation)
+        G = fej_jacobian(G_pose.reshape(-1, 3), pose, self._first, self.linearisation)
         return points.ravel(), G, block_diagonal(noise)
 
-    def _enrol(self, names: Sequence[Hashable]) -> None:
-        """Book the names of new landmarks."""
-        if names:
-            self._row_of |= {name: self.n_landmarks + k for k, name in enumerate(names)}
-            self.ids = (*self.ids, *names)
-            self.sightings = np.append(self.sightings, np.ones(len(names), dtype=int))
-            self.unseen_for = np.append(self.unseen_for, np.zeros(len(names), dtype=int))
-            numbers = [name + 1 for name in names if isinstance(name, int)]
-            self.next_id = max([self.next_id, *numbers])
-
-    def _associated(self, z: Array, covs: Array | None) -> tuple[Hashable | None, ...]:
-        """Name the landmark of each measurement, a fresh name if it is new, None to leave out."""
-        asked = self.associate(self, z) if covs is None else self.associate(self, z, covs=covs)
-        rows = np.asarray(asked)
-        if rows.shape != (len(z),) or (rows.size and rows.dtype.kind not in "iu"):
-            raise ValueError(f"associate: expected {len(z)} rows, whole numbers, got {rows!r}")
-        if ((rows < IGNORED) | (rows >= self.n_landmarks)).any():
-            raise ValueError(
-                f"associate: expected rows of {self.n_landmarks} landmarks, -1 or -2, got {rows!r}"
-            )
-        fresh = iter(range(self.next_id, self.next_id + len(z)))
+    def _associated(
+        self, z: Array, R: Array, covs: ArrayLike | None
+    ) -> tuple[Hashable | None, ...]:
+        """Ask `associate`; a new landmark gets the next number, None is left out."""
+        given_covs = {} if covs is None else {"covs": R}
+        rows = as_associations(self.associate(self, z, **given_covs), len(z), self.n_landmarks)
+        numbers = iter(range(self.next_id, self.next_id + len(z)))
         return tuple(
-            self.ids[row] if row >= 0 else next(fresh) if row == NEW else None for row in rows
+            self.ids[row] if row >= 0 else next(numbers) if row == NEW else None for row in rows
         )
 
-    # Inside: the door.
 
-    def _as_control_cov(self, control_cov: ArrayLike, size: int) -> Array:
-        """Check V; looking for negative eigenvalues takes longer than a prediction: once."""
-        V = as_array("control_cov", control_cov, (size, size))
-        if V.tobytes() != self._checked_cov:
-            as_covariance("control_cov", V)
-            self._checked_cov = V.tobytes()
-        return V
-
-    def _as_measurements(self, z: ArrayLike, covs: ArrayLike | None) -> tuple[Array, Array]:
-        """Check measurements (k, 2) and give each its R, (k, 2, 2)."""
-        z = as_array("z", z, ("k", 2))
-        R = self.sensor.cov if covs is None else as_covariance("covs", covs, 2)
-        if R.ndim == 2:
-            R = R[None].repeat(len(z), 0)
-        if R.shape != (len(z), 2, 2):
-            raise ValueError(f"covs: expected shape (2, 2) or ({len(z)}, 2, 2), got {R.shape}")
-        return z, R
-
-    def _as_rows(self, rows: ArrayLike) -> Rows:
-        """Check rows that index `landmarks`."""
-        array = np.asarray(rows)
-        if array.ndim != 1 or (array.size and array.dtype.kind not in "iu"):
-            raise ValueError(f"rows: expected whole numbers of shape (m,), got {rows!r}")
-        if ((array < 0) | (array >= self.n_landmarks)).any():
-            raise ValueError(f"rows: expected rows of {self.n_landmarks} landmarks, got {rows!r}")
-        return array.astype(np.intp)
-
-
-PAIR = np.array([3, 4])
-
-
-def entries_of(rows: Rows) -> Rows:
-    """Places (2m,) in the state of the landmarks in `rows` (m,)."""
-    return with_pose(rows)[3:]
-
-
-def with_pose(rows: Rows) -> Rows:
+def entries(rows: Rows) -> Rows:
     """Places (3 + 2m,) in the state of the pose and of the landmarks in `rows` (m,)."""
-    return np.concatenate([POSE, (2 * rows[:, None] + PAIR).ravel()])
+    return np.concatenate([POSE, (3 + 2 * rows[:, None] + [0, 1]).ravel()])
 
 
-def side_by_side(H_pose: Array, H_landmark: Array) -> Array:
-    """Jacobian H (2m, 3 + 2m) by pose and m landmarks, each landmark measured by itself."""
-    m = len(H_pose)
-    H = np.zeros((2 * m, 3 + 2 * m))
-    H[:, :3], H[diagonal(m, 3)] = H_pose.reshape(2 * m, 3), H_landmark
-    return H
+def symmetric(P: Array) -> Array:
+    """(P + P^T) / 2."""
+    return 0.5 * (P + P.T)
 
 
-def whitener(S: Array) -> Array:
-    """Inverse of the lower Cholesky factor of an innovation covariance S."""
+def inverse_root(S: Array) -> Array:
+    """W with W^T W = S^-1; ValueError if an innovation covariance is not positive definite."""
     if not len(S):
         return S
-    root, failed = dpotrf(S)
+    root, failed = dpotrf(S)  # S = U^T U, and W^T = U^-1
     if failed or not isfinite(root[-1, -1]):
         raise ValueError(
             "covs: expected an innovation covariance S = H P H^T + R that is positive definite, "
             f"its smallest eigenvalue is {np.linalg.eigvalsh(S)[0]:.3g}"
         )
-    # The upper factor U with S = U^T U: its inverse is W^T.
     return np.asarray(dtrtri(root)[0].T)
 
 
-def as_names(name: str, ids: Any, length: int | None = None) -> tuple[Hashable | None, ...]:
-    """Names as a tuple of plain Python values, none twice; numbers of an array become ints."""
-    try:
-        listed = ids.tolist() if isinstance(ids, np.ndarray) else ids
-        names = tuple(one.item() if isinstance(one, np.generic) else one for one in listed)
-        different = len(set(names))
-    except TypeError as error:
-        raise ValueError(f"{name}: expected a sequence of names, got {ids!r}") from error
-    if length is not None and len(names) != length:
-        raise ValueError(f"{name}: expected one for each of {length} rows of z, got {len(names)}")
-    if any(map(ne, names, names)):
-        raise ValueError(f"{name}: expected names, got NaN, which is never the same twice")
-    if different < len(names):
-        twice = [one for k, one in enumerate(names) if one is not None and one in names[:k]]
-        if twice:
-            raise ValueError(f"{name}: expected every landmark once, got {twice[0]!r} twice")
-    return names
+def downdate(P: Array, B: Array) -> None:
+    """P - B^T B in place, symmetric to the last bit."""
+    if len(P) < 1500:
+        P -= B.T @ B
+        return
+    # Without a second matrix as large as P: BLAS writes the lower triangle, then it is mirrored.
+    dsyrk(-1.0, B.T, beta=1.0, c=P.T, overwrite_c=1)
+    for j in range(0, len(P), 128):
+        own = slice(j, j + 128)
+        P[own, own] = np.tril(P[own, own]) + np.tril(P[own, own], -1).T
+        P[:j, own] = P[own, :j].T

@@ -12,12 +12,11 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, all_finite, as_array, as_count, as_rng, as_scalar
+from slamlab._checks import Array, all_finite, as_array, as_count, as_names, as_rng, as_scalar
 from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
-from slamlab.gaussian import as_root, chi2_quantile
+from slamlab.gaussian import as_root, block_diagonal, chi2_quantile
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
-from slamlab.slam._covariance import diagonal
 from slamlab.slam._landmark_filters import (
     Landmarks,
     as_noise,
@@ -31,7 +30,6 @@ from slamlab.slam._landmark_maps import ABSENT, FIELDS, PAGE, LandmarkMaps
 from slamlab.slam._particle_association import Associate, Seen, ask, log_density_at, most_likely
 from slamlab.slam._particle_view import NEW, ParticleView
 from slamlab.slam._proposal import Drawn, Odometry, draw
-from slamlab.slam.ekf import as_names
 
 __all__ = ["FastSlam", "ParticleView"]
 
@@ -410,7 +408,7 @@ class FastSlam(PoseParticles):
         pose[:, 2] = wrap_angle(pose[:, 2])
         deviation = np.concatenate([pose, (means - self.landmarks).reshape(M, 2 * n)], 1)
         cov = (deviation * self.weights[:, None]).T @ deviation
-        cov[3:, 3:][diagonal(n)] += np.tensordot(self.weights, covs, 1)
+        cov[3:, 3:] += block_diagonal(np.tensordot(self.weights, covs, 1))
         return cov
 
     @property

@@ -12,9 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_a, as_array, as_positive, as_scalar, as_shaped
+from slamlab._checks import Array, as_a, as_array, as_names, as_positive, as_scalar, as_shaped
 from slamlab.models import LandmarkSensor, as_estimator
-from slamlab.slam.ekf import as_names
 
 __all__ = ["LocalRange"]
 

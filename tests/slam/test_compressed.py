@@ -93,7 +93,7 @@ def test_each_forgotten_account_is_noticed():
         for one in (compressed, full):
             one.predict([0.1, 0.2, 0.3], DT, V)
             one.update(z, [1, 4])
-        account = getattr(compressed._accounts, name)
+        account = getattr(compressed, f"_{name}")
         account[...] = np.eye(7) if name == "Phi" else 0.0
         settled = compressed.settle()
         off = max(np.abs(settled.mean - full.mean).max(), np.abs(settled.cov - full.cov).max())

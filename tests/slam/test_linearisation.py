@@ -7,10 +7,10 @@ from slamlab.evaluation import chi2_band, invariant_nees, nees, run
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import RangeBearing, Wall
 from slamlab.simulation import ROOM_SENSOR, room_drives
-from slamlab.slam import EKFSlam, EKFSlamBatch, _linearise, ekf
+from slamlab.slam import EKFSlam, EKFSlamBatch, ekf, linearisation
 from slamlab.slam.linear import CompassMotion, Displacement
 
-ALL = _linearise.LINEARISATIONS
+ALL = linearisation.LINEARISATIONS
 REPAIRED = ("first-estimates", "invariant")
 START, DOUBT = np.array([0.0, -2.4, 0.0]), np.diag([0.0, 0.0, np.radians(10.0) ** 2])
 
@@ -154,14 +154,14 @@ def test_half_a_repair_is_none(drives, monkeypatch):
         return np.degrees(np.sqrt(run(slam, drives.single(0)).covs[-1, 2, 2]))
 
     assert driven() == pytest.approx(10.0, abs=0.1)
-    monkeypatch.setattr(ekf, "carried", lambda slopes, *_: slopes)
+    monkeypatch.setattr(ekf, "fej_jacobian", lambda jacobian, *_: jacobian)
     assert driven() < 9.0, "Jacobians of the map fixed, those of the pose not"
-    whole = ekf.corrected
+    whole = ekf.retract
 
     def without_shear(mean, change, linearisation):
         return whole(mean, change, linearisation)[0], None
 
-    monkeypatch.setattr(ekf, "corrected", without_shear)
+    monkeypatch.setattr(ekf, "retract", without_shear)
     assert stood("invariant") < 9.0, "the covariance left where the estimate was"
 
 

@@ -13,7 +13,7 @@ from slamlab._checks import Array, as_choice
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor
 
-__all__ = ["LINEARISATIONS", "as_linearisation", "carried", "corrected", "turned"]
+__all__ = ["LINEARISATIONS", "as_linearisation", "fej_jacobian", "reset_covariance", "retract"]
 
 LINEARISATIONS = ("latest", "first-estimates", "invariant")
 
@@ -31,27 +31,32 @@ def as_linearisation(value: str, sensor: LandmarkSensor) -> str:
     return value
 
 
-def turned(points: Array) -> Array:
+def rotated_90(points: Array) -> Array:
     """How points (..., 2) move when the world turns about its origin: (-y, x)."""
     return np.stack([-points[..., 1], points[..., 0]], -1)
 
 
-def carried(slopes: Array, pose: Array, first: Array, linearisation: str) -> Array:
-    """Slopes (..., 3) by the pose, so that a turn of the world is carried from `first` on.
+def fej_jacobian(jacobian: Array, pose: Array, first: Array, linearisation: str) -> Array:
+    """Jacobian (..., 3) by the pose for first estimates; as it is for other linearisations.
 
-    Slopes taken at `pose` turn the world as the estimate says now, those of the last step were
-    taken at its first estimate; the column of the heading makes up for the difference. With
-    other linearisations than first estimates they stay as they are.
+    A turn of the world moves a pose at p by J p. Jacobians at `pose` say so for p now, those of
+    the last step said so for its first estimate: the column of the heading gets the difference.
     """
     if linearisation != "first-estimates":
-        return slopes
-    slopes = np.array(slopes)
-    slopes[..., 2] += (slopes[..., :2] @ turned(pose[..., :2] - first[..., :2])[..., None])[..., 0]
-    return slopes
+        return jacobian
+    shift = rotated_90(pose[..., :2] - first[..., :2])
+    heading = jacobian[..., 2:] + jacobian[..., :2] @ shift[..., None]
+    return np.concatenate([jacobian[..., :2], heading], -1)
 
 
-def corrected(mean: Array, change: Array, linearisation: str) -> tuple[Array, Array | None]:
-    """P1 (35): the state (..., N) after a correction, and by what its covariance is sheared.
+def reset_covariance(P: Array, a: Array) -> None:
+    """P <- A P A^T in place with A = I + a e^T, e the unit vector of the heading. O(N^2)."""
+    b = P[2] + 0.5 * P[2, 2] * a  # A P A^T = P + a b^T + b a^T
+    P += np.outer(a, b) + np.outer(b, a)
+
+
+def retract(mean: Array, change: Array, linearisation: str) -> tuple[Array, Array | None]:
+    """P1 (35): the state (..., N) after a correction, and the a of `reset_covariance`.
 
     In the invariant coordinates xi = dp - J p dtheta of every point p, J = [[0, -1], [1, 0]], the
     covariance does not depend on the estimate and p' = R(dtheta) p + V(dtheta) xi. Back in the
@@ -63,13 +68,13 @@ def corrected(mean: Array, change: Array, linearisation: str) -> tuple[Array, Ar
             after[..., 2] = wrap_angle(after[..., 2])
         return after, None
     theta, points = change[..., 2:3], _points(mean)
-    xi = _points(change) - theta[..., None] * turned(points)
+    xi = _points(change) - theta[..., None] * rotated_90(points)
     # R(theta) p + V(theta) xi, V the mean of R from 0 to theta.
     c, s = np.cos(theta)[..., None], np.sin(theta)[..., None]
     along, across = np.sinc(theta / np.pi)[..., None], _versine(theta)[..., None]
-    new = c * points + s * turned(points) + along * xi + across * turned(xi)
+    new = c * points + s * rotated_90(points) + along * xi + across * rotated_90(xi)
     heading = wrap_angle(mean[..., 2:3] + theta)
-    return _state(new, heading), _state(turned(new - points), np.zeros_like(heading))
+    return _state(new, heading), _state(rotated_90(new - points), np.zeros_like(heading))
 
 
 def _points(state: Array) -> Array:
