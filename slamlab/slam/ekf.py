@@ -284,7 +284,7 @@ class EKFSlam:
         cross = G @ self._P[:3]
         self._P = np.block([[self._P, cross.T], [cross, symmetric(cross[:, :3] @ G.T + noise)]])
         self._x, self._first = np.append(self._x, points), np.append(self._first, points)
-        self._row_of |= {name: self.n_landmarks + k for k, name in enumerate(names)}
+        self._row_of |= {name: len(self.ids) + k for k, name in enumerate(names)}
         self.ids = (*self.ids, *names)
         self.sightings = np.append(self.sightings, np.ones(len(names), int))
         self.unseen_for = np.append(self.unseen_for, np.zeros(len(names), int))

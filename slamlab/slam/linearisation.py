@@ -56,17 +56,22 @@ def reset_covariance(P: Array, a: Array) -> None:
 
 
 def retract(mean: Array, change: Array, linearisation: str) -> tuple[Array, Array | None]:
-    """P1 (35): the state (..., N) after a correction, and the a of `reset_covariance`.
+    """P1 (35): the state (..., N) after a correction, and the a of `reset_covariance`."""
+    if linearisation == "invariant":
+        return _retract_invariant(mean, change)
+    after = mean + change
+    if after.ndim > 1 or not -np.pi < after[2] < np.pi:
+        after[..., 2] = wrap_angle(after[..., 2])
+    return after, None
 
-    In the invariant coordinates xi = dp - J p dtheta of every point p, J = [[0, -1], [1, 0]], the
-    covariance does not depend on the estimate and p' = R(dtheta) p + V(dtheta) xi. Back in the
-    coordinates of the state P' = A P A^T with A = I + a e^T, a = J (p' - p).
+
+def _retract_invariant(mean: Array, change: Array) -> tuple[Array, Array]:
+    """State after a correction in the coordinates xi = dp - J p dtheta of every point p.
+
+    There, with J = [[0, -1], [1, 0]], the covariance does not depend on the estimate and
+    p' = R(dtheta) p + V(dtheta) xi. Back in the coordinates of the state P' = A P A^T with
+    A = I + a e^T, a = J (p' - p).
     """
-    if linearisation != "invariant":
-        after = mean + change
-        if after.ndim > 1 or not -np.pi < after[2] < np.pi:
-            after[..., 2] = wrap_angle(after[..., 2])
-        return after, None
     theta, points = change[..., 2:3], _points(mean)
     xi = _points(change) - theta[..., None] * rotated_90(points)
     # R(theta) p + V(theta) xi, V the mean of R from 0 to theta.

@@ -1,0 +1,115 @@
+"""The reading path: lines of all distinct library functions that one step of a system runs.
+
+The door, `_checks.py`, is counted apart: who reads a system takes from it only that an argument is
+what the docstring says.
+"""
+
+import ast
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import slamlab
+from slamlab import _checks
+from slamlab.robots import YOUBOT
+from slamlab.sensors import RangeBearing
+from slamlab.slam import EKFSlam
+
+ROOT = Path(slamlab.__file__).parent
+SENSOR = RangeBearing(0.05, 0.02, offset=0.3)
+CONTROL = np.array([0.5, 0.1, 0.2]), 0.1, YOUBOT.control_cov(0.4)
+OWN, ALL, DOOR = 120, 260, 100
+
+
+@cache
+def code_lines(path):
+    """Lines of a file that hold code: no blanks, comments or docstrings."""
+    source = path.read_text()
+    code = {
+        number
+        for number, line in enumerate(source.splitlines(), 1)
+        if line.strip() and not line.strip().startswith("#")
+    }
+    for node in ast.walk(ast.parse(source)):
+        body = getattr(node, "body", None)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(
+            node
+        ):
+            code -= set(range(body[0].lineno, body[0].end_lineno + 1))
+    return code
+
+
+@cache
+def functions(path):
+    """Lines of each function of a file, by its first line (that of a decorator, if it has one)."""
+    found = {}
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef):
+            first = min([node.lineno, *(d.lineno for d in node.decorator_list)])
+            found[first] = set(range(first, node.end_lineno + 1)) & code_lines(path)
+    return found
+
+
+def path_of(step):
+    """Run a step; return how many lines of which file it reads, as {file: lines}."""
+    for check in vars(_checks).values():  # what a cache remembers is read all the same
+        if hasattr(check, "cache_clear"):
+            check.cache_clear()
+    called = set()
+
+    def note(frame, event, _):
+        path = Path(frame.f_code.co_filename)
+        if event == "call" and path.is_relative_to(ROOT):
+            called.add((path, frame.f_code.co_firstlineno))
+
+    sys.setprofile(note)
+    try:
+        step()
+    finally:
+        sys.setprofile(None)
+    lines = {}
+    for path, first in called:
+        lines.setdefault(path, set()).update(functions(path).get(first, ()))
+    return {path.relative_to(ROOT).as_posix(): len(some) for path, some in lines.items()}
+
+
+# Each returns a function that makes one step: `predict`, then `update` with what a step measures.
+
+
+def ekf_slam():
+    """Two landmarks of the map and a new one."""
+    slam = EKFSlam(YOUBOT, SENSOR, [0, 0, 0], 0.01 * np.eye(3))
+    slam.update([[2.0, 0.3], [3.0, -0.4]], ["oak", "ash"])
+
+    def step():
+        slam.predict(*CONTROL)
+        slam.update([[2.0, 0.3], [3.0, -0.4], [4.0, 0.1]], ["oak", "ash", "elm"])
+
+    return step
+
+
+# A system: its step, its own files, and the most lines of them that the step may read.
+SYSTEMS = {
+    "EKF-SLAM": (ekf_slam, ("slam/ekf.py", "slam/linearisation.py"), OWN),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_step_can_be_read(name):
+    make, own, most = SYSTEMS[name]
+    lines = path_of(make())
+    assert sum(lines.get(file, 0) for file in own) <= most, lines
+    assert lines.pop("_checks.py", 0) <= DOOR
+    assert sum(lines.values()) <= ALL, lines
+
+
+def test_the_count_has_decorators_and_bodies_but_no_docstrings_comments_or_blanks(tmp_path):
+    file = tmp_path / "some.py"
+    file.write_text(
+        '"""A file."""\n\n\n@cache\ndef f(x):\n    """Say what.\n\n    And why.\n    """\n\n'
+        "    # a comment\n    return (\n        x\n    )\n"
+    )
+    assert {first: len(lines) for first, lines in functions(file).items()} == {4: 5}
