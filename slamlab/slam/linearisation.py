@@ -13,7 +13,7 @@ from slamlab._checks import Array, as_choice
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor
 
-__all__ = ["LINEARISATIONS", "as_linearisation", "fej_jacobian", "reset_covariance", "retract"]
+__all__ = ["LINEARISATIONS"]  # the rest is for the filters, whose arguments are checked
 
 LINEARISATIONS = ("latest", "first-estimates", "invariant")
 
