@@ -17,11 +17,9 @@ from slamlab._checks import Array
 from slamlab.gaussian import block_diagonal
 from slamlab.models import LandmarkSensor
 from slamlab.slam._landmark_maps import LandmarkMaps, moments
+from slamlab.slam.association import IGNORED, NEW
 
 __all__ = ["IGNORED", "NEW", "ParticleView"]
-
-# Answers of an association beside a row of the map: start a landmark, or leave out.
-NEW, IGNORED = -1, -2
 
 
 @dataclass(frozen=True, eq=False)

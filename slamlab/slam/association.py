@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_scalar
-from slamlab.gaussian import chi2_quantile
-from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
+from slamlab.gaussian import block_diagonal, chi2_quantile
 
 __all__ = [
     "IGNORED",
@@ -33,7 +32,10 @@ __all__ = [
     "nearest_neighbour",
 ]
 
+# Answers beside a row of the map: start a landmark, or leave the measurement out.
+NEW, IGNORED = -1, -2
 Rows = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 _ODDS = (1e-12, 1 - 1e-12)
 
 
@@ -111,13 +113,10 @@ def nearest_euclidean(
     z = as_array("z", z, ("k", 2))
     gate = as_positive("gate", gate, 1e300)
     landmarks = np.asarray(slam.landmarks)
-    if len(landmarks) == 0 or len(z) == 0:
-        return np.full(len(z), NEW, dtype=np.intp)
     points = slam.sensor.locate(slam.pose, z)
-    near = cKDTree(landmarks).query_ball_point(points, gate)
-    j, row = _flat(near)
-    distance = np.hypot(*(points[j] - landmarks[row]).T)
-    return _best_first(_Pairs(len(z), j, row, distance, distance < gate), distance, 0.0)
+    j, row = _neighbours(landmarks, points, gate)
+    metres = np.hypot(*(points[j] - landmarks[row]).T)
+    return _answer(len(z), j, row, _best_first(j, row, np.where(metres < gate, metres, np.inf)))
 
 
 def nearest_neighbour(
@@ -171,8 +170,11 @@ def nearest_neighbour(
     >>> nearest_neighbour(slam, [[2.1, 0.51], [4.0, 0.0]]).tolist()
     [1, -1]
     """
-    pairs = _candidates(slam, z, probability, new_probability, covs)
-    return _best_first(pairs, pairs.distance, _as_margin(margin))
+    margin = _as_margin(margin)
+    c = _candidates(slam, z, probability, new_probability, covs)
+    score = np.where(c.inside, c.distance, np.inf)
+    chosen = _best_first(c.j, c.row, score) & ~_ambiguous(c.j, c.row, score, margin)
+    return _answer(c.k, c.j, c.row, chosen)
 
 
 def maximum_likelihood(
@@ -204,28 +206,20 @@ def maximum_likelihood(
     >>> maximum_likelihood(slam, [[2.1, 0.51], [4.0, 0.0]]).tolist()
     [1, -1]
     """
-    pairs = _candidates(slam, z, probability, new_probability, covs)
     margin = _as_margin(margin)
-    inside, gate = pairs.inside, _gate(float(probability), 2)
-    score = pairs.distance + pairs.log_det
-    rows, column = np.unique(pairs.row[inside], return_inverse=True)
-    cost = np.full((pairs.k, len(rows) + pairs.k), np.inf)
-    cost[pairs.j[inside], column] = score[inside]
-    # Each measurement may stay alone, in a column of its own.
-    alone = np.full(pairs.k, 0.0)
-    if inside.any():
-        widest = np.full(pairs.k, -np.inf)
-        np.maximum.at(widest, pairs.j[inside], pairs.log_det[inside])
-        alone = np.where(np.isfinite(widest), gate + widest, 0.0)
-    np.fill_diagonal(cost[:, len(rows) :], alone)
+    c, n = _candidates(slam, z, probability, new_probability, covs), len(slam.landmarks)
+    log_det = np.log(np.linalg.det(c.S))
+    score = np.where(c.inside, c.distance + log_det, np.inf)  # -2 log likelihood
+    # Each measurement may stay alone, in a column of its own: at the edge of its widest gate.
+    alone = np.full(c.k, -np.inf)
+    np.maximum.at(alone, c.j[c.inside], _gate(float(probability), 2) + log_det[c.inside])
+    cost = np.full((c.k, n + c.k), np.inf)
+    cost[c.j, c.row] = score
+    np.fill_diagonal(cost[:, n:], np.where(np.isfinite(alone), alone, 0.0))
     from scipy.optimize import linear_sum_assignment  # loads long, few filters ask for it
 
-    chosen = linear_sum_assignment(cost)[1]
-    answer = pairs.unpaired()
-    for j in np.flatnonzero(chosen < len(rows)):
-        row = rows[chosen[j]]
-        answer[j] = IGNORED if pairs.rivals(int(j), int(row), score, margin) else row
-    return answer
+    chosen = c.row == linear_sum_assignment(cost)[1][c.j]
+    return _answer(c.k, c.j, c.row, chosen & ~_ambiguous(c.j, c.row, score, margin))
 
 
 # --- all measurements of a look together ---
@@ -334,136 +328,105 @@ def joint_search(
 ) -> JointSearch:
     """Search as `joint_compatibility`, and tell how far it went; same parameters, no warning."""
     margin, max_nodes = _as_margin(margin), as_count("max_nodes", max_nodes, 1)
-    pairs = _candidates(slam, z, probability, new_probability, covs)
-    if not pairs.inside.any():
-        return JointSearch(pairs.unpaired(), 0, 0.0, 0, True)
-    search = _Search(slam, pairs, float(probability), margin, max_nodes)
-    answer = pairs.unpaired()
-    for j, row in search.agreed():
-        answer[j] = row
-    return JointSearch(answer, search.best[0], search.best[1], search.nodes, search.complete)
+    c = _candidates(slam, z, probability, new_probability, covs)
+    i = np.flatnonzero(c.inside)
+    if not len(i):
+        return JointSearch(_answer(c.k, c.j, c.row, c.inside), 0, 0.0, 0, True)
+    pairs = c.j[i], c.row[i], c.v[i], c.R[c.j[i]]
+    search = _Search(slam, *pairs, float(probability), margin, max_nodes)
+    chosen = np.zeros(len(c.j), bool)
+    chosen[i[search.agreed()]] = True
+    rows = _answer(c.k, c.j, c.row, chosen)
+    return JointSearch(rows, *search.best, search.nodes, search.complete)
 
 
 class _Search:
     """Depth-first branch and bound over the measurements that have candidates.
 
     A pair taken is a measurement of the robot's error, so it corrects what all other landmarks
-    should show, as a Kalman update would: down a branch, innovations and their joint covariance
-    are those given its pairs, and what the next pair adds to the joint distance is its own.
+    should show, as a Kalman update would: down a branch, `x` (n, 2) and `P` (2n, 2n) are mean and
+    covariance of the errors of all predictions given its pairs, and what the next pair adds to
+    the joint distance is its own.
     """
 
     def __init__(
-        self, slam: Surface, pairs: _Pairs, probability: float, margin: float, max_nodes: int
+        self,
+        slam: Surface,
+        j: Rows,
+        row: Rows,
+        v: Array,
+        R: Array,
+        probability: float,
+        margin: float,
+        max_nodes: int,
     ) -> None:
-        j, row, v, more = (a[pairs.inside] for a in (pairs.j, pairs.row, pairs.v, pairs.more))
-        self.rows, column = np.unique(row, return_inverse=True)
-        measurements, place, counts = np.unique(j, return_inverse=True, return_counts=True)
+        self.v, self.R, self.margin = v, R, margin
+        rows, self.column = np.unique(row, return_inverse=True)
         # The least ambiguous measurement first: it pins the pose down for the others.
-        by_counts = np.argsort(counts, kind="stable")
-        self.order = measurements[by_counts]
-        place = np.argsort(by_counts)[place]
-        by_place = np.argsort(place, kind="stable")
-        self.place, self.column, self.v = place[by_place], column[by_place], v[by_place]
-        self.more = more[by_place]
-        self.gates = [_gate(probability, 2 * pairs) for pairs in range(len(self.order) + 1)]
-        self.margin, self.max_nodes = margin, max_nodes
-        self.nodes, self.complete = 0, True
-        self.chosen: list[tuple[int, int]] = []
-        self.used = np.zeros(len(self.rows), dtype=bool)
+        _, place, counts = np.unique(j, return_inverse=True, return_counts=True)
+        self.depth = np.argsort(np.argsort(counts, kind="stable"))[place]
+        self.gates = [_gate(probability, 2 * m) for m in range(len(counts) + 1)]
         self.best: tuple[int, float] = (-1, np.inf)
-        self.found: list[tuple[int, float, dict[int, int]]] = []
-        # Innovations of landmarks are correlated through the pose, whoever measured them.
-        n = len(self.rows)
-        self.S = slam.innovation_cov(self.rows) if n else np.empty((0, 0))
-        # Two rows for each pair of the branch: the whitened ties of its innovation to all.
-        self.ties = np.empty((2 * len(self.order), 2 * n))
-        own = self.S.reshape(n, 2, n, 2)[np.arange(n), :, np.arange(n)]
-        self._descend(0, 0.0, own, np.zeros((n, 2)))
+        self.found: list[tuple[int, float, list[int]]] = []
+        self.max_nodes, self.nodes, self.complete = max_nodes, 0, True
+        # H P H^T: predictions are correlated through the pose.
+        noise = np.broadcast_to(slam.sensor.cov, (len(rows), 2, 2))
+        P = slam.innovation_cov(rows) - block_diagonal(noise)
+        self._descend(0, 0.0, [], np.zeros((len(rows), 2)), P)
 
-    def _descend(self, depth: int, distance: float, own: Array, shift: Array) -> None:
-        """Pair the measurement at `depth` with each landmark that fits, then with none.
-
-        `own` (n, 2, 2) and `shift` (n, 2) are covariance and mean of each innovation, given the
-        pairs of the branch.
-        """
-        m = len(self.chosen)
+    def _descend(self, depth: int, distance: float, chosen: list[int], x: Array, P: Array) -> None:
+        """Pair the measurement at `depth` with each landmark that fits, then with none."""
+        m, last = len(chosen), len(self.gates) - 1
         if self.nodes >= self.max_nodes:
             self.complete = False
-        if depth == len(self.order) or not self.complete:
-            self._record(m, distance)
+        if depth == last or not self.complete:
+            self._record(distance, chosen)
             return
         self.nodes += 1
-        options = np.flatnonzero((self.place >= depth) & ~self.used[self.column])
-        column, v = self.column[options], self.v[options] - shift[self.column[options]]
-        S = own[column] + self.more[options]
+        free = np.ones(len(x), bool)
+        free[self.column[chosen]] = False
+        i = np.flatnonzero((self.depth >= depth) & free[self.column])
+        k, column = np.arange(len(x)), self.column[i]
+        S = P.reshape(len(x), 2, len(x), 2)[k, :, k][column] + self.R[i]
+        v = self.v[i] - x[column]
         added = _squared(v, S)
         # Adding pairs never lowers the distance: what is too far now stays so further down.
-        fits = distance + added <= self.gates[m + len(self.order) - depth]
-        waiting = set(self.place[options[fits]].tolist())
-        here = np.flatnonzero(self.place[options] == depth)
-        for i in here[np.argsort(added[here])]:
-            total = distance + float(added[i])
+        fits = distance + added <= self.gates[m + last - depth]
+        waiting = set(self.depth[i[fits]].tolist())
+        here = np.flatnonzero(self.depth[i] == depth)
+        for pair in here[np.argsort(added[here])]:
+            total = distance + float(added[pair])
             if total > self.gates[m + 1] or self._hopeless(m + len(waiting), total):
                 break
-            c = int(column[i])
-            given = self._given(own, shift, c, v[i], S[i])
-            self.chosen.append((depth, c))
-            self.used[c] = True
-            self._descend(depth + 1, total, *given)
-            self.used[c] = False
-            self.chosen.pop()
+            landmark = slice(2 * column[pair], 2 * column[pair] + 2)
+            K = P[:, landmark] @ np.linalg.inv(S[pair])
+            given = x + (K @ v[pair]).reshape(-1, 2), P - K @ P[landmark]
+            self._descend(depth + 1, total, [*chosen, int(i[pair])], *given)
             if not self.complete:
                 return
         if not self._hopeless(m + len(waiting - {depth}), distance):
-            self._descend(depth + 1, distance, own, shift)
-
-    def _given(self, own: Array, shift: Array, c: int, v: Array, S: Array) -> tuple[Array, Array]:
-        """Covariances and means of all, once landmark c was off by v more, of covariance S."""
-        a, at = 2 * len(self.chosen), slice(2 * c, 2 * c + 2)
-        cross = self.S[at] - self.ties[:a, at].T @ self.ties[:a]
-        # Whitened by the inverse Cholesky factor of S, written out.
-        (xx, xy), (_, yy) = S
-        first = np.sqrt(xx)
-        second = np.sqrt(yy - xy * xy / xx)
-        whiten = np.array([[1 / first, 0.0], [-xy / (xx * second), 1 / second]])
-        new = whiten @ cross
-        self.ties[a : a + 2] = new
-        blocks = new.reshape(2, -1, 2)
-        less = blocks[..., :, None] * blocks[..., None, :]
-        return own - less[0] - less[1], shift + ((whiten @ v) @ new).reshape(-1, 2)
+            self._descend(depth + 1, distance, chosen, x, P)
 
     def _hopeless(self, pairs: int, distance: float) -> bool:
         """Tell whether `pairs` pairs at most, at this distance at least, cannot win."""
         most, nearest = self.best
         return pairs < most or (pairs == most and distance >= nearest + self.margin)
 
-    def _record(self, m: int, distance: float) -> None:
-        if self._hopeless(m, distance):
-            return
-        if m > self.best[0] or distance < self.best[1]:
-            self.best = m, distance
-        named = {int(self.order[place]): int(self.rows[c]) for place, c in self.chosen}
-        self.found.append((m, distance, named))
+    def _record(self, distance: float, chosen: list[int]) -> None:
+        if not self._hopeless(len(chosen), distance):
+            if len(chosen) > self.best[0] or distance < self.best[1]:
+                self.best = len(chosen), distance
+            self.found.append((len(chosen), distance, chosen))
 
-    def agreed(self) -> list[tuple[int, int]]:
-        """Pairs of the best set on which no set as large and almost as near disagrees."""
+    def agreed(self) -> list[int]:
+        """Pairs of the best set that all sets have that are as large and almost as near."""
         most, nearest = self.best
         close = [
-            (distance, named)
-            for m, distance, named in self.found
+            set(chosen)
+            for m, distance, chosen in self.found
             if m == most and (distance == nearest or distance < nearest + self.margin)
         ]
-        if not close:
-            return []
-        best = min(close, key=lambda one: one[0])[1]
-        return [(j, r) for j, r in best.items() if all(named.get(j) == r for _, named in close)]
-
-
-def _squared(v: Array, S: Array) -> Array:
-    """Squared Mahalanobis distances of v (c, 2) by covariances (c, 2, 2), written out."""
-    det = S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] * S[:, 1, 0]
-    square = S[:, 1, 1] * v[:, 0] ** 2 + S[:, 0, 0] * v[:, 1] ** 2
-    return np.asarray((square - 2 * S[:, 0, 1] * v[:, 0] * v[:, 1]) / det)
+        return sorted(set.intersection(*close))
 
 
 # --- landmarks are believed when they come back ---
@@ -526,7 +489,7 @@ class Confirmation:
 
     def __call__(self, slam: Surface, z: ArrayLike, covs: ArrayLike | None = None) -> Rows:
         """Return rows as any association does."""
-        if isinstance(slam, ParticleView):
+        if hasattr(slam, "number"):
             raise ValueError("slam: expected EKFSlam, got a particle of FastSlam")
         z = as_array("z", z, ("k", 2))
         more = {} if covs is None else {"covs": covs}
@@ -554,8 +517,7 @@ class Confirmation:
         weight = np.linalg.inv(2 * (R[:, None] + self._covs))
         distance = np.einsum("kni,knij,knj->kn", v, weight, v)
         j, row = np.nonzero(distance < self._gate)
-        pairs = _Pairs(len(z), j, row, distance[j, row], np.ones(len(j), dtype=bool))
-        places = _best_first(pairs, pairs.distance, 0.0)
+        places = _answer(len(z), j, row, _best_first(j, row, distance[j, row]))
         fresh = np.flatnonzero(places < 0)
         places[fresh] = len(self.tentative) + np.arange(len(fresh))
         located = slam.sensor.locate(slam.pose, z[fresh])
@@ -570,36 +532,22 @@ class Confirmation:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pairs:
-    """Pairs of a measurement and a landmark that are near enough to be thought about."""
+class _Candidates:
+    """Pairs (c,) of one of k measurements and a landmark, within the wider gate."""
 
-    k: int  # measurements of the look
+    k: int
     j: Rows  # (c,) measurement
     row: Rows  # (c,) landmark
-    distance: Array  # (c,) squared Mahalanobis distance, or metres
-    inside: NDArray[np.bool_]  # (c,) inside the gate; the others are near it
-    v: Array = field(default_factory=lambda: np.empty((0, 2)))  # (c, 2) innovation
-    log_det: Array = field(default_factory=lambda: np.empty(0))  # (c,) log det S
-    more: Array = field(default_factory=lambda: np.empty((0, 2, 2)))  # (c, 2, 2) R - sensor.cov
-
-    def unpaired(self) -> Rows:
-        """Answer (k,) before any pair is made: new if no landmark is near, else left out."""
-        answer = np.full(self.k, NEW, dtype=np.intp)
-        answer[self.j] = IGNORED
-        return answer
-
-    def rivals(self, j: int, row: int, score: Array, margin: float) -> bool:
-        """Tell whether another pair wants the same measurement or landmark almost as much."""
-        if margin == 0.0:
-            return False
-        mine = (self.j == j) & (self.row == row)
-        others = self.inside & ((self.j == j) ^ (self.row == row))
-        return bool((score[others] < score[mine][0] + margin).any())
+    v: Array  # (c, 2) innovation
+    S: Array  # (c, 2, 2) its covariance
+    distance: Array  # (c,) v^T S^-1 v
+    inside: Bools  # (c,) within the narrower gate
+    R: Array  # (k, 2, 2) covariances of the measurements
 
 
 def _candidates(
     slam: Surface, z: ArrayLike, low: float, high: float, covs: ArrayLike | None = None
-) -> _Pairs:
+) -> _Candidates:
     """All pairs within the gate of probability `high`, found by a tree of predicted landmarks.
 
     A pair in the gate has |v_i| <= sqrt(gate S_ii), so seen from the sensor its two places are
@@ -609,29 +557,20 @@ def _candidates(
     z = as_array("z", z, ("k", 2))
     low = as_scalar("probability", low, *_ODDS)
     high = as_scalar("new_probability", high, low, _ODDS[1])
-    inner, outer = _gate(low, 2), _gate(high, 2)
-    landmarks = np.asarray(slam.landmarks)
-    if len(landmarks) == 0 or len(z) == 0:
-        empty = np.empty(0, dtype=np.intp)
-        return _Pairs(len(z), empty, empty, np.empty(0), np.empty(0, dtype=bool))
-    predicted = slam.sensor.observe(slam.pose, landmarks)
-    S = slam.innovation_covs(np.arange(len(landmarks)))
-    # What the measurements are less certain than the sensor says.
-    more = np.zeros((len(z), 2, 2))
+    R = np.tile(slam.sensor.cov, (len(z), 1, 1))
     if covs is not None:
-        more = as_array("covs", covs, (len(z), 2, 2)) - slam.sensor.cov
-    widest = S[:, [0, 1], [0, 1]].max(0) + more[:, [0, 1], [0, 1]].max(0)
-    reach = np.sqrt(outer * widest) * (1 + 1e-9)
-    radius = reach[0] + np.abs(z[:, 0]) * reach[1]
-    tree = cKDTree(_plane(predicted))
-    j, row = _flat(tree.query_ball_point(_plane(z), radius, return_sorted=True))
-    v, S = slam.sensor.residual(z[j], predicted[row]), S[row] + more[j]
+        R = as_array("covs", covs, (len(z), 2, 2))
+    landmarks = np.asarray(slam.landmarks)
+    predicted = slam.sensor.observe(slam.pose, landmarks)
+    S = slam.innovation_covs(np.arange(len(landmarks))) - slam.sensor.cov
+    widest = np.diag(S.max(0, initial=0.0) + R.max(0, initial=0.0))
+    reach = np.sqrt(_gate(high, 2) * widest) * (1 + 1e-9)
+    j, row = _neighbours(_plane(predicted), _plane(z), reach[0] + np.abs(z[:, 0]) * reach[1])
+    v, S = slam.sensor.residual(z[j], predicted[row]), S[row] + R[j]
     distance = _squared(v, S)
-    near = distance <= outer
-    j, row = j[near], row[near]
-    v, S, distance = v[near], S[near], distance[near]
-    log_det = np.log(np.linalg.det(S))
-    return _Pairs(len(z), j, row, distance, distance <= inner, v, log_det, more[j])
+    near = distance <= _gate(high, 2)
+    j, row, v, S, distance = j[near], row[near], v[near], S[near], distance[near]
+    return _Candidates(len(z), j, row, v, S, distance, distance <= _gate(low, 2), R)
 
 
 @lru_cache(maxsize=256)
@@ -646,25 +585,47 @@ def _plane(polar: Array) -> Array:
     return np.stack([r * np.cos(angle), r * np.sin(angle)], -1)
 
 
-def _flat(lists: Any) -> tuple[Rows, Rows]:
-    """Neighbour lists as two arrays: number of the list, and entry."""
-    lengths = [len(one) for one in lists]
-    entries = np.concatenate([np.asarray(one, dtype=np.intp) for one in lists])
-    return np.repeat(np.arange(len(lengths)), lengths), entries
+def _neighbours(there: Array, points: Array, radius: ArrayLike) -> tuple[Rows, Rows]:
+    """Pairs (c,), (c,) of one of `points` and one of the points `there` within `radius` of it."""
+    if len(there) == 0 or len(points) == 0:
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    near = cKDTree(there).query_ball_point(points, radius, return_sorted=True)
+    j = np.repeat(np.arange(len(points)), [len(some) for some in near])
+    return j, np.concatenate(near).astype(np.intp)
 
 
-def _best_first(pairs: _Pairs, score: Array, margin: float) -> Rows:
-    """Take pairs inside the gate in the order of their score, nothing twice."""
-    answer = pairs.unpaired()
-    free, taken = np.ones(pairs.k, dtype=bool), set[int]()
-    inside = np.flatnonzero(pairs.inside)
-    for i in inside[np.argsort(score[inside], kind="stable")]:
-        j, row = int(pairs.j[i]), int(pairs.row[i])
-        if free[j] and row not in taken:
-            free[j] = False
-            taken.add(row)
-            answer[j] = IGNORED if pairs.rivals(j, row, score, margin) else row
-    return answer
+def _squared(v: Array, S: Array) -> Array:
+    """Squared Mahalanobis distances of v (c, 2) by covariances (c, 2, 2), written out."""
+    (a, b), (xx, xy, yy) = v.T, (S[:, 0, 0], S[:, 0, 1], S[:, 1, 1])
+    return np.asarray((yy * a**2 + xx * b**2 - 2 * xy * a * b) / (xx * yy - xy * xy))
+
+
+def _best_first(j: Rows, row: Rows, score: Array) -> Bools:
+    """Which pairs (c,) are taken in the order of their score, nothing twice; inf never is."""
+    chosen = np.zeros(len(j), bool)
+    measured, taken = set[int](), set[int]()
+    for i in np.argsort(score, kind="stable"):
+        if j[i] not in measured and row[i] not in taken and score[i] < np.inf:
+            chosen[i] = True
+            measured.add(j[i])
+            taken.add(row[i])
+    return chosen
+
+
+def _ambiguous(j: Rows, row: Rows, score: Array, margin: float) -> Bools:
+    """Which pairs (c,) have a second-best match, of the same measurement or the same landmark."""
+    if margin == 0.0:
+        return np.zeros(len(j), bool)
+    shared = (j[:, None] == j) ^ (row[:, None] == row)
+    return np.asarray((shared & (score < score[:, None] + margin)).any(1))
+
+
+def _answer(k: int, j: Rows, row: Rows, chosen: Bools) -> Rows:
+    """Rows (k,) of the chosen pairs; without one a measurement is new, or near to something."""
+    rows = np.full(k, NEW, dtype=np.intp)
+    rows[j] = IGNORED
+    rows[j[chosen]] = row[chosen]
+    return rows
 
 
 def _as_margin(margin: float) -> float:
