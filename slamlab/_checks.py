@@ -34,6 +34,12 @@ def shown(value: object) -> str:
     return text if len(text) <= 200 else f"{text[:197]}..."
 
 
+def cut(text: object, most: int = 100) -> str:
+    """Return the words of another error, for a message; those of a damaged file have no end."""
+    words = str(text)
+    return words if len(words) <= most else f"{words[: most - 3]}..."
+
+
 def as_array(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
     """Return `value` as a finite array of floats of the given trailing shape.
 

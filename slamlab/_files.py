@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 __all__ = ["about", "read_bytes", "read_npz"]
 
 MOST_BYTES = 2**28
+# Arrays that somebody measured do not shrink to a hundredth: an archive may unpack to this much.
+_USUAL_BYTES, _RATIO = 2**27, 100
 
 _BROKEN = (
     lzma.LZMAError,
@@ -61,7 +63,8 @@ def read_npz(
     ----------
     path : str or Path
     max_bytes : int, default 2**30
-        An archive that says it unpacks to more is refused before anything is unpacked.
+        An archive that says it unpacks to more, or to more than 128 MB and a hundred times its
+        size, is refused before anything is unpacked.
     what : str
         What was expected, for the message.
 
@@ -79,6 +82,9 @@ def read_npz(
             size = sum(member.file_size for member in archive.infolist())
         if size > max_bytes:
             raise ValueError(f"unpacks to {size} bytes, more than {max_bytes}")
+        packed = path.stat().st_size
+        if size > max(_USUAL_BYTES, _RATIO * packed):
+            raise ValueError(f"unpacks to {size} bytes, {size / packed:.0f} times what it has")
         with np.load(path, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
     except (*_BROKEN, OSError) as error:

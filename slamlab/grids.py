@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped, as_tuple
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped, as_tuple, shown
 
 __all__ = ["Grid"]
 
@@ -73,13 +73,17 @@ class Grid:
         Raises
         ------
         ValueError
-            If the rectangle is empty or a number is out of range.
+            If the rectangle is empty, has more than 64 million cells, or a number is out of range.
         """
         left, bottom, right, top = as_array("bounds", bounds, (4,))
         resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
         if not (left < right and bottom < top):
             raise ValueError(f"bounds: expected left < right and bottom < top, got {bounds!r}")
-        rows, columns = np.ceil(np.array([top - bottom, right - left]) / resolution - 1e-9)
+        with np.errstate(over="ignore"):
+            rows, columns = np.ceil(np.array([top - bottom, right - left]) / resolution - 1e-9)
+        if not rows * columns <= MOST_CELLS:
+            wanted = f"a rectangle of at most {MOST_CELLS} cells of {resolution:g} m"
+            raise ValueError(f"bounds: expected {wanted}, got {shown(bounds)}")
         return Grid((int(rows), int(columns)), resolution, (left, bottom))
 
     def __repr__(self) -> str:

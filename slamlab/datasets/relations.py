@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slamlab._checks import Array
+from slamlab._checks import Array, cut
 from slamlab._files import read_bytes
 
 __all__ = ["Relations", "read_relations"]
@@ -75,7 +75,7 @@ def numbers_of(text: str, name: str, count: int) -> Array:
         try:
             row = [float(word) for word in words]
         except ValueError as error:
-            raise ValueError(f"{name}: line {number}: expected numbers, {error}") from error
+            raise ValueError(f"{name}: line {number}: expected numbers, {cut(error)}") from error
         if len(row) != count:
             raise ValueError(f"{name}: line {number}: expected {count} numbers, got {len(row)}")
         if not np.isfinite(row).all():

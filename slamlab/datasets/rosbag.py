@@ -63,6 +63,8 @@ def read_rosbag(
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file or folder")
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        raise ValueError(f"{path}: expected a bag of ROS 2, a folder with a metadata.yaml in it")
     try:
         with AnyReader([path]) as bag:
             scans = _messages(bag, _SCAN, scan_topic, path)

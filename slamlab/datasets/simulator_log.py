@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab._checks import Array
+from slamlab._checks import Array, cut
 from slamlab._files import read_bytes
 from slamlab.logs import Log, ScanGeometry
 
@@ -74,7 +74,7 @@ def _row(line: str, place: str, n: int) -> Array:
     try:
         row = np.array([float(word) for word in line.split(",")])
     except ValueError as error:
-        raise ValueError(f"{place}: expected numbers, {error}") from error
+        raise ValueError(f"{place}: expected numbers, {cut(error)}") from error
     if len(row) != len(_HEAD) + n:
         raise ValueError(f"{place}: expected {len(_HEAD) + n} numbers, got {len(row)}")
     if not np.isfinite(row[: len(_HEAD)]).all() or (row[len(_HEAD) :] < 0).any():

@@ -16,7 +16,7 @@ from typing import TextIO
 
 import numpy as np
 
-from slamlab._checks import Array
+from slamlab._checks import Array, cut
 from slamlab.logs import Log
 from slamlab.robots import RelativePose
 from slamlab.sensors import PointSensor
@@ -166,7 +166,7 @@ def _numbers(words: list[str], where: str) -> tuple[int, int, list[float]]:
         values = [float(word) for word in words[3:]]
         pair = int(words[1]), int(words[2])
     except ValueError as error:
-        raise ValueError(f"{where}: expected numbers, {error}") from error
+        raise ValueError(f"{where}: expected numbers, {cut(error)}") from error
     if not all(map(isfinite, values)):
         raise ValueError(f"{where}: expected finite numbers, got NaN or infinity")
     return *pair, values

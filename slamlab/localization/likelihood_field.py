@@ -14,6 +14,8 @@ from slamlab.grids import Grid
 
 __all__ = ["LikelihoodField"]
 
+_FAR = 2.0**40  # cells; farther off nothing is told apart
+
 
 class LikelihoodField(Grid):
     """Log likelihood of lidar end points from many poses at once.
@@ -109,10 +111,12 @@ class LikelihoodField(Grid):
         if self._n_points is not None and len(seen) > self._n_points:
             seen = seen[np.linspace(0, len(seen), self._n_points, endpoint=False).astype(int)]
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        x0, y0 = self.scaled(poses[:, :2]).T
+        with np.errstate(over="ignore"):  # what is beyond all numbers is outside the map
+            x0, y0 = np.clip(self.scaled(poses[:, :2]), -_FAR, _FAR).T
+            cells = np.clip(seen / self.resolution, -_FAR, _FAR)
         rows, columns = self.shape
         total = np.zeros(len(poses))
-        for x, y in seen / self.resolution:
+        for x, y in cells:
             # Cell of the point in the padded grid; everything outside falls on its border.
             column = np.clip(np.floor(x0 + c * x - s * y) + 1, 0, columns + 1).astype(np.intp)
             row = np.clip(np.floor(y0 + s * x + c * y) + 1, 0, rows + 1).astype(np.intp)

@@ -117,7 +117,9 @@ class OccupancyGrid(Grid):
             Trust beams up to this distance (m): longer ones free the cells before it and hit none.
         free_missing : bool, default True
             Whether a beam that met nothing frees the cells up to the smaller of `max_range` and
-            ``lidar.max_range``. If False it says nothing (glass and black walls send none back).
+            ``lidar.max_range``. If False it says nothing: glass, black and slanting walls send no
+            beam back, and maps of real scans lose walls to beams that claim to have met nothing.
+            The command ``map`` uses False.
 
         Raises
         ------

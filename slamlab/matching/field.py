@@ -34,7 +34,7 @@ class Field(Grid):
     Parameters
     ----------
     values : array_like, shape (rows, columns)
-        Values at the cell centres; row 0 is at the bottom. Beyond the sheet they are 0.
+        Values at the cell centres, copied; row 0 is at the bottom. Beyond the sheet they are 0.
     resolution : float
         Side of a cell (m).
     origin : array_like, shape (2,), default (0, 0)
@@ -62,7 +62,7 @@ class Field(Grid):
         origin: ArrayLike = (0.0, 0.0),
         log_odds: bool = False,
     ) -> None:
-        self.values: Any = as_array("values", values, ("rows", "columns"))
+        self.values: Any = as_array("values", values, ("rows", "columns")).copy()
         if self.values.size == 0:
             raise ValueError(f"values: expected at least one cell, got {self.values.shape}")
         super().__init__(self.values.shape, resolution, origin)

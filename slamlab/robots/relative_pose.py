@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array
+from slamlab._checks import Array, as_array, as_scalar
 from slamlab.geometry import compose, rotation
 from slamlab.models import MotionModel
 
@@ -43,7 +43,7 @@ class RelativePose(MotionModel):
         u : array_like, shape (..., 3)
             Motion in the frame of `pose` (m, m, rad); leading axes broadcast.
         dt : float
-            Not used.
+            Not used, but checked as other robots check it.
 
         Returns
         -------
@@ -52,12 +52,14 @@ class RelativePose(MotionModel):
         Raises
         ------
         ValueError
-            If a shape is wrong or a number is not finite.
+            If a shape is wrong, a number is not finite, or `dt` is negative.
         """
+        as_scalar("dt", dt, 0.0, 1e300)
         return compose(as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 3)))
 
     def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
         """Return the derivatives of `step` by pose and motion, both of shape (..., 3, 3)."""
+        as_scalar("dt", dt, 0.0, 1e300)
         pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 3))
         theta, dx, dy = pose[..., 2], u[..., 0], u[..., 1]
         c, s = np.cos(theta), np.sin(theta)

@@ -11,7 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar, as_shaped
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_count,
+    as_covariance,
+    as_rng,
+    as_scalar,
+    as_shaped,
+    shown,
+)
 from slamlab.geometry import between, compose, wrap_angle
 
 __all__ = [
@@ -59,8 +68,8 @@ def room_points(
     """
     rng, n = as_rng("rng", rng), as_count("n", n, 1)
     width, depth = as_array("size", size, (2,))
-    if min(width, depth) <= 0:
-        raise ValueError(f"size: expected two positive lengths (m), got {size}")
+    if not 0 < min(width, depth) <= max(width, depth) <= 1e9:
+        raise ValueError(f"size: expected two positive lengths up to 1e9 m, got {shown(size)}")
     height = as_scalar("height", height, 0.0, 1e9)
     along = rng.uniform(0, 2 * (width + depth), n)
     corners = np.cumsum([0, width, depth, width, depth])
@@ -421,6 +430,8 @@ class VisualOdometer:
     ) -> Array:
         """Dead-reckoned poses (..., n, 3) of a drive along true poses (..., n, 3)."""
         poses = as_array("poses", poses, ("...", "n", 3))
+        if poses.shape[-2] == 0:
+            raise ValueError(f"poses: expected at least one pose, got shape {poses.shape}")
         increments = self.measure(poses[..., :-1, :], poses[..., 1:, :], rng)
         track = np.empty_like(poses)
         track[..., 0, :] = poses[..., 0, :] if start is None else as_array("start", start, (3,))

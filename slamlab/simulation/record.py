@@ -96,7 +96,7 @@ class Script:
     """
 
     def __init__(self, controls: ArrayLike) -> None:
-        self._controls = as_array("controls", controls, ("T", "p"))
+        self._controls = as_array("controls", controls, ("T", "p")).copy()
         self._next = 0
 
     def __repr__(self) -> str:

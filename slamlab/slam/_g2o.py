@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slamlab._checks import Array
+from slamlab._checks import Array, cut
 from slamlab._files import read_bytes
 
 # Where the six numbers of a line stand in the upper triangle of the information matrix.
@@ -128,7 +128,7 @@ class _Parser:
         try:
             numbers = [float(word) for word in words]
         except ValueError as error:
-            raise self.error(f"expected numbers, {error}") from error
+            raise self.error(f"expected numbers, {cut(error)}") from error
         if not all(map(isfinite, numbers)):
             raise self.error("expected finite numbers, got NaN or infinity")
         text = "".join(words)

@@ -105,9 +105,13 @@ class Result:
     def certified(self) -> bool:
         """True if this is proved to be the least cost of all, to 1 %; False proves nothing.
 
-        Rejected and doubted edges count with their weights.
+        Rejected and doubted edges count with their weights. Where numbers are too far apart for a
+        bound (`certificate` says so), nothing is proved.
         """
-        return self.certificate.certified
+        try:
+            return self.certificate.certified
+        except ValueError:
+            return False
 
 
 class PoseGraph:

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slamlab._checks import as_array, as_scalar
+from slamlab._checks import as_array, as_scalar, shown
 from slamlab._optional import needed
 
 MOST_PIXELS = 64_000_000
+_STRIP = 256  # rows of a transparent image that are laid on white at a time
 MOST_YAML_BYTES = 10_000
 _BROKEN = (OSError, ValueError, SyntaxError, EOFError, LookupError, TypeError, OverflowError)
 
@@ -56,10 +57,15 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
 
 def _grey(image: Any) -> NDArray[np.uint8]:
     Image = _pillow()
-    if image.has_transparency_data:
-        image = image.convert("RGBA")
-        image = Image.alpha_composite(Image.new("RGBA", image.size, "white"), image)
-    return np.asarray(image.convert("L"))
+    if not image.has_transparency_data:
+        return np.asarray(image.convert("L"))
+    grey = np.empty((image.height, image.width), np.uint8)
+    for top in range(0, image.height, _STRIP):  # in strips: as a whole it takes 12 bytes a pixel
+        bottom = min(top + _STRIP, image.height)
+        strip = image.crop((0, top, image.width, bottom)).convert("RGBA")
+        on_white = Image.alpha_composite(Image.new("RGBA", strip.size, "white"), strip)
+        grey[top:bottom] = np.asarray(on_white.convert("L"))
+    return grey
 
 
 def _pillow() -> Any:
@@ -93,7 +99,10 @@ def _read_ros(path: Path) -> MapImage:
     origin = as_array(f"{path}: origin", entries["origin"], (3,))
     if origin[2] != 0:
         raise ValueError(f"{path}: expected a map that is not turned, got yaw {origin[2]:g}")
-    solid = _solid(path, entries, read_grey(path.parent / str(entries["image"])) / 255.0)
+    image = str(entries["image"])
+    if not 0 < len(image) <= 255 or not image.isprintable():
+        raise ValueError(f"{path}: expected the name of an image, got {shown(image)}")
+    solid = _solid(path, entries, read_grey(path.parent / image) / 255.0)
     resolution = as_scalar(f"{path}: resolution", entries["resolution"], 1e-9, 1e9)
     return MapImage(solid, resolution, tuple(origin[:2]))
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped, shown
 from slamlab.grids import Grid
 from slamlab.kernels.cast import cast_everywhere, cast_grid
 from slamlab.kernels.clearance import grid_clearance
@@ -66,7 +66,7 @@ class BitmapWorld(Grid, Solid):
         cells = as_array("occupied", occupied, ("rows", "columns"))
         if cells.size == 0 or not np.isin(cells, (0.0, 1.0)).all():
             wanted = "at least one cell, each True or False"
-            raise ValueError(f"occupied: expected {wanted}, got {occupied!r}")
+            raise ValueError(f"occupied: expected {wanted}, got {shown(occupied)}")
         self.occupied: NDArray[np.bool_] = cells.astype(bool)
         self.occupied.setflags(write=False)
         super().__init__((cells.shape[0], cells.shape[1]), resolution, origin)
