@@ -18,6 +18,8 @@ from slamlab.slam.linearisation import as_linearisation, fej_jacobian, reset_cov
 
 __all__ = ["BatchInnovation", "EKFSlamBatch"]
 
+Rows = NDArray[np.intp]
+
 
 @dataclass(frozen=True, eq=False)
 class BatchInnovation:
@@ -136,9 +138,9 @@ class EKFSlamBatch:
         """P1 (8), (11), (14) in all runs, as `EKFSlam.predict`; u (l,) or (M, l)."""
         u, pose = as_array("u", u, ("...", "l")), self._mean[:, :3]
         V = as_covariance("control_cov", control_cov, u.shape[-1])
-        F_x, F_u = self.motion.jacobians(pose, u, dt)
+        F, G = self.motion.jacobians(pose, u, dt)
         moved = self.motion.step(pose, u, dt)
-        self.move_cov(fej_jacobian(F_x, pose, self._first, self.linearisation), F_u @ V @ F_u.mT)
+        self.move_cov(fej_jacobian(F, pose, self._first, self.linearisation), G @ V @ G.mT)
         self._mean[:, :3] = self._first[:, :3] = moved
 
     def move_cov(self, F: Array, Q: Array) -> None:
@@ -161,69 +163,75 @@ class EKFSlamBatch:
         Raises
         ------
         ValueError
-            If a shape does not fit, `ids` are missing, repeated or out of range, or a new
-            landmark cannot lie where `z` says. The filters are then as they were.
+            If a shape does not fit, or `ids` are missing, repeated or out of range. The filters
+            are then as they were.
         """
         z = self._as_measurements(z, ids)
         seen = np.isfinite(z).all(-1)
-        fresh = seen & ~self.known
-        # What cannot be a landmark is refused while nothing has changed.
-        self.sensor.locate(self._mean[np.nonzero(fresh)[0], :3], z[fresh])
-        innovation = self._correct(z, seen & self.known)
-        # P1 (37)-(43), one landmark at a time in all the runs that see it first.
-        for k in np.flatnonzero(fresh.any(0)):
-            self._augment(int(k), np.flatnonzero(fresh[:, k]), z[:, k])
-        return innovation
+        known, new = seen & self.known, seen & ~self.known
+        # Side by side (M, m): runs that see fewer landmarks than others get rows of zeros.
+        m = int(known.sum(1).max(initial=0))
+        run, rows = self._runs[:, None], np.argsort(~known, axis=1, kind="stable")[:, :m]
+        counts = known[run, rows]
 
-    def _correct(self, z: Array, seen: NDArray[np.bool_]) -> BatchInnovation:
-        """P1 (18)-(36); runs that see fewer landmarks than others get rows of zeros."""
-        runs, m = len(seen), int(seen.sum(1).max(initial=0))
-        if m == 0:
-            return BatchInnovation(np.zeros(runs), np.zeros(runs, dtype=np.intp))
-        rows, run = np.argsort(~seen, axis=1, kind="stable")[:, :m], self._runs[:, None]
-        counts = seen[run, rows]
-        # (18), (19). A landmark not seen stands somewhere harmless, and then weighs nothing.
-        pose = self._mean[:, None, :3]
-        nowhere = pose[..., :2] + [10.0, 10.0]
-        landmarks = np.where(counts[..., None], self._landmarks[run, rows], nowhere)
-        predicted = self.sensor.observe(pose, landmarks)
-        v = self.sensor.residual(np.where(counts[..., None], z[run, rows], predicted), predicted)
-        # (22)-(32), side by side as (2m, 3 + 2m)
-        if self.linearisation == "first-estimates":
-            first = self._first[:, 3:].reshape(self._landmarks.shape)[run, rows]
-            pose, landmarks = self._first[:, None, :3], np.where(counts[..., None], first, nowhere)
-        apart = np.zeros((runs, m, 2, 3 + 2 * m))
-        apart[..., :3], H_landmark = self.sensor.jacobians(pose, landmarks)
-        for k in range(m):
-            apart[:, k, :, 3 + 2 * k : 5 + 2 * k] = H_landmark[:, k]
-        H = (apart * counts[..., None, None]).reshape(runs, 2 * m, 3 + 2 * m)
-        # (33)
-        i = np.concatenate([np.tile(np.arange(3), (runs, 1)), _entries(rows).reshape(runs, -1)], 1)
+        pose, landmarks = self._mean[:, None, :3], self._somewhere(self._mean, rows, counts)
+        predicted = self.sensor.observe(pose, landmarks)  # (18)
+        z_known = np.where(counts[..., None], z[run, rows], predicted)
+        v = self.sensor.residual(z_known, predicted).reshape(len(z), 2 * m, 1)  # (19)
+        i, H = self._jacobian(rows, counts)  # (22)-(32)
         HP = H @ self._P[run, i]
-        S = np.take_along_axis(HP, i[:, None, :], 2) @ H.mT
-        S.reshape(runs, m, 2, m, 2)[:, np.arange(m), :, np.arange(m)] += self.sensor.cov
-        # (34)-(36): K = B^T L^-1 and K S K^T = B^T B with S = L L^T
-        root = np.linalg.cholesky(S)
-        white = np.linalg.solve(root, np.concatenate([v.reshape(runs, 2 * m, 1), HP], 2))
-        y, B = white[..., :1], white[..., 1:]
-        change = (B.mT @ y)[..., 0]
-        self._mean, a = retract(self._mean, change, self.linearisation)
-        self._P -= B.mT @ B
-        if a is not None:
+        S = np.take_along_axis(HP, i[:, None, :], 2) @ H.mT  # (33)
+        S.reshape(len(z), m, 2, m, 2)[:, np.arange(m), :, np.arange(m)] += self.sensor.cov
+        white = np.linalg.solve(np.linalg.cholesky(S), np.concatenate([v, HP], 2))
+        y, B = white[..., :1], white[..., 1:]  # (34): K = B^T L^-1 with S = L L^T
+        mean, shear = retract(self._mean, (B.mT @ y)[..., 0], self.linearisation)  # (35)
+        k, runs = np.nonzero(new.T)
+        points, G, noise = self._new_landmarks(mean[runs, :3], z[runs, k], runs)  # (37)-(42)
+
+        # Nothing can fail any more.
+        self._mean = mean
+        self._P -= B.mT @ B  # (36): K S K^T = B^T B
+        if shear is not None:
             # One run at a time stays in the cache: twice as fast as one block of all.
-            for P, a_run in zip(self._P, a, strict=True):
-                reset_covariance(P, a_run)
+            for P, a in zip(self._P, shear, strict=True):
+                reset_covariance(P, a)
+        # (43), one landmark at a time in all the runs that see it first.
+        for one in np.unique(k):
+            first = k == one
+            self._append(int(one), runs[first], points[first], G[first], noise[first])
         return BatchInnovation((y**2).sum((1, 2)), 2 * counts.sum(1))
 
-    def _augment(self, k: int, runs: NDArray[np.intp], z: Array) -> None:
-        """P1 (37)-(43): landmark k appears in `runs`."""
-        pose, i = self._mean[runs, :3], slice(3 + 2 * k, 5 + 2 * k)
-        self._mean[runs, i] = self._first[runs, i] = self.sensor.locate(pose, z[runs])
-        G_pose, G_z = self.sensor.locate_jacobians(pose, z[runs])
+    def _somewhere(self, state: Array, rows: Rows, counts: NDArray[np.bool_]) -> Array:
+        """Landmarks (M, m, 2) of a state; those that do not count stand in no one's way."""
+        landmarks = state[:, 3:].reshape(*self.known.shape, 2)[self._runs[:, None], rows]
+        return np.where(counts[..., None], landmarks, state[:, None, :2] + 10.0)
+
+    def _jacobian(self, rows: Rows, counts: NDArray[np.bool_]) -> tuple[Rows, Array]:
+        """Jacobians H (M, 2m, 3 + 2m) by the entries i (M, 3 + 2m) of the state."""
+        at = self._first if self.linearisation == "first-estimates" else self._mean
+        (M, m), k = rows.shape, np.arange(rows.shape[1])
+        H_pose, H_landmark = self.sensor.jacobians(
+            at[:, None, :3], self._somewhere(at, rows, counts)
+        )
+        H = np.zeros((M, m, 2, 3 + 2 * m))
+        H[..., :3] = H_pose
+        H[..., 3:].reshape(M, m, 2, m, 2)[:, k, :, k] = H_landmark.swapaxes(0, 1)
+        i = np.hstack([np.tile(np.arange(3), (M, 1)), _entries(rows).reshape(M, 2 * m)])
+        return i, (H * counts[..., None, None]).reshape(M, 2 * m, 3 + 2 * m)
+
+    def _new_landmarks(self, pose: Array, z: Array, runs: Rows) -> tuple[Array, Array, Array]:
+        """P1 (37)-(42) of c new landmarks: (c, 2), Jacobians by the pose (c, 2, 3), noise."""
+        G_pose, G_z = self.sensor.locate_jacobians(pose, z)
         G = fej_jacobian(G_pose, pose, self._first[runs], self.linearisation)
+        return self.sensor.locate(pose, z), G, G_z @ self.sensor.cov @ G_z.mT
+
+    def _append(self, k: int, runs: Rows, points: Array, G: Array, noise: Array) -> None:
+        """P1 (43): landmark k appears in `runs`, and is correlated with all others."""
+        i = slice(3 + 2 * k, 5 + 2 * k)
+        self._mean[runs, i] = self._first[runs, i] = points
         cross = G @ self._P[runs, :3, :]
         self._P[runs, i, :], self._P[runs, :, i] = cross, cross.mT
-        self._P[runs, i, i] = cross[..., :3] @ G.mT + G_z @ self.sensor.cov @ G_z.mT
+        self._P[runs, i, i] = cross[..., :3] @ G.mT + noise
         self.known[runs, k] = True
 
     def _as_measurements(self, z: ArrayLike, ids: ArrayLike | None) -> Array:
@@ -240,6 +248,6 @@ class EKFSlamBatch:
         return whole
 
 
-def _entries(rows: NDArray[np.intp]) -> NDArray[np.intp]:
+def _entries(rows: Rows) -> Rows:
     """Places (..., 2) of landmarks in the state."""
     return 3 + 2 * rows[..., None] + np.arange(2)

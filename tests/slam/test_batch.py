@@ -109,12 +109,14 @@ def test_a_call_that_is_refused_leaves_the_filters_as_they_were():
     slam = EKFSlamBatch(YOUBOT, ROOM_SENSOR, np.zeros((2, 3)), n_landmarks=3)
     z = np.array([[[2.0, 0.0], [3.0, 1.0]], [[2.0, 0.1], [np.nan, np.nan]]])
     slam.update(z, [2, 0])
+    behind = np.array([[[2.0, 0.0], [-1.0, 0.0]], [[2.0, 0.1], [1.0, 0.0]]])
     before = slam.pose, slam.landmarks, slam.pose_cov
     for arguments, message in [
         ((z,), "ids: expected whole numbers"),
         ((z, [0, 3]), "ids: expected different landmarks of 3"),
         ((z, [1, 1]), "ids: expected different landmarks of 3"),
         ((z[:1], [0, 1]), "z: expected shape"),
+        ((behind, [2, 1]), "z: expected ranges that are not negative"),
     ]:
         with pytest.raises(ValueError, match=message):
             slam.update(*arguments)
