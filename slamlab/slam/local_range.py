@@ -18,7 +18,7 @@ from slamlab.models import LandmarkSensor, as_estimator
 __all__ = ["LocalRange"]
 
 
-class _Looking(Protocol):
+class _WithSensor(Protocol):
     """A system that knows its sensor of landmarks."""
 
     sensor: LandmarkSensor
@@ -91,7 +91,7 @@ class LocalRange:
         region: float | None = None,
     ) -> None:
         self.system: Any = as_estimator("system", system)
-        as_a("system", system, _Looking, "one with a sensor of landmarks")
+        as_a("system", system, _WithSensor, "one with a sensor of landmarks")
         if region is not None:
             as_a("region", system, _Regional, "a system with a radius")
         self.wanted = as_positive("wanted", wanted, 1e9)
@@ -100,10 +100,10 @@ class LocalRange:
         self.region = None if region is None else as_scalar("region", region, 1.0, 1e9)
         self.n_seen: Any = 0
         self.reach: Any = self.furthest
-        self._look_to(self.reach)
+        self._set_reach(self.reach)
 
     def __repr__(self) -> str:
-        """Say how far it looks, and who looks."""
+        """Say how far it sees, and in which system."""
         reach = f"{np.mean(self.reach):.1f} m"
         return f"LocalRange({reach} for {self.wanted:g} landmarks, {self.system!r})"
 
@@ -137,33 +137,26 @@ class LocalRange:
         ValueError
             As the system; nothing has changed then.
         """
-        look = self._look_of_many if self.pose.ndim > 1 else self._look
-        report, self.n_seen = look(z, ids)
+        batch = self.pose.shape[:-1]
+        z = as_shaped("z", z, (*batch, "k", 2)) if batch else as_array("z", z, ("k", 2))
+        seen = np.asarray(np.isfinite(z).all(-1))
+        distance = self.system.sensor.reach(np.where(seen[..., None], z, 0.0))
+        near = seen & (distance <= np.asarray(self.reach)[..., None])
+        if batch:
+            report = self.system.update(np.where(near[..., None], z, np.nan), ids)
+        elif ids is None:
+            report = self.system.update(z[near])
+        else:
+            names = as_names("ids", ids, len(z))
+            report = self.system.update(z[near], [names[k] for k in np.flatnonzero(near)])
+        self.n_seen = near.sum(-1) if batch else int(near.sum())
         # rho pi r^2 = n_seen, and rho pi r'^2 = wanted
         ratio = np.sqrt(self.wanted / np.maximum(self.n_seen, 0.25))
         reach = np.clip(self.reach * ratio, self.nearest, self.furthest)
-        self._look_to(reach if reach.ndim else float(reach))
+        self._set_reach(reach if batch else float(reach))
         return report
 
-    def _look(self, z: ArrayLike, ids: Sequence[Hashable | None] | None) -> tuple[Any, int]:
-        """Hand over what is near; say how many."""
-        z = as_array("z", z, ("k", 2))
-        near = np.flatnonzero(self.system.sensor.reach(z) <= self.reach)
-        names = None
-        if ids is not None:
-            all_names = as_names("ids", ids, len(z))
-            names = [all_names[k] for k in near]
-        return self.system.update(z[near], names), len(near)
-
-    def _look_of_many(self, z: ArrayLike, ids: Any) -> tuple[Any, Any]:
-        """Do the same in runs side by side, where NaN is not seen."""
-        z = as_shaped("z", z, (len(self.pose), "k", 2))
-        seen = np.asarray(np.isfinite(z).all(-1))
-        reach = self.system.sensor.reach(np.where(seen[..., None], z, 0.0))
-        near = seen & (reach <= np.reshape(self.reach, (-1, 1)))
-        return self.system.update(np.where(near[..., None], z, np.nan), ids), near.sum(-1)
-
-    def _look_to(self, reach: Any) -> None:
+    def _set_reach(self, reach: Any) -> None:
         self.reach = reach
         if self.region is not None:
             self.system.radius = self.region * reach
