@@ -463,7 +463,7 @@ def entries(rows: Rows) -> Rows:
 
 
 def symmetric(P: Array) -> Array:
-    """(P + P^T) / 2."""
+    """Return the symmetric part of `P`, (P + P^T) / 2."""
     return 0.5 * (P + P.T)
 
 
