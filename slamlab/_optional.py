@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 __all__ = ["needed", "with_bar"]
@@ -11,12 +11,28 @@ __all__ = ["needed", "with_bar"]
 Thing = TypeVar("Thing")
 
 
-def with_bar(things: Iterable[Thing], wanted: bool, total: int, unit: str) -> Iterable[Thing]:
-    """Go over things, with a progress bar if one is wanted (ImportError without tqdm)."""
+Told = Callable[[int, int], object]
+
+
+def with_bar(
+    things: Iterable[Thing], wanted: bool | Told, total: int, unit: str
+) -> Iterable[Thing]:
+    """Go over things, with a progress bar if one is wanted (ImportError without tqdm).
+
+    A function in place of True is called with how many are done and how many there are.
+    """
+    if callable(wanted):
+        return _counted(things, wanted, total)
     if not wanted:
         return things
     bar: Iterable[Thing] = needed("tqdm", "a progress bar").tqdm(things, total=total, unit=unit)
     return bar
+
+
+def _counted(things: Iterable[Thing], told: Told, total: int) -> Iterator[Thing]:
+    for done, thing in enumerate(things, start=1):
+        yield thing
+        told(done, total)
 
 
 def needed(name: str, purpose: str, extra: str = "course", package: str = "") -> Any:

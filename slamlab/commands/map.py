@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 from slamlab._checks import as_scalar
 from slamlab._files import about
 from slamlab.commands import _page
+from slamlab.commands._progress import Progress
 from slamlab.commands._results import results
 from slamlab.datasets import read_carmen, read_rosbag, write_tum
 from slamlab.evaluation import Run
@@ -48,28 +48,52 @@ MOTIONS: dict[tuple[str, int, int], MotionModel] = {
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what the command takes."""
-    parser.add_argument("log", type=Path, help="CARMEN log, ROS bag (file or folder) or .npz")
-    parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", default=Path("map"))
     parser.add_argument(
-        "--method", choices=["scan-graph", "hector", "odometry"], default="scan-graph"
+        "log",
+        type=Path,
+        help="CARMEN log (.log, .gz), ROS bag (.bag, .db3, .mcap or its folder) or .npz",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FOLDER",
+        default=Path("map"),
+        help="where the results go (default: map); made if it is not there",
+    )
+    parser.add_argument(
+        "--method",
+        choices=["scan-graph", "hector", "odometry"],
+        default="scan-graph",
+        help="scan-graph: scans are matched to those before, places that come again are "
+        "recognised and the graph of poses optimised (default); hector: each scan is matched to "
+        "the map so far, no place is recognised; odometry: the wheels are believed",
     )
     parser.add_argument(
         "--resolution",
         type=float,
         default=0.05,
         metavar="M",
-        help="cell of the map (m), 0.005 to 10",
+        help="side of a cell of the map in metres, 0.005 to 10 (default: 0.05)",
     )
     parser.add_argument(
-        "--field-of-view", type=float, default=180.0, metavar="DEG", help="of FLASER scans"
+        "--field-of-view",
+        type=float,
+        default=180.0,
+        metavar="DEG",
+        help="opening of the FLASER scans of a CARMEN log in degrees, which the log does not say "
+        "(default: 180)",
     )
     parser.add_argument(
         "--controls",
         choices=CONTROLS,
-        help="what the controls of an .npz are, where it does not say so",
+        help="what the controls of an .npz are, where it does not say so: velocities (m/s, rad/s) "
+        "or displacements from scan to scan (m, rad)",
     )
-    parser.add_argument("--scan-topic", help="of a bag with several lidars")
-    parser.add_argument("--odometry-topic", help="of a bag with several odometries")
+    parser.add_argument("--scan-topic", metavar="TOPIC", help="of a bag with several lidars")
+    parser.add_argument(
+        "--odometry-topic", metavar="TOPIC", help="of a bag with several odometries"
+    )
 
 
 def run(options: argparse.Namespace) -> None:
@@ -81,7 +105,11 @@ def run(options: argparse.Namespace) -> None:
         with results(options.output, FILES) as folder:  # made now, not after an hour
             start = time.perf_counter()
             system = system_for(options.method, log)
-            result = run_system(system, log, progress=_wants_bar())
+            progress = Progress("scans")
+            try:
+                result = run_system(system, log, progress=progress)
+            finally:
+                progress.clear()
             seconds = time.perf_counter() - start
             rows = report(options.method, result, seconds, suspects(options, log))
             grid = draw_map(result, resolution)
@@ -304,10 +332,6 @@ def _replay(result: Run) -> list[str]:
         "  save_changes() {}, on() {}, off() {} };\n"
         "render({ model, el: document.getElementById('replay') });</script>",
     ]
-
-
-def _wants_bar() -> bool:
-    return sys.stderr.isatty() and _has("tqdm")
 
 
 def _has(name: str) -> bool:

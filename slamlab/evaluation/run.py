@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -84,7 +84,7 @@ def run(
     *,
     keep: Sequence[str] = (),
     known_ids: bool | int = True,
-    progress: bool = False,
+    progress: bool | Callable[[int, int], object] = False,
 ) -> Run:
     """Feed a log to a system, step by step: predict, update, record.
 
@@ -102,8 +102,8 @@ def run(
     known_ids : bool or int, default True
         Whether the system is told which landmark is which: always, never, or in the first so
         many steps.
-    progress : bool, default False
-        Show a progress bar.
+    progress : bool or callable, default False
+        Show a progress bar; or call ``progress(done, total)`` after each step.
 
     Returns
     -------
