@@ -35,6 +35,8 @@ _MOST_STEPS, _MOST_BEAMS = 500, 90  # of the replay: the page stays below some m
 _CELLS = 0.005, 10.0  # smallest and largest cell of a map (m)
 _BAGS = (".bag", ".db3", ".mcap")
 _DISTRUST = "do not trust the map"
+_MOST_PIXELS = 2000  # of a side of the picture
+_UNKNOWN = 205  # grey of a cell that nothing was seen of
 _PAUSE = 2.0  # a longer one between two scans is named where scans are lost (s)
 _TRUSTED = 30.0  # beams count for the map up to this range (m)
 # By kind of the controls, their axes and how many there are. Any platform that moves sideways
@@ -280,7 +282,10 @@ def drawing(result: Run, grid: OccupancyGrid) -> bytes:
 
     figure = Figure(figsize=(8, 7), layout="constrained")
     ax = figure.add_subplot()
-    ax.imshow(grid.to_image(), cmap="gray", vmin=0, vmax=254, extent=grid.extent)
+    image, (rows, columns) = _smaller(grid.to_image())
+    left, _, _, top = grid.extent
+    extent = (left, left + columns * grid.resolution, top - rows * grid.resolution, top)
+    ax.imshow(image, cmap="gray", vmin=0, vmax=254, extent=extent)
     plots.path(ax, result.trajectory, "estimate", label="path")
     system = result.system
     if isinstance(system, ScanGraphSlam) and system.nodes:
@@ -292,6 +297,23 @@ def drawing(result: Run, grid: OccupancyGrid) -> bytes:
     ax.set_xlabel("x (m)")
     ax.set_ylabel("y (m)")
     return _page.png_of(figure)
+
+
+def _smaller(image: Any) -> tuple[Any, tuple[int, int]]:
+    """Shrink an image to what a page shows, walls first; the cells that it covers.
+
+    A picture of 20 million cells takes a gigabyte to draw.
+    """
+    k = -(-max(image.shape) // _MOST_PIXELS)
+    if k == 1:
+        return image, image.shape
+    short = [-n % k for n in image.shape]
+    whole = np.pad(image, [(0, n) for n in short], constant_values=_UNKNOWN)
+    rows, columns = whole.shape
+    blocks = whole.reshape(rows // k, k, columns // k, k)
+    # Dark is a wall; else what is seen free counts more than what is unknown.
+    walls = blocks.min((1, 3)) == 0
+    return np.where(walls, np.uint8(0), blocks.max((1, 3))), whole.shape
 
 
 def _closure_table(system: ScanGraphSlam) -> list[str]:

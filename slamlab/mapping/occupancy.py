@@ -18,6 +18,8 @@ from slamlab.models import ScanSensor, as_scan_sensor
 
 __all__ = ["OccupancyGrid"]
 
+_STRIP = 256  # rows of an image that are worked out at a time
+
 
 class OccupancyGrid(Grid):
     """A map of square cells, each with the probability that it is occupied.
@@ -76,12 +78,12 @@ class OccupancyGrid(Grid):
         self._grow = grow
         self.log_odds = np.zeros(self.shape)
         self._scans = 0
-        self._mark = np.zeros(self.shape, dtype=np.int64)
+        self._mark = np.zeros(self.shape, dtype=np.int32)
 
     @property
     def probability(self) -> Array:
         """Probability that each cell is occupied, shape (rows, columns); 0.5 where unknown."""
-        return 1 / (1 + np.exp(-self.log_odds))
+        return _probability(self.log_odds)
 
     @property
     def entropy(self) -> Array:
@@ -156,10 +158,12 @@ class OccupancyGrid(Grid):
             0 occupied (probability above 0.65), 254 free (below 0.35), 205 unknown. The first row
             is the top of the map.
         """
-        probability = self.probability[::-1]
         image = np.full(self.shape, 205, dtype=np.uint8)
-        image[probability > 0.65] = 0
-        image[probability < 0.35] = 254
+        for top in range(0, len(image), _STRIP):  # as a whole, probabilities need 24 bytes a cell
+            probability = _probability(self.log_odds[::-1][top : top + _STRIP])
+            strip = image[top : top + _STRIP]
+            strip[probability > 0.65] = 0
+            strip[probability < 0.35] = 254
         return image
 
     def save_ros(self, path: str | Path) -> None:
@@ -215,8 +219,13 @@ class OccupancyGrid(Grid):
         except ValueError as error:
             raise ValueError(f"{error} (give max_range, or grow=False)") from None
         if added is not None:
+            del self._mark  # before the larger ones are made
             self.log_odds = np.pad(self.log_odds, added)
-            self._mark = np.zeros(self.shape, dtype=np.int64)
+            self._mark = np.zeros(self.shape, dtype=np.int32)
+
+
+def _probability(log_odds: Array) -> Array:
+    return 1 / (1 + np.exp(-log_odds))
 
 
 def _log_odds(p: float) -> float:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import zipfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -298,3 +299,38 @@ def test_scans_that_lie_nowhere_name_what_may_be_wrong(tmp_path, capsys):
     velocities("velocity").save(tmp_path / "good.npz")
     assert main(["map", str(tmp_path / "good.npz"), *out]) == 0
     assert "suspects" not in said(capsys)
+
+
+def test_a_large_picture_is_shrunk_and_keeps_its_walls_and_its_place():
+    from slamlab.commands.map import _smaller
+
+    image = np.full((4001, 300), 205, np.uint8)
+    image[3000] = 0  # a wall one cell thick, which every third row would miss
+    image[:1500, 150] = 254
+    small, covered = _smaller(image)
+    assert small.shape == (1334, 100)
+    assert covered == (4002, 300)
+    assert (small[1000] == 0).all()
+    assert (small[:500, 50] == 254).all()
+    assert (small == 205).sum() == small.size - 100 - 500
+    same, covered = _smaller(image[:2000])
+    assert same.shape == covered == (2000, 300)
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is told by Linux")
+def test_a_map_of_twenty_million_cells_is_drawn_in_little_memory():
+    code = (
+        "import re, types, numpy as np\n"
+        "from pathlib import Path\n"
+        "from slamlab.commands.map import drawing\n"
+        "from slamlab.mapping import OccupancyGrid\n"
+        "def peak():\n"
+        "    status = Path('/proc/self/status').read_text()\n"
+        "    return int(re.search(r'VmHWM:\\s+(\\d+)', status)[1]) / 1024\n"
+        "small, grid = OccupancyGrid((10, 10), 0.1), OccupancyGrid((4000, 5000), 0.05)\n"
+        "run = types.SimpleNamespace(trajectory=np.zeros((2, 3)), system=None)\n"
+        "drawing(run, small); before = peak(); drawing(run, grid); print(peak() - before)\n"
+    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 350.0  # MB; the picture as a whole took 900

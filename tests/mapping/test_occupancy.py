@@ -243,3 +243,13 @@ def test_absurd_numbers_leave_a_fixed_sheet_alone():
     # From outside the sheet a beam still frees what it crosses on it.
     grid.insert([-7.0, 0.5, 0.0], [20.0], ScanGeometry([0.0]))
     assert (grid.log_odds[0] < 0).all()
+
+
+def test_the_image_of_a_large_map_is_that_of_its_probabilities():
+    grid = OccupancyGrid((700, 3), 0.1)
+    grid.log_odds[:] = np.random.default_rng(0).normal(0.0, 1.0, (700, 3))
+    p, image = grid.probability[::-1], grid.to_image()
+    np.testing.assert_array_equal(image == 0, p > 0.65)
+    np.testing.assert_array_equal(image == 254, p < 0.35)
+    np.testing.assert_array_equal(image == 205, (p >= 0.35) & (p <= 0.65))
+    assert not np.array_equal(image[::-1], image)
