@@ -34,7 +34,7 @@ def score_of(blocks, width, cells, dc, dr):  # type: ignore[no-untyped-def]
     for k in range(len(cells)):
         c, r = cells[k, 0] + dc + width - 1, cells[k, 1] + dr + width - 1
         if 0 <= c < columns and 0 <= r < rows:
-            total += blocks[r, c]
+            total += int(blocks[r, c])  # a byte would overflow where nothing is compiled
     return total
 
 

@@ -1,5 +1,9 @@
 """Correlative search: branch and bound gives what trying everything gives."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -102,3 +106,26 @@ def test_nothing_is_found_below_the_least_score():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call(PointField([[0.0, 0.0]]), np.zeros((3, 2)))
+
+
+def test_the_search_gives_the_same_pose_compiled_or_not():
+    code = (
+        "import numpy as np\n"
+        "from slamlab.matching import PointField, match_correlative\n"
+        "angle = np.linspace(0.0, 5.0, 60)\n"
+        "wall = (3.0 + np.sin(3 * angle))[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)\n"
+        "best = match_correlative(PointField(wall, 0.1, 0.1), wall, [0.25, -0.1, 0.0], 0.4, 0.1)\n"
+        "print(best.pose.tolist(), float(best.score))\n"
+    )
+    answers = [
+        subprocess.run(
+            [sys.executable, "-W", "error::RuntimeWarning", "-c", code],
+            env=os.environ | {"NUMBA_DISABLE_JIT": off},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for off in ("0", "1")
+    ]
+    assert answers[0] == answers[1]  # sums of bytes, uncompiled, began anew at 256
+    assert float(answers[0].split()[-1]) > 0.8
