@@ -371,12 +371,15 @@ class Log:
             parts: dict[str, Any] = {name: arrays[name] for name in due}
             for name in ("looks", "ids", "covs"):
                 if name in parts:
-                    ends = np.cumsum(arrays[f"{name}_sizes"])[:-1]
+                    with np.errstate(over="ignore"):  # what is no size is no place to cut at
+                        ends = np.cumsum(arrays[f"{name}_sizes"])[:-1]
                     parts[name] = np.split(parts[name], ends) if len(arrays["times"]) else ()
             if "controls" in parts:
                 parts["controls"] = str(parts["controls"])
             if "beam_angles" in arrays:
-                parts["scan"] = ScanGeometry(arrays["beam_angles"], *arrays["lidar"])
+                parts["scan"] = ScanGeometry(
+                    arrays["beam_angles"], *as_shaped("lidar", arrays["lidar"], ("n",))
+                )
             notes = {name[5:]: note for name, note in arrays.items() if name.startswith("note_")}
             return cls(**parts, notes=notes)
         except (KeyError, IndexError, TypeError, ValueError) as error:

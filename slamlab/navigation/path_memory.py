@@ -580,8 +580,9 @@ class PathMemory:
 
     @classmethod
     def _from_arrays(cls, kept: dict[str, Any]) -> PathMemory:
-        tolerance, min_step, max_step = (float(v) for v in kept["numbers"])
-        check_between, max_points, n_points, box_tests = (int(v) for v in kept["counts"])
+        tolerance, min_step, max_step = as_array("numbers", kept["numbers"], (3,)).tolist()
+        counts = as_array("counts", kept["counts"], (4,))
+        check_between, max_points, n_points, box_tests = (int(v) for v in counts)
         if not 0 <= len(kept["t"]) <= max_points <= _MOST_POINTS:
             raise ValueError(f"{len(kept['t'])} points of at most {max_points}")
         accuracy = float(kept["loop_accuracy"])
