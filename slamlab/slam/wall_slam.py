@@ -6,7 +6,6 @@ P1 leaves the extraction and the association to "a separate discussion"; here th
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Protocol
@@ -20,12 +19,13 @@ from slamlab.geometry import transform
 from slamlab.mapping.walls import Walls, extract_walls, in_name_of, on_line
 from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
 from slamlab.sensors import Wall
+from slamlab.slam.association import IGNORED, NEW
 from slamlab.slam.ekf import EKFSlam
 
 __all__ = ["WallSighting", "WallSlam"]
 
-# Along each wall the map counts how often every piece of so many metres was seen.
-_PIECE = 0.05
+# Along each wall the map counts how often every bin of so many metres was seen.
+_BIN = 0.05
 # Stretches of a wall with a gap smaller than this (m) are one.
 _JOIN = 0.3
 # Cutting a scan at its corners leaves errors beside the noise of the beams.
@@ -135,8 +135,8 @@ class WallSlam:
     ) -> None:
         as_scan_sensor("lidar", lidar)
         if sigma_range is None:
-            told = "a lidar that tells its noise, such as Lidar(...)"
-            noisy: NoisyLidar = as_a("lidar", lidar, NoisyLidar, told)
+            wanted = "a lidar that tells its noise, such as Lidar(...)"
+            noisy: NoisyLidar = as_a("lidar", lidar, NoisyLidar, wanted)
             self._sigma = as_positive("lidar.sigma_range", noisy.sigma_range, 1e300)
         else:
             self._sigma = as_positive("sigma_range", sigma_range, 1e300)
@@ -151,7 +151,7 @@ class WallSlam:
         self._lidar = lidar
         # The covariance of each sighting comes from its points; the sensor's own is not used.
         self.filter = EKFSlam(motion, Wall(1.0, 1.0, offset=lidar.offset), pose, cov)
-        self._counts: dict[Hashable, Counter[int]] = {}
+        self._spans: dict[Hashable, list[list[int]]] = {}
 
     def __repr__(self) -> str:
         """Say where it is and how much it knows."""
@@ -170,14 +170,14 @@ class WallSlam:
     @property
     def confirmed(self) -> tuple[Hashable, ...]:
         """Ids of the walls that were seen often enough to be believed."""
-        often = self.filter.sightings >= self._confirm
-        return tuple(id for id, believed in zip(self.filter.ids, often, strict=True) if believed)
+        often = np.flatnonzero(self.filter.sightings >= self._confirm)
+        return tuple(self.filter.ids[row] for row in often)
 
     @property
     def segments(self) -> Array:
         """The map: stretches of the confirmed walls that were seen, (k, 2, 2) in the world (m)."""
         lines = dict(zip(self.filter.ids, self.filter.landmarks, strict=True))
-        found = [on_line(lines[id], self._stretches(id)) for id in self.confirmed]
+        found = [on_line(lines[id], self._observed_intervals(id)) for id in self.confirmed]
         return np.concatenate(found) if found else np.empty((0, 2, 2))
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
@@ -206,56 +206,44 @@ class WallSlam:
         """
         if ids is not None:
             raise ValueError(f"ids: expected None, walls have no names in a scan, got {ids!r}")
+        ekf = self.filter
         points = self._lidar.points(measurement) - [self._lidar.offset, 0.0]
         walls = extract_walls(points, self._sigma)
         covs = walls.covs + self._wall_cov
-        ekf = self.filter
-        predicted = ekf.sensor.observe(ekf.pose, ekf.landmarks)
-        names = self._associate(walls, covs, predicted)
-        innovation = ekf.update(walls.lines, names, self._named(walls, covs, names, predicted))
+        rows = self._associate(walls, covs)
+        new = [k for k in np.argsort(-walls.lengths) if rows[k] == NEW]
+        number = {k: ekf.next_id + i for i, k in enumerate(new)}  # the longest first
+        names = tuple(ekf.ids[row] if row >= 0 else number.get(k) for k, row in enumerate(rows))
+        # Each covariance in the name, (r, alpha) or (-r, alpha + pi), that its landmark has.
+        alpha, known = walls.lines[:, 1].copy(), rows >= 0
+        alpha[known] = ekf.sensor.observe(ekf.pose, ekf.landmarks[rows[known]])[:, 1]
+        innovation = ekf.update(walls.lines, names, in_name_of(walls.lines[:, 1], alpha, covs))
         self._extend(names, walls.ends)
         for id in ekf.remove_unseen(self._patience, max(self._confirm - 1, 1)):
-            del self._counts[id]
+            del self._spans[id]
         return WallSighting(walls, names, float(innovation.nis))
 
-    def _associate(
-        self, walls: Walls, covs: Array, predicted: Array
-    ) -> tuple[Hashable | None, ...]:
-        """Nearest line inside the gate; left out if two fit, a new wall if none does."""
-        distances, fresh = self._distances(walls, covs, predicted), self.filter.next_id
+    def _associate(self, walls: Walls, covs: Array) -> NDArray[np.intp]:
+        """Row (k,) of the only line inside the gate; left out if two fit, new if none does."""
+        distances = self._distances(walls, covs)
         inside = distances < self._gate
         # A new wall must lie well outside every gate, or it would be an old one's double.
         new = ~(distances < 4 * self._gate).any(1) & (walls.lengths >= self._min_length)
+        rows = np.where(new, NEW, IGNORED)
         # One wall of the map may be seen in several pieces: only the longest counts.
-        taken: set[Hashable] = set()
-        answer: list[Hashable | None] = [None] * len(walls)
         for k in np.argsort(-walls.lengths):
-            rows = np.flatnonzero(inside[k])
-            if len(rows) == 1 and self.filter.ids[rows[0]] not in taken:
-                answer[k] = self.filter.ids[rows[0]]
-                taken.add(answer[k])
-            elif new[k]:
-                answer[k], fresh = fresh, fresh + 1
-        return tuple(answer)
+            if inside[k].sum() == 1 and inside[k].argmax() not in rows:
+                rows[k] = inside[k].argmax()
+        return rows
 
-    def _distances(self, walls: Walls, covs: Array, predicted: Array) -> Array:
+    def _distances(self, walls: Walls, covs: Array) -> Array:
         """Squared Mahalanobis distance of each wall seen from each of the map, (k, n)."""
         ekf = self.filter
-        if ekf.n_landmarks == 0 or len(walls) == 0:
-            return np.empty((len(walls), ekf.n_landmarks))
+        predicted = ekf.sensor.observe(ekf.pose, ekf.landmarks)
         v = ekf.sensor.residual(walls.lines[:, None], predicted[None])
         own = ekf.innovation_covs(np.arange(ekf.n_landmarks)) - ekf.sensor.cov
         S = own[None] + in_name_of(walls.lines[:, None, 1], predicted[None, :, 1], covs[:, None])
         return np.asarray((v * np.linalg.solve(S, v[..., None])[..., 0]).sum(-1))
-
-    def _named(
-        self, walls: Walls, covs: Array, names: tuple[Hashable | None, ...], predicted: Array
-    ) -> NDArray[np.float64]:
-        """Covariances of the walls, each in the name (r, alpha) that its landmark has."""
-        alpha = walls.lines[:, 1].copy()
-        known = [k for k, name in enumerate(names) if name in self.filter.ids]
-        alpha[known] = predicted[self.filter.rows_of([names[k] for k in known]), 1]
-        return in_name_of(walls.lines[:, 1], alpha, covs)
 
     def _extend(self, names: tuple[Hashable | None, ...], ends: Array) -> None:
         """Note which stretches of the walls were seen."""
@@ -267,20 +255,23 @@ class WallSlam:
         along = np.stack([-np.sin(alpha), np.cos(alpha)], -1)
         world = transform(ekf.pose, ends[used].reshape(-1, 2) + [self._lidar.offset, 0.0])
         places = (world.reshape(-1, 2, 2) * along[:, None]).sum(-1)
-        spans = np.rint(np.sort(places) / _PIECE).astype(int)
-        for id, (low, high) in zip(ids, spans.tolist(), strict=True):
-            self._counts.setdefault(id, Counter()).update(range(low, high))
+        spans = np.rint(np.sort(places) / _BIN).astype(int)
+        for id, span in zip(ids, spans.tolist(), strict=True):
+            self._spans.setdefault(id, []).append(span)
 
-    def _stretches(self, id: Hashable) -> Array:
+    def _observed_intervals(self, id: Hashable) -> Array:
         """Where the wall was seen often enough, (k, 2) along it: a grazing scan errs at its ends.
 
-        Often is as often as a wall must be seen, and a twentieth of what its best piece was.
+        Often is as often as a wall must be seen, and a twentieth of what its best bin was.
         """
-        counts = self._counts[id]
-        least = max(self._confirm, 0.05 * max(counts.values(), default=0))
-        pieces = np.array(sorted(piece for piece, n in counts.items() if n >= least), dtype=float)
-        if len(pieces) == 0:
+        low, high = np.transpose(self._spans[id])
+        first = low.min()
+        steps = np.zeros(high.max() - first + 1, int)
+        np.add.at(steps, low - first, 1)
+        np.add.at(steps, high - first, -1)
+        counts = steps.cumsum()
+        bins = first + np.flatnonzero(counts >= max(self._confirm, 0.05 * counts.max()))
+        cuts = np.flatnonzero(np.diff(bins) > _JOIN / _BIN)
+        if len(bins) == 0:
             return np.empty((0, 2))
-        cuts = np.flatnonzero(np.diff(pieces) > _JOIN / _PIECE)
-        starts, ends = pieces[np.r_[0, cuts + 1]], pieces[np.r_[cuts, -1]] + 1
-        return _PIECE * np.stack([starts, ends], -1)
+        return _BIN * np.stack([bins[np.r_[0, cuts + 1]], bins[np.r_[cuts, -1]] + 1], -1)
