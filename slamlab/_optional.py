@@ -11,11 +11,11 @@ __all__ = ["needed", "with_bar"]
 Thing = TypeVar("Thing")
 
 
-Told = Callable[[int, int], object]
+Report = Callable[[int, int], object]
 
 
 def with_bar(
-    things: Iterable[Thing], wanted: bool | Told, total: int, unit: str
+    things: Iterable[Thing], wanted: bool | Report, total: int, unit: str
 ) -> Iterable[Thing]:
     """Go over things, with a progress bar if one is wanted (ImportError without tqdm).
 
@@ -29,10 +29,10 @@ def with_bar(
     return bar
 
 
-def _counted(things: Iterable[Thing], told: Told, total: int) -> Iterator[Thing]:
+def _counted(things: Iterable[Thing], report: Report, total: int) -> Iterator[Thing]:
     for done, thing in enumerate(things, start=1):
         yield thing
-        told(done, total)
+        report(done, total)
 
 
 def needed(name: str, purpose: str, extra: str = "course", package: str = "") -> Any:

@@ -98,8 +98,8 @@ def outcome(read, use, path):
     try:
         found = read(path)
     except ValueError as error:
-        told = str(error)
-        return "refused" if path.name in told and len(told) < 500 else f"said {told[:300]}"
+        said = str(error)
+        return "refused" if path.name in said and len(said) < 500 else f"said {said[:300]}"
     except Exception as error:
         return f"loading: {type(error).__name__}: {error}"
     try:

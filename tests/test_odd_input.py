@@ -125,7 +125,7 @@ def test_an_archive_that_unpacks_to_hundreds_of_times_its_size_is_refused(tmp_pa
     assert read_npz(path)["a"].size == 2**23
 
 
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is told by Linux")
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="only Linux says it")
 def test_a_transparent_picture_takes_little_more_memory_than_its_pixels(tmp_path):
     from PIL import Image
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
-_EVERY = 0.2  # seconds between two looks of the line on a terminal
+_EVERY = 0.2  # seconds between two states of the line on a terminal
 _QUIET = 5.0  # what takes no longer needs no lines in a file (s)
 
 
@@ -33,19 +33,19 @@ class Progress:
         self._unit, self._clock = unit, clock
         self._stream = sys.stderr if stream is None else stream
         self._terminal = self._stream.isatty()
-        self._start = self._told = clock()
+        self._start = self._written = clock()
         self._tenth = 0
 
     def __call__(self, done: int, total: int) -> None:
-        """Write a line if one is due."""
+        """Write a line if it is time for one."""
         now = self._clock()
         left = (now - self._start) * (total - done) / max(done, 1)
         line = f"{done} of {total} {self._unit}, {100 * done // total} %, {_span(left)} left"
         if self._terminal:
             if done == total:
                 self.clear()
-            elif now - self._told >= _EVERY:
-                self._told = now
+            elif now - self._written >= _EVERY:
+                self._written = now
                 self._put(f"\r\x1b[K{line}")
         elif (tenth := 10 * done // total) > self._tenth:
             self._tenth = tenth

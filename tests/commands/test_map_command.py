@@ -317,7 +317,7 @@ def test_a_large_picture_is_shrunk_and_keeps_its_walls_and_its_place():
     assert same.shape == covered == (2000, 300)
 
 
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is told by Linux")
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="only Linux says it")
 def test_a_map_of_twenty_million_cells_is_drawn_in_little_memory():
     code = (
         "import re, types, numpy as np\n"

@@ -18,7 +18,7 @@ class Screen(io.StringIO):
         return True
 
 
-def told(seconds_each, total=200, stream=None):
+def written(seconds_each, total=200, stream=None):
     """Everything that is written about so many steps of so many seconds each."""
     now = [0.0]
     stream = io.StringIO() if stream is None else stream
@@ -30,17 +30,17 @@ def told(seconds_each, total=200, stream=None):
 
 
 def test_a_short_run_leaves_a_file_empty_and_a_long_one_gets_a_line_each_tenth():
-    assert told(0.02) == ""
-    lines = told(1.0).splitlines()
+    assert written(0.02) == ""
+    lines = written(1.0).splitlines()
     assert len(lines) == 9
     assert lines[0] == "20 of 200 scans, 10 %, about 3 min left"
     assert lines[-1] == "180 of 200 scans, 90 %, about 20 s left"
-    assert told(90.0).splitlines()[0].endswith("about 4 h 30 min left")
-    assert len(told(1.0, total=3).splitlines()) <= 2
+    assert written(90.0).splitlines()[0].endswith("about 4 h 30 min left")
+    assert len(written(1.0, total=3).splitlines()) <= 2
 
 
 def test_on_a_terminal_one_line_renews_itself_and_goes_at_the_end():
-    text = told(0.1, stream=Screen())
+    text = written(0.1, stream=Screen())
     assert "\n" not in text
     assert text.endswith("\r\x1b[K")
     assert 60 <= text.count("\r") <= 110  # at most five times a second of twenty
