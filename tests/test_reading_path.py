@@ -16,7 +16,7 @@ import slamlab
 from slamlab import _checks
 from slamlab.robots import YOUBOT
 from slamlab.sensors import RangeBearing
-from slamlab.slam import EKFSlam
+from slamlab.slam import CompressedEKFSlam, EKFSlam, EKFSlamBatch
 
 ROOT = Path(slamlab.__file__).parent
 SENSOR = RangeBearing(0.05, 0.02, offset=0.3)
@@ -91,9 +91,37 @@ def ekf_slam():
     return step
 
 
+def compressed_ekf_slam():
+    """Two landmarks of a region that is not left, and a new one."""
+    slam = CompressedEKFSlam(YOUBOT, SENSOR, [0, 0, 0], 0.01 * np.eye(3))
+    slam.update([[2.0, 0.3], [3.0, -0.4], [9.0, 0.5]], ["oak", "ash", "fir"])
+    slam.enter(["oak", "ash"])
+
+    def step():
+        slam.predict(*CONTROL)
+        slam.update([[2.0, 0.3], [3.0, -0.4], [4.0, 0.1]], ["oak", "ash", "elm"])
+
+    return step
+
+
+def ekf_slam_batch():
+    """Two landmarks of the map and a new one, in two runs."""
+    slam = EKFSlamBatch(YOUBOT, SENSOR, np.zeros((2, 3)), 0.01 * np.eye(3), n_landmarks=3)
+    z = np.tile([[2.0, 0.3], [3.0, -0.4], [4.0, 0.1]], (2, 1, 1))
+    slam.update(z[:, :2], [0, 1])
+
+    def step():
+        slam.predict(*CONTROL)
+        slam.update(z, [0, 1, 2])
+
+    return step
+
+
 # A system: its step, its own files, and the most lines of them that the step may read.
 SYSTEMS = {
     "EKF-SLAM": (ekf_slam, ("slam/ekf.py", "slam/linearisation.py"), OWN),
+    "compressed EKF-SLAM": (compressed_ekf_slam, ("slam/compressed.py",), OWN),
+    "EKF-SLAM, side by side": (ekf_slam_batch, ("slam/batch.py", "slam/linearisation.py"), OWN),
 }
 
 

@@ -178,8 +178,9 @@ class CompressedEKFSlam:
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move the pose, as `EKFSlam.predict`: Phi <- F Phi."""
-        F, _ = self.motion.jacobians(self.pose, u, dt)
+        before = self.local._x[:3].copy()
         self.local.predict(u, dt, control_cov)
+        F, _ = self.motion.jacobians(before, u, dt)
         self._Phi[:3] = F @ self._Phi[:3]
         self._predictions, self._is_settled = self._predictions + 1, False
 
@@ -189,7 +190,7 @@ class CompressedEKFSlam:
         """Correct by landmarks of the region and add new ones, as `EKFSlam.update`."""
         names = () if ids is None else as_names("ids", ids)
         outside = any(n in self._full._row_of and n not in self.local._row_of for n in names)
-        driven = np.hypot(*(self.pose - self._entered)[:2])
+        driven = np.hypot(*(self.local._x[:2] - self._entered[:2]))
         if outside or driven > self.radius - self.reach:
             near = self.near(self.radius)
             known = [name for name in names if name in self._full._row_of]

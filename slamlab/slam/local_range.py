@@ -35,8 +35,8 @@ class LocalRange:
 
     Runs side by side (`EKFSlamBatch`) have a range each.
 
-    At a density rho of landmarks, rho pi r^2 of them lie within r. Whoever has seen n within r
-    therefore sees the wanted number within r sqrt(wanted / n).
+    At a density rho of landmarks, rho pi r^2 of them lie within r. With n seen within r, the
+    wanted number is therefore seen within r sqrt(wanted / n).
 
     Parameters
     ----------
