@@ -21,6 +21,8 @@ def with_bar(
 
     A function in place of True is called with how many are done and how many there are.
     """
+    if isinstance(wanted, type):
+        raise ValueError(f"progress: expected True, False or a function, got {wanted.__name__}")
     if callable(wanted):
         return _counted(things, wanted, total)
     if not wanted:
