@@ -297,7 +297,7 @@ def as_tuple(name: str, value: Any) -> tuple[Any, ...]:
         raise ValueError(f"{name}: expected a sequence, got {shown(value)}") from error
 
 
-def as_a(name: str, value: Any, kind: Any, wanted: str = "") -> Any:
+def as_instance(name: str, value: Any, kind: Any, wanted: str = "") -> Any:
     """Return `value` if it is of a class, or has what a protocol asks for.
 
     Raises

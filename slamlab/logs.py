@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import (
     Array,
-    as_a,
     as_array,
     as_choice,
     as_covariance,
     as_distances,
     as_index,
+    as_instance,
     as_positive,
     as_scalar,
     as_shaped,
@@ -144,7 +144,8 @@ class Log:
     first measurement, the first scan and the first true pose have their place.
 
     Everything is copied and read-only. A batch of M runs side by side has ``u`` (T, p) or
-    (T, M, p), ``truth`` (T, M, 3) and `looks` (T, M, n, 2), NaN where a landmark was not seen.
+    (T, M, p), ``truth`` (T, M, 3) and `landmark_measurements` (T, M, n, 2), NaN where a
+    landmark was not seen.
 
     Parameters
     ----------
@@ -156,7 +157,7 @@ class Log:
         Durations (s), not negative.
     control_cov : array_like, shape (p, p) or (T, p, p)
         Covariance of the control.
-    looks : sequence of T array_like, shapes (k, 2), optional
+    landmark_measurements : sequence of T array_like, shapes (k, 2), optional
         Measurements of landmarks after each step, as the sensor gives them.
     ids : sequence of T array_like, shapes (k,), optional
         Which landmark each measurement belongs to: whole numbers (-1 is clutter) or names.
@@ -185,7 +186,7 @@ class Log:
     Examples
     --------
     >>> log = Log([0, 1, 2], [[0, 0], [1, 0], [1, 0]], [0, 1, 1], np.eye(2) * 0.01,
-    ...           looks=[[[2.0, 0.0]], [[1.0, 0.0]], []], ids=[[7], [7], []])
+    ...           landmark_measurements=[[[2.0, 0.0]], [[1.0, 0.0]], []], ids=[[7], [7], []])
     >>> log, len(log[1:])
     (Log(3 steps over 2 s, 2 measurements of landmarks), 2)
     >>> [step.z.tolist() for step in log]
@@ -196,7 +197,7 @@ class Log:
     u: Array
     dt: Array
     control_cov: Array
-    looks: tuple[Array, ...] | None = field(default=None, kw_only=True)
+    landmark_measurements: tuple[Array, ...] | None = field(default=None, kw_only=True)
     ids: tuple[NDArray[Any], ...] | None = field(default=None, kw_only=True)
     covs: tuple[Array, ...] | None = field(default=None, kw_only=True)
     ranges: Array | None = field(default=None, kw_only=True)
@@ -219,7 +220,7 @@ class Log:
             raise ValueError(f"dt[{k}]: expected a duration that is not negative, got {dt[k]:g}")
         checked: dict[str, Any] = {"times": times, "u": u, "dt": dt}
         checked["control_cov"] = self._checked_control_cov(T, u.shape[-1])
-        checked |= self._checked_looks(T) | self._checked_scans(T)
+        checked |= self._checked_landmark_measurements(T) | self._checked_scans(T)
         if self.truth is not None:
             truth = as_array("truth", self.truth, ("...", 3))
             if truth.ndim not in (2, 3) or len(truth) != T:
@@ -227,7 +228,7 @@ class Log:
             checked["truth"] = truth
         if self.landmarks is not None:
             checked["landmarks"] = as_array("landmarks", self.landmarks, ("...", "n", 2))
-        as_a("notes", self.notes, Mapping)
+        as_instance("notes", self.notes, Mapping)
         if self.controls is not None:
             as_choice("controls", self.controls, CONTROLS)
         checked["notes"] = {name: _note(name, value, T) for name, value in self.notes.items()}
@@ -241,16 +242,21 @@ class Log:
             raise ValueError(f"control_cov: expected shape {shapes}, got {cov.shape}")
         return cov
 
-    def _checked_looks(self, T: int) -> dict[str, Any]:
-        if self.looks is None:
+    def _checked_landmark_measurements(self, T: int) -> dict[str, Any]:
+        if self.landmark_measurements is None:
             if self.ids is not None or self.covs is not None:
-                raise ValueError("looks: expected measurements because ids or covs are given")
+                raise ValueError(
+                    "landmark_measurements: expected measurements because ids or covs are given"
+                )
             return {}
-        looks = tuple(_look(f"looks[{k}]", z) for k, z in enumerate(_of("looks", self.looks, T)))
-        checked: dict[str, Any] = {"looks": looks}
+        observations = tuple(
+            _look(f"landmark_measurements[{k}]", z)
+            for k, z in enumerate(_of("landmark_measurements", self.landmark_measurements, T))
+        )
+        checked: dict[str, Any] = {"landmark_measurements": observations}
         for name, given, check in (("ids", self.ids, _names), ("covs", self.covs, _covs)):
             if given is not None:
-                each = enumerate(zip(_of(name, given, T), looks, strict=True))
+                each = enumerate(zip(_of(name, given, T), observations, strict=True))
                 checked[name] = tuple(check(f"{name}[{k}]", c, z.shape[-2]) for k, (c, z) in each)
         return checked
 
@@ -274,8 +280,8 @@ class Log:
         parts = [f"{len(self)} steps over {over:.6g} s"]
         if self.n_runs is not None:
             parts.append(f"{self.n_runs} runs")
-        if self.looks is not None:
-            count = sum(int(np.isfinite(z[..., 0]).sum()) for z in self.looks)
+        if self.landmark_measurements is not None:
+            count = sum(int(np.isfinite(z[..., 0]).sum()) for z in self.landmark_measurements)
             parts.append(f"{count} measurements of landmarks")
         if self.ranges is not None:
             parts.append(f"scans of {self.ranges.shape[1]} beams")
@@ -289,7 +295,7 @@ class Log:
         """Step number k; counted from the end if negative."""
         k = as_index("k", k, len(self), "steps")
         cov = self.control_cov if self.control_cov.ndim == 2 else self.control_cov[k]
-        parts = (self.looks, self.ids, self.covs, self.ranges, self.truth)
+        parts = (self.landmark_measurements, self.ids, self.covs, self.ranges, self.truth)
         z, ids, covs, ranges, truth = (None if part is None else part[k] for part in parts)
         time, dt = float(self.times[k]), float(self.dt[k])
         return Step(time, dt, self.u[k], cov, z, ids, covs, ranges, truth)
@@ -299,7 +305,16 @@ class Log:
         if not isinstance(steps, slice):
             raise ValueError(f"steps: expected a slice such as log[10:20], got {steps!r:.80}")
         cut: dict[str, Any] = {}
-        for name in ("times", "u", "dt", "looks", "ids", "covs", "ranges", "truth"):
+        for name in (
+            "times",
+            "u",
+            "dt",
+            "landmark_measurements",
+            "ids",
+            "covs",
+            "ranges",
+            "truth",
+        ):
             part = getattr(self, name)
             cut[name] = None if part is None else part[steps]
         if self.control_cov.ndim == 3:
@@ -310,8 +325,8 @@ class Log:
     @property
     def n_runs(self) -> int | None:
         """Number M of runs side by side, None if the log is of one robot."""
-        looks = self.looks[0] if self.looks else None
-        for part, axis in ((self.u, 1), (self.truth, 1), (looks, 0)):
+        observations = self.landmark_measurements[0] if self.landmark_measurements else None
+        for part, axis in ((self.u, 1), (self.truth, 1), (observations, 0)):
             if part is not None and part.ndim > 2:
                 return int(part.shape[axis])
         return None
@@ -327,9 +342,11 @@ class Log:
                 own[name] = part[:, run]
         if self.landmarks is not None and self.landmarks.ndim == 3:
             own["landmarks"] = self.landmarks[run]
-        if self.looks is not None:
-            seen = [np.isfinite(z[run]).all(-1) for z in self.looks]
-            own["looks"] = [z[run][s] for z, s in zip(self.looks, seen, strict=True)]
+        if self.landmark_measurements is not None:
+            seen = [np.isfinite(z[run]).all(-1) for z in self.landmark_measurements]
+            own["landmark_measurements"] = [
+                z[run][s] for z, s in zip(self.landmark_measurements, seen, strict=True)
+            ]
             if self.ids is not None:
                 own["ids"] = [ids[s] for ids, s in zip(self.ids, seen, strict=True)]
         return replace(self, **own)
@@ -369,7 +386,7 @@ class Log:
         try:
             due = [f.name for f in fields(cls) if f.name in arrays or not f.kw_only]
             parts: dict[str, Any] = {name: arrays[name] for name in due}
-            for name in ("looks", "ids", "covs"):
+            for name in ("landmark_measurements", "ids", "covs"):
                 if name in parts:
                     with np.errstate(over="ignore"):  # what is no size is no place to cut at
                         ends = np.cumsum(arrays[f"{name}_sizes"])[:-1]

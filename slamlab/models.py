@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_batch, as_covariance, as_rng
+from slamlab._checks import Array, as_array, as_batch, as_covariance, as_instance, as_rng
 from slamlab.gaussian import as_root
 
 __all__ = [
@@ -193,7 +193,7 @@ class Estimator(Protocol):
     """
 
     measures: str
-    """What `update` takes: "looks" (measurements of landmarks), "ranges" (a scan) or "nothing"."""
+    """What `update` takes: "landmarks" (sets of measurements), "scan" (ranges) or "odometry"."""
 
     @property
     def pose(self) -> Array:
@@ -253,19 +253,19 @@ class Pilot(Protocol):
 
 def as_motion(name: str, value: Any) -> MotionModel:
     """Return `value` if it is a motion model; ValueError names what it lacks."""
-    return as_a(name, value, MotionModel, "a motion model such as Unicycle()")
+    return as_instance(name, value, MotionModel, "a motion model such as Unicycle()")
 
 
 def as_sensor(name: str, value: Any) -> LandmarkSensor:
     """Return `value` if it is a sensor of landmarks; ValueError names what it lacks."""
-    return as_a(name, value, LandmarkSensor, "a sensor such as RangeBearing(...)")
+    return as_instance(name, value, LandmarkSensor, "a sensor such as RangeBearing(...)")
 
 
 def as_scan_sensor(name: str, value: Any) -> ScanSensor:
     """Return `value` if it knows how a lidar's beams lie; ValueError names what it lacks."""
-    return as_a(name, value, ScanSensor, "a lidar such as Lidar(...)")
+    return as_instance(name, value, ScanSensor, "a lidar such as Lidar(...)")
 
 
 def as_estimator(name: str, value: Any) -> Estimator:
     """Return `value` if it is an estimator; ValueError names what it lacks."""
-    return as_a(name, value, Estimator, "an estimator such as EKFSlam(...)")
+    return as_instance(name, value, Estimator, "an estimator such as EKFSlam(...)")

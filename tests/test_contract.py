@@ -26,6 +26,7 @@ from slamlab.robots import YOUBOT, Mecanum, RelativePose, Unicycle
 from slamlab.sensors import Lidar, PointSensor, RangeBearing, StereoRig, Wall
 from slamlab.simulation import ground_laps, landmark_drives
 from slamlab.slam import (
+    AdaptiveRange,
     CompressedEKFSlam,
     EKFSlam,
     EKFSlamBatch,
@@ -33,7 +34,6 @@ from slamlab.slam import (
     GammaSlam,
     GridFastSlam,
     HectorSlam,
-    LocalRange,
     ScanGraphSlam,
     WallSlam,
 )
@@ -131,7 +131,7 @@ def ekf(log, pose, **options):
 
 
 def motion(log):
-    return YOUBOT if log.looks is not None else RelativePose()
+    return YOUBOT if log.landmark_measurements is not None else RelativePose()
 
 
 def fast(log, pose, version):
@@ -155,54 +155,54 @@ def walls(log, pose):
 
 # name: (make(log, pose), what it measures)
 SYSTEMS = {
-    "DeadReckoning": (lambda log, pose: DeadReckoning(motion(log), pose), "nothing"),
-    "EKFSlam": (ekf, "looks"),
+    "DeadReckoning": (lambda log, pose: DeadReckoning(motion(log), pose), "odometry"),
+    "EKFSlam": (ekf, "landmarks"),
     "EKFSlam, first estimates": (
         lambda log, pose: ekf(log, pose, linearisation="first-estimates"),
-        "looks",
+        "landmarks",
     ),
     "EKFSlam, invariant": (
         lambda log, pose: ekf(log, pose, linearisation="invariant"),
-        "looks",
+        "landmarks",
     ),
     "CompressedEKFSlam": (
         lambda log, pose: CompressedEKFSlam(motion(log), SENSOR, pose, radius=2.0),
-        "looks",
+        "landmarks",
     ),
-    "LocalRange": (
-        lambda log, pose: LocalRange(ekf(log, pose), wanted=3, nearest=2.0, furthest=6.0),
-        "looks",
+    "AdaptiveRange": (
+        lambda log, pose: AdaptiveRange(ekf(log, pose), n_target=3, min_range=2.0, max_range=6.0),
+        "landmarks",
     ),
-    "LocalRange, in a region": (
-        lambda log, pose: LocalRange(
+    "AdaptiveRange, in a region": (
+        lambda log, pose: AdaptiveRange(
             CompressedEKFSlam(motion(log), SENSOR, pose),
-            wanted=3,
-            nearest=2.0,
-            furthest=6.0,
-            region=1.5,
+            n_target=3,
+            min_range=2.0,
+            max_range=6.0,
+            region_factor=1.5,
         ),
-        "looks",
+        "landmarks",
     ),
     "EKFSlamBatch": (
         lambda log, pose: EKFSlamBatch(motion(log), SENSOR, pose, n_landmarks=len(TREES)),
         "batches",
     ),
-    "FastSlam 1": (lambda log, pose: fast(log, pose, 1), "looks"),
-    "FastSlam 2": (lambda log, pose: fast(log, pose, 2), "looks"),
-    "MonteCarloLocalization, looks": (known_trees, "looks"),
-    "MonteCarloLocalization, ranges": (known_office, "ranges"),
-    "WallSlam": (walls, "ranges"),
-    "HectorSlam": (lambda log, pose: HectorSlam(log.scan, pose), "ranges"),
-    "ScanGraphSlam": (lambda log, pose: ScanGraphSlam(log.scan, pose), "ranges"),
-    "GridFastSlam": (lambda log, pose: GridFastSlam(log.scan, pose, 6, rng=rng()), "ranges"),
+    "FastSlam 1": (lambda log, pose: fast(log, pose, 1), "landmarks"),
+    "FastSlam 2": (lambda log, pose: fast(log, pose, 2), "landmarks"),
+    "MonteCarloLocalization, looks": (known_trees, "landmarks"),
+    "MonteCarloLocalization, ranges": (known_office, "scan"),
+    "WallSlam": (walls, "scan"),
+    "HectorSlam": (lambda log, pose: HectorSlam(log.scan, pose), "scan"),
+    "ScanGraphSlam": (lambda log, pose: ScanGraphSlam(log.scan, pose), "scan"),
+    "GridFastSlam": (lambda log, pose: GridFastSlam(log.scan, pose, 6, rng=rng()), "scan"),
     "GammaSlam": (lambda log, pose: GammaSlam(log.scan, pose, 20, rng=rng()), "pictures"),
 }
 FEEDS = {
-    "looks": [one_robot],
+    "landmarks": [one_robot],
     "batches": [lambda: landmarks(3)],
-    "ranges": [scans, corridor, freiburg],
+    "scan": [scans, corridor, freiburg],
     "pictures": [ground],
-    "nothing": [one_robot, lambda: landmarks(3), scans, corridor, freiburg],
+    "odometry": [one_robot, lambda: landmarks(3), scans, corridor, freiburg],
 }
 # How far poses may stray when the world is turned and shifted (m, rad), and why.
 STRAY = {
@@ -440,7 +440,7 @@ class Unnamed(DeadReckoning):
 
 
 class Blind:
-    measures = "looks"
+    measures = "landmarks"
 
 
 def dead(kind):

@@ -25,15 +25,15 @@ from slamlab.geometry import between
 from slamlab.grids import Grid
 from slamlab.localization import DeadReckoning
 from slamlab.logs import ScanGeometry
-from slamlab.matching import Outline, PointField
+from slamlab.matching import LikelihoodGrid, PointsWithNormals
 from slamlab.models import View
 from slamlab.navigation import (
     YOUBOT_BODY,
-    Guard,
+    CollisionGuard,
+    ExplorationGrid,
     NearestFrontier,
     PathMemory,
     ReturnLaw,
-    SeenFloor,
     Situation,
     fit_cubic,
 )
@@ -75,7 +75,7 @@ GOOD = {
     "control_cov": 0.01 * np.eye(2), "controls": np.full((4, 2), 0.1), "cov": np.eye(2),
     "covs": np.tile(np.eye(2), (12, 1, 1)), "delta": 0.05, "distances": [3.0, 4.0, 5.0],
     "dof": 2, "dt": 0.1, "end": [1.0, 0.0], "epsilon": 0.1, "f": square, "h": square,
-    "field": PointField(POINTS, 0.1), "field_of_view": 3.0, "guess": [0.0, 0.0, 0.1],
+    "field": LikelihoodGrid.of_points(POINTS, 0.1), "field_of_view": 3.0, "guess": [0.0, 0.0, 0.1],
     "half_length": 0.2, "half_width": 0.2, "increment": [0.1, 0.0, 0.1], "inliers": 12,
     "initial": Gaussian([0.5, 1.0], np.eye(2)), "kernel": [0.2, 0.6, 0.2], "lag": 2,
     "landmark": [2.0, 1.0], "landmarks": POINTS, "least": 0.1, "lidar": ScanGeometry(BEAMS),
@@ -126,7 +126,7 @@ def made():
     slam.update(SENSOR.observe(np.zeros(3), POINTS[:5]), range(5))
     corners = np.array([[0, 0, 0], [1, 0, 1.6], [1, 1, 3.1], [0, 1, -1.6]])
     edges = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
-    path, floor = PathMemory(0.02), SeenFloor([0, 0, 4, 4], 0.1)
+    path, floor = PathMemory(0.02), ExplorationGrid([0, 0, 4, 4], 0.1)
     for s in np.linspace(0, 2, 30):
         path.add([s, 0.3 * np.sin(s)])
     pose = np.array([1.5, 1.5, 0.2])
@@ -179,7 +179,7 @@ INSTANCES = {
     "CompressedEKFSlam": MADE["compressed"],
     "PathMemory": PATH,
     "PoseGraph": MADE["graph"],
-    "SeenFloor": MADE["floor"],
+    "ExplorationGrid": MADE["floor"],
     "SharedPages": PAGES,
     "Log": MADE["logs"],
     "FastSlam": MADE["fast"],
@@ -332,13 +332,13 @@ GOOD |= (
         "Log.dt": 0.1 * np.ones(12),
         "Log.control_cov": V3,
         "SignatureMap.build.lidar": LIDAR,
-        "SeenFloor.route.start": [1.5, 1.5],
-        "SeenFloor.ways.start": [1.5, 1.5],
-        "Outline.joined.outlines": [Outline.of(POINTS)] * 2,
+        "ExplorationGrid.route.start": [1.5, 1.5],
+        "ExplorationGrid.ways.start": [1.5, 1.5],
+        "PointsWithNormals.joined.outlines": [PointsWithNormals.estimate(POINTS)] * 2,
         "WallSlam.lidar": LIDAR,
         "WallSlam.motion": YOUBOT,
         "MonteCarloLocalization.world": POINTS,
-        "RoomDriver.lidar": LIDAR,
+        "CoveragePilot.lidar": LIDAR,
         "Explorer.lidar": LIDAR,
         "Cubic.coefficients": np.ones((4, 2)),
         "motion_between.before": SCAN,
@@ -443,12 +443,12 @@ GOOD |= (
         "grid": Grid((8, 8), 0.5),
         "Terrain.heights": 0.1 * np.eye(8),
         "lines": [[1.0, 0.2]],
-        "Retracer.way": np.stack([np.linspace(0, 3, 31), np.zeros(31)], -1),
-        "Retracer.guard": Guard(YOUBOT_BODY),
-        "Retracer.lidar": LIDAR,
-        "nearest": 3.0,
-        "furthest": 9.0,
-        "LocalRange.system": MADE["compressed"],
+        "ReturnPilot.way": np.stack([np.linspace(0, 3, 31), np.zeros(31)], -1),
+        "ReturnPilot.guard": CollisionGuard(YOUBOT_BODY),
+        "ReturnPilot.lidar": LIDAR,
+        "min_range": 3.0,
+        "max_range": 9.0,
+        "AdaptiveRange.system": MADE["compressed"],
     }
     | {
         f"{name}.{parameter}": value
@@ -480,7 +480,7 @@ BAD = {
 # Inside the house data is trusted: what calls these checked it at its own door.
 TRUSTED = (
     "SharedPages.extend", "SharedPages.own", "SharedPages.rearrange", "SharedPages.resample",
-    ".choose", ".quarters", "Retracer.command", ".centres_of", ".of_log_odds", ".move_cov",
+    ".choose", ".quarters", "ReturnPilot.command", ".centres_of", ".of_occupancy", ".move_cov",
 )  # fmt: skip
 # May be functions: what a function does that is none of the library's is its own affair.
 FUNCTIONS = {"F", "H", "f", "h", "residual", "run", "make", "propose", "log_likelihood"}
@@ -490,11 +490,9 @@ RECORDS = {
     "Simulator",
     "Sweep",
     "AssociationScores",
-    "BatchInnovation",
-    "Certificate",
-    "Correction",
-    "Ellipse",
     "Innovation",
+    "Certificate",
+    "Ellipse",
     "JointSearch",
     "Killian",
     "Location",
@@ -512,7 +510,7 @@ RECORDS = {
     "WallScores",
     "WallSighting",
     "Walls",
-    "Ways",
+    "ShortestPaths",
     "Relations",
     "Motion",
     "Closure",

@@ -5,7 +5,7 @@ import pytest
 
 from slamlab.grids import Grid
 from slamlab.mapping import OccupancyGrid
-from slamlab.navigation import SeenFloor
+from slamlab.navigation import ExplorationGrid
 from slamlab.worlds import BitmapWorld
 
 GRID = Grid((3, 5), 0.5, (-1.0, 2.0))
@@ -14,7 +14,7 @@ GRID = Grid((3, 5), 0.5, (-1.0, 2.0))
 def test_every_grid_of_the_house_is_one():
     bitmap = BitmapWorld(np.zeros((3, 5)), 0.5, (-1.0, 2.0))
     occupancy = OccupancyGrid((3, 5), 0.5, (-1.0, 2.0))
-    for grid in (bitmap, occupancy, SeenFloor(GRID.bounds, 0.5)):
+    for grid in (bitmap, occupancy, ExplorationGrid(GRID.bounds, 0.5)):
         assert grid.shape == (3, 5)
         assert grid.extent == GRID.extent
         np.testing.assert_array_equal(grid.centres(), GRID.centres())

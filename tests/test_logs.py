@@ -17,7 +17,7 @@ def some_log(**changes):
         "u": [[0, 0], [1, 0], [1, 0.1], [1, 0]],
         "dt": [0, 1, 1, 1],
         "control_cov": COV,
-        "looks": [[[2.0, 0.1]], [], [[1.0, 0.2], [3.0, -0.3]], [[1.5, 0.0]]],
+        "landmark_measurements": [[[2.0, 0.1]], [], [[1.0, 0.2], [3.0, -0.3]], [[1.5, 0.0]]],
         "ids": [[7], [], [7, -1], [3]],
         "covs": [[COV], [], [COV, 2 * COV], [COV]],
         "ranges": [[1.0, np.inf], [2.0, np.nan], [1.0, 1.0], [0.5, 0.5]],
@@ -32,7 +32,7 @@ def some_log(**changes):
 def same(a, b):
     for name in ("times", "u", "dt", "control_cov", "ranges", "truth", "landmarks"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-    for name in ("looks", "ids", "covs"):
+    for name in ("landmark_measurements", "ids", "covs"):
         for one, other in zip(getattr(a, name), getattr(b, name), strict=True):
             np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(a.scan.beam_angles, b.scan.beam_angles)
@@ -48,7 +48,7 @@ def test_steps_come_in_order_with_all_their_parts():
     assert steps[2].covs[1].tolist() == (2 * COV).tolist()
     assert steps[0].ranges.tolist() == [1.0, np.inf]
     assert steps[3].truth.tolist() == [3, 0.1, 0.1]
-    assert some_log(looks=None, ids=None, covs=None).step(1).z is None
+    assert some_log(landmark_measurements=None, ids=None, covs=None).step(1).z is None
 
 
 def test_a_saved_log_is_the_same_log(tmp_path):
@@ -89,13 +89,22 @@ def test_nothing_of_the_caller_is_kept_and_nothing_can_be_changed():
         ({"dt": [0, 1, 1]}, "dt: expected shape"),
         ({"control_cov": np.eye(3)}, "control_cov: expected"),
         ({"control_cov": np.tile(COV, (3, 1, 1))}, r"control_cov: .*\(4, 2, 2\)"),
-        ({"looks": [[[1, 0]], [], [[1, 0]]]}, "looks: expected one entry for each of 4 steps"),
-        ({"looks": [[[2.0, 0.1]], [], [1, 2, 3], [[1.5, 0.0]]]}, r"looks\[2\]: expected shape"),
-        ({"looks": [[[2.0, np.nan]], [], [[1, 2]] * 2, [[1, 0]]]}, r"looks\[0\]: .*finite"),
+        (
+            {"landmark_measurements": [[[1, 0]], [], [[1, 0]]]},
+            "landmark_measurements: expected one entry for each of 4 steps",
+        ),
+        (
+            {"landmark_measurements": [[[2.0, 0.1]], [], [1, 2, 3], [[1.5, 0.0]]]},
+            r"landmark_measurements\[2\]: expected shape",
+        ),
+        (
+            {"landmark_measurements": [[[2.0, np.nan]], [], [[1, 2]] * 2, [[1, 0]]]},
+            r"landmark_measurements\[0\]: .*finite",
+        ),
         ({"ids": [[7], [], [7], [3]]}, r"ids\[2\]: expected 2 whole numbers"),
         ({"ids": [[7], [], [7.5, 1.0], [3]]}, r"ids\[2\]: .*whole numbers"),
         ({"covs": [[COV], [], [COV], [COV]]}, r"covs\[2\]: expected 2 covariances, got 1"),
-        ({"looks": None}, "looks: expected measurements because"),
+        ({"landmark_measurements": None}, "landmark_measurements: expected measurements because"),
         ({"ranges": [[1.0, -2.0]] * 4}, r"ranges\[0, 1\]: .*got -2"),
         ({"ranges": [[1.0]] * 4}, r"ranges: expected shape \(4, 2\)"),
         ({"scan": None}, "scan: expected a lidar"),
@@ -109,16 +118,22 @@ def test_what_does_not_fit_is_named(changes, message):
 
 
 def test_a_batch_and_one_run_of_it():
-    looks = np.full((3, 2, 4, 2), np.nan)
-    looks[1, 0, 2] = 1.0, 0.5
+    observations = np.full((3, 2, 4, 2), np.nan)
+    observations[1, 0, 2] = 1.0, 0.5
     truth = np.arange(18.0).reshape(3, 2, 3)
     log = Log(
-        [0, 1, 2], np.zeros((3, 2)), 1.0, COV, looks=looks, ids=[np.arange(4)] * 3, truth=truth
+        [0, 1, 2],
+        np.zeros((3, 2)),
+        1.0,
+        COV,
+        landmark_measurements=observations,
+        ids=[np.arange(4)] * 3,
+        truth=truth,
     )
     assert log.n_runs == 2
     one = log.single(0)
     assert one.n_runs is None
-    assert one.looks[1].tolist() == [[1.0, 0.5]]
+    assert one.landmark_measurements[1].tolist() == [[1.0, 0.5]]
     assert one.ids[1].tolist() == [2]
     np.testing.assert_array_equal(one.truth, truth[:, 0])
     with pytest.raises(ValueError, match="expected one of 2 runs"):
@@ -160,7 +175,7 @@ def test_a_log_of_foreign_byte_order_holds_the_same_numbers_in_that_of_the_machi
         np.array([[0, 0], [1, 0], [1, 0]], ">f4"),
         np.array([0, 1, 1], ">i2"),
         np.diag([0.04, 0.01]).astype(">f8"),
-        looks=[np.array([[2, 0]], ">f8"), np.array([[1, 0]], ">f8"), []],
+        landmark_measurements=[np.array([[2, 0]], ">f8"), np.array([[1, 0]], ">f8"), []],
         ids=foreign,
         notes={"hit": np.array([0, 1, 0], ">u2")},
     )
@@ -168,6 +183,14 @@ def test_a_log_of_foreign_byte_order_holds_the_same_numbers_in_that_of_the_machi
     assert log.u[1].tolist() == [1.0, 0.0]
     assert [names.tolist() for names in log.ids] == [[7], [7], []]
     assert log.notes["hit"].tolist() == [0, 1, 0]
-    kept = (log.times, log.u, log.dt, log.control_cov, *log.looks, *log.ids, log.notes["hit"])
+    kept = (
+        log.times,
+        log.u,
+        log.dt,
+        log.control_cov,
+        *log.landmark_measurements,
+        *log.ids,
+        log.notes["hit"],
+    )
     assert all(array.dtype.isnative for array in kept)
     assert not foreign[0].dtype.isnative

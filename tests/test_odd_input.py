@@ -20,7 +20,7 @@ from slamlab.datasets import (
 )
 from slamlab.grids import Grid
 from slamlab.localization import LikelihoodField
-from slamlab.matching import Field
+from slamlab.matching import LikelihoodGrid
 from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer, room_points
 from slamlab.simulation import Script
@@ -66,7 +66,7 @@ def test_no_robot_takes_for_a_duration_what_is_none(dt):
 
 def test_what_is_given_is_copied():
     values, controls = np.ones((3, 3)), np.ones((2, 2))
-    field, script = Field(values, 1.0), Script(controls)
+    field, script = LikelihoodGrid(values, 1.0), Script(controls)
     values[:], controls[:] = 5.0, 7.0
     assert field.value([1.5, 1.5]) == 1.0
     assert script.command(None).tolist() == [1.0, 1.0]

@@ -13,13 +13,20 @@ import json
 import time
 from itertools import product
 
-from slamlab.simulation.expedition import BELIEFS, BUILDINGS, STORED, WAYS, come_home, explore
+from slamlab.simulation.expedition import (
+    ENVIRONMENTS,
+    ESTIMATORS,
+    RETURN_METHODS,
+    STORED,
+    come_home,
+    explore,
+)
 
 
 def row(building, belief, seed):
     """One way out and all ways home, in few digits."""
-    out = explore(BUILDINGS[building], BELIEFS[belief], seed)
-    homes = [come_home(out, way) for way in WAYS]
+    out = explore(ENVIRONMENTS[building], ESTIMATORS[belief], seed)
+    homes = [come_home(out, way) for way in RETURN_METHODS]
     return {
         "coverage": round(float(out.coverage), 4),
         "error": [round(home.error, 3) for home in homes],
@@ -50,8 +57,10 @@ def write(building, belief, seed, new):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--building", nargs="+", choices=list(BUILDINGS), default=list(BUILDINGS))
-    parser.add_argument("--belief", nargs="+", choices=list(BELIEFS), default=list(BELIEFS))
+    parser.add_argument(
+        "--building", nargs="+", choices=list(ENVIRONMENTS), default=list(ENVIRONMENTS)
+    )
+    parser.add_argument("--belief", nargs="+", choices=list(ESTIMATORS), default=list(ESTIMATORS))
     parser.add_argument("--seeds", type=int, default=30)
     parser.add_argument("--minutes", type=float, default=1e9)
     asked = parser.parse_args()

@@ -16,7 +16,7 @@ from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.filters.particle import lineage
 from slamlab.geometry import wrap_angle
-from slamlab.matching import PointField, match_correlative
+from slamlab.matching import LikelihoodGrid, match_correlative
 from slamlab.simulation import drifted
 from slamlab.slam import GridFastSlam
 from slamlab.slam._grid_maps import EMPTY
@@ -51,7 +51,7 @@ def turned(log, steps=None, around=6.0):
     for i, k in enumerate(steps):
         near = np.hypot(*(log.truth - log.truth[k])[:, :2].T) < around
         near[k] = False
-        field = PointField(points[near].reshape(-1, 2))
+        field = LikelihoodGrid.of_points(points[near].reshape(-1, 2))
         scan = log.scan.points(log.ranges[k])
         found = match_correlative(field, scan, log.truth[k], 0.4, np.deg2rad(30))
         off[i] = np.rad2deg(wrap_angle(found.pose[2] - log.truth[k, 2]))
@@ -71,7 +71,7 @@ def drive(whole, seed, n, temper, lost):
     rng = np.random.default_rng(10 + seed)
     system = GridFastSlam(log.scan, log.truth[0], n, rng=rng, temper=temper, lost=lost)
     begin = time.process_time()
-    result = run(system, log, keep=("ancestors", "poses"))
+    result = run(system, log, record=("ancestors", "poses"))
     return result, system, 1e3 * (time.process_time() - begin) / len(log)
 
 
@@ -97,8 +97,8 @@ def main():
         whole = without(logs[name], wrong[name]) if left_out else logs[name]
         for seed in range(1, seeds + 1):
             result, system, ms = drive(whole, seed, n, temper, lost)
-            parents = lineage(result.kept["ancestors"])
-            paths = np.array(result.kept["poses"])[np.arange(len(whole))[:, None], parents]
+            parents = lineage(result.recorded["ancestors"])
+            paths = np.array(result.recorded["poses"])[np.arange(len(whole))[:, None], parents]
             best = paths[:, system.log_weights.argmax()]
             turns, jumps = followed(best, whole.truth, offs[name])
             copies = np.count_nonzero(system._maps.shared.table) * EMPTY.nbytes

@@ -22,11 +22,18 @@ from slamlab.datasets import killian, read_carmen, read_relations
 from slamlab.evaluation import ate, relation_error, run
 from slamlab.gaussian import mahalanobis_squared
 from slamlab.localization import DeadReckoning, LikelihoodField, MonteCarloLocalization
-from slamlab.navigation import YOUBOT_BODY, RoomDriver
+from slamlab.navigation import YOUBOT_BODY, CoveragePilot
 from slamlab.robots import YOUBOT, RelativePose
 from slamlab.sensors import StereoRig
-from slamlab.simulation import ROOM_SENSOR, Truth, drifted, ground_laps, record, room_drives
-from slamlab.simulation.expedition import BUILDINGS
+from slamlab.simulation import (
+    ROOM_SENSOR,
+    PerfectEstimator,
+    drifted,
+    ground_laps,
+    record,
+    room_drives,
+)
+from slamlab.simulation.expedition import ENVIRONMENTS
 from slamlab.slam import (
     CompressedEKFSlam,
     EKFSlam,
@@ -100,10 +107,12 @@ def room(seed):
 @cache
 def toured(building):
     """Drive round a building with a robot that knows where it is: the estimators do not."""
-    place = BUILDINGS[building]
-    pilot = RoomDriver(YOUBOT_BODY, place.lidar, sight=place.sight, max_speed=0.6, max_turn=1.0)
+    place = ENVIRONMENTS[building]
+    pilot = CoveragePilot(
+        YOUBOT_BODY, place.lidar, view_range=place.view_range, max_speed=0.6, max_turn=1.0
+    )
     return record(
-        place.world(), YOUBOT, place.lidar, pilot, Truth(), np.random.default_rng(20),
+        place.world(), YOUBOT, place.lidar, pilot, PerfectEstimator(), np.random.default_rng(20),
         start=place.start, dt=0.2, control_cov=YOUBOT.control_cov(0.4),
         footprint=YOUBOT_BODY.footprint, max_time=400.0,
     )  # fmt: skip
@@ -151,7 +160,7 @@ def landmark_systems(log, seed):
 
 def scan_systems(log, name):
     pose, lidar, rng = log.truth[0], log.scan, np.random.default_rng(1)
-    motion = YOUBOT if name in BUILDINGS else RelativePose()
+    motion = YOUBOT if name in ENVIRONMENTS else RelativePose()
     if name == "ground":
         return {
             "dead reckoning": DeadReckoning(motion, pose),
@@ -166,8 +175,8 @@ def scan_systems(log, name):
     }
     if name != "killian":
         systems["grid FastSLAM"] = GridFastSlam(lidar, pose, 30, rng=rng, motion=motion)
-    if name in BUILDINGS:
-        place = BUILDINGS[name]
+    if name in ENVIRONMENTS:
+        place = ENVIRONMENTS[name]
         world = place.world()
         systems["EKF-SLAM, walls"] = WallSlam(motion, place.lidar, pose)
         field = LikelihoodField(world.occupied, world.resolution, world.origin, n_points=30)
@@ -222,7 +231,7 @@ def mean(parts):
 
 
 def scan_rows(name, only=None):
-    log = toured(name) if name in BUILDINGS else ground() if name == "ground" else real(name)
+    log = toured(name) if name in ENVIRONMENTS else ground() if name == "ground" else real(name)
     rows = {}
     for system_name, system in scan_systems(log, name).items():
         if only is not None and system_name != only:
@@ -287,7 +296,7 @@ def main():
     if names != ["--page"]:
         for name in names:
             if name in TITLES and (
-                name in ("points", "ground", *BUILDINGS) or "SLAMLAB_DATA" in os.environ
+                name in ("points", "ground", *ENVIRONMENTS) or "SLAMLAB_DATA" in os.environ
             ):
                 rows = rows_of(name)
                 stored[name] = {

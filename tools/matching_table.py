@@ -13,7 +13,7 @@ from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.geometry import compose
 from slamlab.localization import DeadReckoning
-from slamlab.matching import match_icp, thin
+from slamlab.matching import match_icp, voxel_downsample
 from slamlab.robots import RelativePose
 from slamlab.simulation import drifted
 from slamlab.slam import HectorSlam, ScanGraphSlam
@@ -21,9 +21,9 @@ from slamlab.slam import HectorSlam, ScanGraphSlam
 
 def chain(log, metric):
     """Each scan laid upon the one before it."""
-    poses, before = [log.truth[0]], thin(log.scan.points(log.ranges[0]))
+    poses, before = [log.truth[0]], voxel_downsample(log.scan.points(log.ranges[0]))
     for u, ranges in zip(log.u[1:], log.ranges[1:], strict=True):
-        now = thin(log.scan.points(ranges))
+        now = voxel_downsample(log.scan.points(ranges))
         poses.append(compose(poses[-1], match_icp(before, now, u, metric).pose))
         before = now
     return np.array(poses)

@@ -18,7 +18,7 @@ RADII = (24, 28, 32, 36, 40, 50, 60, 90)
 class Clocked:
     """A system that adds up the time of its steps and remembers the longest (ms)."""
 
-    measures = "looks"
+    measures = "landmarks"
 
     def __init__(self, system):
         self.system, self.spent = system, [0.0]

@@ -39,7 +39,7 @@ def of_fast(version):
     return lambda seed: FastSlam(*WORLD, 100, version, rng=np.random.default_rng(seed))
 
 
-def of_ekf(linearisation="latest", associate=None):
+def of_ekf(linearisation="standard", associate=None):
     return lambda seed: EKFSlam(*WORLD, linearisation=linearisation, associate=associate)
 
 
@@ -83,7 +83,7 @@ def judged(result, told):
         covs = [slam.landmark_cov(name) for name in ids]
         row["claimed of a tree"] = np.median([np.sqrt(np.trace(cov) / 2) for cov in covs])
         row["nis"] = np.nansum(nis(result)) / sum(
-            report.residual.size for report in result.reports
+            report.innovation.size for report in result.reports
         )
     if not told:
         score = association_scores(result)

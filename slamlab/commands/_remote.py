@@ -49,7 +49,7 @@ class RemoteSystem:
 
     def update(self, measurement: ArrayLike, ids: Any = None) -> None:
         """Take in a measurement."""
-        given = (measurement,) if self.measures == "ranges" else (measurement, ids)
+        given = (measurement,) if self.measures == "scan" else (measurement, ids)
         self._take(self._process.ask("update", *given))
 
     def command(self, view: View) -> Array | None:

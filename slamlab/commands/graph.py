@@ -66,7 +66,7 @@ def best_of_two(graph: PoseGraph, kernel: str | None) -> tuple[Result, str]:
     own = graph.optimize(kernel=kernel, kernel_width=_WIDTHS)
     if own.converged and own.certified:
         return own, "the file's own"
-    other = graph.initial_guess().optimize(kernel=kernel, kernel_width=_WIDTHS)
+    other = graph.chordal_initialisation().optimize(kernel=kernel, kernel_width=_WIDTHS)
     if other.history[-1] < own.history[-1]:
         return other, "initial guess"
     return own, "the file's own"
@@ -87,7 +87,7 @@ def report(graph: PoseGraph, result: Result, start: str, seconds: float) -> list
         ("start", start),
         ("converged", f"{'yes' if result.converged else 'no'} ({result.message})"),
         ("certified", f"{'yes' if result.certified else 'not proved'} ({proof})"),
-        ("closures rejected", f"{result.rejected}"),
+        ("closures rejected", f"{result.n_rejected}"),
         ("seconds", f"{seconds:.2f}"),
     ]
     if k:

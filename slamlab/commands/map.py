@@ -222,7 +222,7 @@ def _lost(log: Log, system: Any) -> str:
     if not _seen(log).any():
         return f"nothing was ever seen: {_DISTRUST}"
     if isinstance(system, ScanGraphSlam):
-        return _scans(system.lost_scans, len(log))
+        return _scans(system.unmatched_scans, len(log))
     if isinstance(system, HectorSlam):
         at = system.lost_at
         return "never" if at is None else f"from scan {at} on: {_DISTRUST} after it"
@@ -324,11 +324,13 @@ def _closure_table(system: ScanGraphSlam) -> list[str]:
     graph = system.graph()
     e = graph.residuals()[-len(ties) :]
     chi2 = np.einsum("ni,nij,nj->n", e, graph.information[-len(ties) :], e)
-    rows: list[list[object]] = [["node", "old node", "left (m)", "left (deg)", "chi2", "rival"]]
+    rows: list[list[object]] = [
+        ["node", "old node", "left (m)", "left (deg)", "chi2", "second peak"]
+    ]
     for i in np.argsort(-chi2)[:20]:
         left, turn = f"{np.hypot(*e[i, :2]):.3f}", f"{np.rad2deg(abs(e[i, 2])):.2f}"
         one = ties[i]
-        rows.append([one.k, one.j, left, turn, f"{chi2[i]:.1f}", f"{one.rival:.2f}"])
+        rows.append([one.k, one.j, left, turn, f"{chi2[i]:.1f}", f"{one.second_peak:.2f}"])
     return [_page.paragraph("The closures that fit worst:"), _page.table(rows)]
 
 

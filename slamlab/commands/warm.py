@@ -14,8 +14,14 @@ import numpy as np
 
 from slamlab.localization import SignatureMap
 from slamlab.mapping import OccupancyGrid
-from slamlab.matching import Field, PointField, match_correlative, match_field, match_icp, thin
-from slamlab.navigation import PathMemory, SeenFloor
+from slamlab.matching import (
+    LikelihoodGrid,
+    match_correlative,
+    match_field,
+    match_icp,
+    voxel_downsample,
+)
+from slamlab.navigation import ExplorationGrid, PathMemory
 from slamlab.sensors import Lidar, StereoRig
 from slamlab.slam import GammaSlam, GridFastSlam
 from slamlab.worlds import BitmapWorld, Terrain, WallWorld, rooms
@@ -44,22 +50,25 @@ def _scans() -> None:
         world.clearance([3.0, 1.0])
     rooms.random_box_room(np.random.default_rng(1))
     OccupancyGrid((40, 40), 0.1).insert([3.0, 1.0, 0.3], ranges, lidar)
-    floor = SeenFloor([0.0, 0.0, 4.0, 4.0])
+    floor = ExplorationGrid([0.0, 0.0, 4.0, 4.0])
     floor.insert([3.0, 1.0, 0.3], ranges, lidar)
-    floor.route([3.0, 1.0], [3.2, 1.2], 0.1)
-    floor.unseen_area([[3.0, 1.0]], 2.0)
+    floor.plan([3.0, 1.0], [3.2, 1.2], 0.1)
+    floor.expected_gain([[3.0, 1.0]], 2.0)
 
 
 def _matching() -> None:
     """Scan matching."""
     points = np.random.default_rng(1).uniform(-2, 2, (60, 2))
-    field, guess = PointField(points, 0.1), np.array([0.01, 0.0, 0.01])
+    field, guess = LikelihoodGrid.of_points(points, 0.1), np.array([0.01, 0.0, 0.01])
     # Fields of points hold single precision, maps double.
-    for one in (field, Field(field.values.astype(np.float64), field.resolution, field.origin)):
+    for one in (
+        field,
+        LikelihoodGrid(field.values.astype(np.float64), field.resolution, field.origin),
+    ):
         one.value(points)
         match_field(one, points, guess)
     match_correlative(field, points, guess, 0.3, 0.2)
-    match_icp(thin(points), points, guess)
+    match_icp(voxel_downsample(points), points, guess)
 
 
 def _grid_slam() -> None:

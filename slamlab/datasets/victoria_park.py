@@ -45,7 +45,7 @@ def victoria_park() -> Log:
     with gzip.open(path, "rt", encoding="utf-8") as file:
         log = _parse(file, path.name)
     graph = PoseGraph.from_log(log, RelativePose(), PointSensor(0.4 * np.eye(2)))
-    best = graph.initial_guess().optimize()
+    best = graph.chordal_initialisation().optimize()
     return replace(log, truth=best.poses, landmarks=best.landmarks)
 
 
@@ -119,7 +119,7 @@ def _parse(file: TextIO, name: str) -> Log:
     rows: dict[int, int] = {}  # step in which a pose was reached
     landmarks: dict[int, int] = {}
     motions = [[0.0] * 9]  # u and the upper triangle of its covariance
-    sightings: list[list[list[float]]] = [[]]  # landmark, z and the upper triangle of R
+    observations: list[list[list[float]]] = [[]]  # landmark, z and the upper triangle of R
     for number, line in enumerate(file, start=1):
         words = line.split()
         if not words or words[0].startswith("#"):
@@ -133,14 +133,14 @@ def _parse(file: TextIO, name: str) -> Log:
                 raise ValueError(f"{where}: expected odometry from the newest pose to a new one")
             rows[j] = len(motions)
             motions.append(values)
-            sightings.append([])
+            observations.append([])
         elif i in rows:
-            sightings[rows[i]].append([landmarks.setdefault(j, len(landmarks)), *values])
+            observations[rows[i]].append([landmarks.setdefault(j, len(landmarks)), *values])
         else:
             raise ValueError(f"{where}: pose {i} was not reached before")
     if len(motions) == 1:
         raise ValueError(f"{name}: the file ends without odometry")
-    moved, seen = np.array(motions), [np.reshape(some, (-1, 6)) for some in sightings]
+    moved, seen = np.array(motions), [np.reshape(some, (-1, 6)) for some in observations]
     steps: Array = np.arange(len(moved), dtype=np.float64)
     return Log(
         steps,
@@ -148,7 +148,7 @@ def _parse(file: TextIO, name: str) -> Log:
         np.minimum(steps, 1.0),
         moved[:, 3:][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
         controls="displacement",
-        looks=tuple(some[:, 1:3] for some in seen),
+        landmark_measurements=tuple(some[:, 1:3] for some in seen),
         ids=tuple(some[:, 0].astype(int) for some in seen),
         covs=tuple(some[:, 3:][:, [[0, 1], [1, 2]]] for some in seen),
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slamlab._checks import as_a, as_count
+from slamlab._checks import as_count, as_instance
 from slamlab.evaluation.run import Run
 
 __all__ = ["AssociationScores", "association_scores"]
@@ -88,10 +88,11 @@ def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> Associat
     True
     """
     told, since = as_count("known_ids", known_ids), as_count("since", since)
-    as_a("run", run, Run)
+    as_instance("run", run, Run)
     if run.log.ids is None:
         raise ValueError("run: expected a log with the true ids to compare with, it has none")
-    if {"columns", "started", "ancestors"} <= set(run.kept) and len(run.rows) == len(run.log):
+    recorded = {"associations", "is_new", "ancestors"} <= set(run.recorded)
+    if recorded and len(run.rows) == len(run.log):
         return _of_particles(run, max(told, since))
     origins: dict[Hashable, int] = {}
     named = right = possible = 0
@@ -113,20 +114,20 @@ def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> Associat
 
 def _of_particles(run: Run, since: int) -> AssociationScores:
     """Count the pairs of all particles; each has its own list of what started its columns."""
-    kept, named, right, possible = run.kept, 0, 0, 0
-    width = 1 + max(int(columns.max(initial=0)) for columns in kept["columns"])
+    kept, named, right, possible = run.recorded, 0, 0, 0
+    width = 1 + max(int(associations.max(initial=0)) for associations in kept["associations"])
     # -2: nothing stood in this column yet.
     origins = np.full((len(kept["ancestors"][0]), width), -2)
     for k, truth in enumerate(run.log.ids or ()):
-        columns, started = kept["columns"][k], kept["started"][k]
+        associations, is_new = kept["associations"][k], kept["is_new"][k]
         here = np.arange(len(origins))[:, None]
-        paired = (columns >= 0) & ~started
+        paired = (associations >= 0) & ~is_new
         if k >= since:
-            hit = paired & (origins[here, columns] == truth) & (truth >= 0)
+            hit = paired & (origins[here, associations] == truth) & (truth >= 0)
             known = (origins[:, :, None] == truth).any(1) & (truth >= 0)
             named, right = named + int(paired.sum()), right + int(hit.sum())
             possible += int(known.sum())
-        particle, measurement = np.nonzero(started)
-        origins[particle, columns[started]] = truth[measurement]
+        particle, measurement = np.nonzero(is_new)
+        origins[particle, associations[is_new]] = truth[measurement]
         origins = origins[kept["ancestors"][k]]
     return AssociationScores(named, right, possible, {})

@@ -185,7 +185,7 @@ def nis(residuals: ArrayLike | Run, covs: ArrayLike | None = None) -> Array:
 
 def _nis_of(report: Any) -> float:
     """Return what a report says of its innovation; an innovation of nothing says nothing."""
-    nothing = np.size(getattr(report, "residual", 0.0)) == 0
+    nothing = np.size(getattr(report, "innovation", 0.0)) == 0
     return np.nan if nothing else float(getattr(report, "nis", np.nan))
 
 

@@ -443,9 +443,9 @@ class _Estimator:
     def nothing_seen(self) -> None:
         one = self.halfway()
         before = _belief(one)
-        if one.measures == "ranges" and self.log.ranges is not None:
+        if one.measures == "scan" and self.log.ranges is not None:
             one.update(np.full(self.log.ranges.shape[1], np.nan))
-        elif one.measures == "looks" and self.start.ndim == 1:
+        elif one.measures == "landmarks" and self.start.ndim == 1:
             one.update(np.empty((0, 2)), [] if self.log.ids is not None else None)
         _same("an update without any measurement", _belief(one), before)
 
@@ -489,8 +489,8 @@ def _belief(system: Estimator) -> tuple[Array, Array]:
 
 def _measured(system: Estimator, step: Step) -> tuple[Array | None, Any]:
     """Copy what the system measures in a step, clutter left out, and the names."""
-    z = {"ranges": step.ranges, "looks": step.z}.get(system.measures)
-    if z is None or system.measures == "ranges" or step.ids is None:
+    z = {"scan": step.ranges, "landmarks": step.z}.get(system.measures)
+    if z is None or system.measures == "scan" or step.ids is None:
         return None if z is None else z.copy(), None
     real = step.ids >= 0 if step.ids.dtype.kind in "iu" else np.ones(len(step.ids), bool)
     return z[..., real, :].copy(), step.ids[real].copy()
@@ -531,7 +531,7 @@ def _bad_calls(system: Estimator, step: Step, rest: Log) -> list[tuple[str, str,
         return calls
     names = "z measurement ranges scan"
     calls.append((names, "a measurement of words", lambda: update(["one", "two"], ids)))
-    if system.measures == "ranges":
+    if system.measures == "scan":
         calls.append((names, "too long a scan", lambda: update(np.append(z, 1.0))))
         calls.append((names, "a range below 0", lambda: update(np.append(z[:-1], -1.0))))
         return calls

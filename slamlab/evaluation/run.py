@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamlab._checks import Array, as_a, as_choice, as_count, as_tuple
+from slamlab._checks import Array, as_choice, as_count, as_instance, as_tuple
 from slamlab._optional import with_bar
 from slamlab.logs import Log, Step
 from slamlab.models import Estimator, Smoother, as_estimator
 
 __all__ = ["Run", "run"]
 
-MEASURES = ("looks", "ranges", "nothing")
+# What a system measures, and the part of a log that tells it.
+_PARTS = {"landmarks": "landmark_measurements", "scan": "ranges"}
+MEASURES = (*_PARTS, "odometry")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,7 +41,7 @@ class Run:
         What `update` returned in each step of the log; None where nothing was measured.
     seconds : ndarray, shape (T,)
         Computing time of each step (s).
-    kept : dict of name to list of length R
+    recorded : dict of name to list of length R
         The attributes of the system that were asked for with `keep`.
     """
 
@@ -50,7 +52,7 @@ class Run:
     covs: Array
     reports: tuple[Any, ...]
     seconds: Array
-    kept: dict[str, list[Any]]
+    recorded: dict[str, list[Any]]
 
     def __repr__(self) -> str:
         """Say in one line who ran over what."""
@@ -82,7 +84,7 @@ def run(
     log: Log,
     every: int = 1,
     *,
-    keep: Sequence[str] = (),
+    record: Sequence[str] = (),
     known_ids: bool | int = True,
     progress: bool | Callable[[int, int], object] = False,
 ) -> Run:
@@ -97,7 +99,7 @@ def run(
         A step of dt = 0 is not predicted. Where `ids` are handed over, clutter (-1) is left out.
     every : int, default 1
         Record every so many steps, and the last one.
-    keep : sequence of str, default ()
+    record : sequence of str, default ()
         Names of attributes of the system, such as "landmarks" or "particles", to record as well.
     known_ids : bool or int, default True
         Whether the system is told which landmark is which: always, never, or in the first so
@@ -127,12 +129,13 @@ def run(
     [0.0, 1.0, 2.0]
     """
     as_estimator("system", system)
-    as_a("log", log, Log)
-    names = as_tuple("keep", keep)
+    as_instance("log", log, Log)
+    names = as_tuple("record", record)
     every = as_count("every", every, 1)
     what = as_choice("system.measures", system.measures, MEASURES)
-    if what != "nothing" and getattr(log, what) is None:
-        raise ValueError(f"log: expected {what} for {type(system).__name__}, it has none")
+    part = _PARTS.get(what)
+    if part is not None and getattr(log, part) is None:
+        raise ValueError(f"log: expected {part} for {type(system).__name__}, it has none")
     told = (
         len(log) * known_ids if isinstance(known_ids, bool) else as_count("known_ids", known_ids)
     )
@@ -147,7 +150,7 @@ def run(
         if k % every == 0 or k == len(log) - 1:
             rows.append(k)
             records.append((system.pose, system.pose_cov, [_copy(system, name) for name in names]))
-    poses, covs = (np.array([record[i] for record in records]) for i in (0, 1))
+    poses, covs = (np.array([one[i] for one in records]) for i in (0, 1))
     kept: dict[str, list[Any]] = {name: [r[2][i] for r in records] for i, name in enumerate(names)}
     return Run(log, system, np.array(rows, int), poses, covs, tuple(reports), seconds, kept)
 
@@ -156,9 +159,9 @@ def _advance(system: Any, step: Step, what: str, told: bool) -> Any:
     """One step: predict if anything moved, update if anything was measured."""
     if step.dt > 0:
         system.predict(step.u, step.dt, step.control_cov)
-    if what == "ranges":
+    if what == "scan":
         return system.update(step.ranges)
-    if what == "nothing" or step.z is None:
+    if what == "odometry" or step.z is None:
         return None
     z, covs, ids = step.z, step.covs, None
     if told and step.ids is not None:
@@ -170,6 +173,6 @@ def _advance(system: Any, step: Step, what: str, told: bool) -> Any:
 
 def _copy(system: Estimator, name: str) -> Any:
     if not (isinstance(name, str) and hasattr(system, name)):
-        raise ValueError(f"keep: expected attributes of {type(system).__name__}, got {name!r}")
+        raise ValueError(f"record: expected attributes of {type(system).__name__}, got {name!r}")
     value = getattr(system, name)
     return value.copy() if isinstance(value, np.ndarray) else value

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_a, as_array, as_scalar
+from slamlab._checks import Array, as_array, as_instance, as_scalar
 from slamlab.logs import Log
 from slamlab.models import World
-from slamlab.navigation.seen_floor import UNKNOWN, SeenFloor
+from slamlab.navigation.exploration_grid import UNKNOWN, ExplorationGrid
 
 __all__ = ["collisions", "coverage", "path_length", "reached_at", "revisits"]
 
@@ -34,7 +34,7 @@ def path_length(log: Log) -> Array:
 
 def collisions(log: Log) -> NDArray[np.intp]:
     """Motions so far that met an obstacle, shape (T,): what `simulation.record` noted."""
-    if "hit" not in as_a("log", log, Log).notes:
+    if "hit" not in as_instance("log", log, Log).notes:
         raise ValueError("log: expected one with notes of hits, such as simulation.record writes")
     return np.cumsum(log.notes["hit"], axis=0)
 
@@ -63,7 +63,7 @@ def coverage(log: Log, world: World, resolution: float = 0.05) -> Array:
     truth = _truth(log)
     if log.ranges is None or log.scan is None:
         raise ValueError("log: expected one with scans, got ranges=None")
-    floor = SeenFloor(as_a("world", world, World).bounds, resolution)
+    floor = ExplorationGrid(as_instance("world", world, World).bounds, resolution)
     reachable = _reachable(world, floor, truth[0])
     seen = []
     for pose, ranges in zip(truth, log.ranges, strict=True):
@@ -110,13 +110,13 @@ def revisits(log: Log, side: float) -> int:
 
 
 def _truth(log: Log) -> Array:
-    as_a("log", log, Log)
+    as_instance("log", log, Log)
     if log.truth is None or len(log) == 0:
         raise ValueError("log: expected one with truth, got truth=None or no step")
     return log.truth
 
 
-def _reachable(world: World, floor: SeenFloor, start: Array) -> NDArray[np.bool_]:
+def _reachable(world: World, floor: ExplorationGrid, start: Array) -> NDArray[np.bool_]:
     """Cells whose centre is free and connected with the start, shape (rows, columns)."""
     free = world.is_free(floor.centres())
     if not free.any():

@@ -494,9 +494,9 @@ def _back(
 def _often(n: int) -> Any:
     """Stack n looks back into the orchard; measurement j is of tree j."""
     rng = np.random.default_rng(3)
-    looks = [_back(6, 4, mixed=False)(rng) for _ in range(n)]
-    y, H = (np.array([look[k] for look in looks]) for k in (0, 1))
-    return y, H, *looks[0][2:]
+    observations = [_back(6, 4, mixed=False)(rng) for _ in range(n)]
+    y, H = (np.array([look[k] for look in observations]) for k in (0, 1))
+    return y, H, *observations[0][2:]
 
 
 def _paired(associate: Function, y: Array, H: Array, P: Array, R: Array, gates: Array) -> Any:

@@ -266,7 +266,7 @@ def _map_of(odometry: Array, closures: Array, sigma: Array) -> Array:
     edges = np.vstack([chain, closures[:, :2].astype(int)])
     measurements = np.vstack([odometry, closures[:, 2:]])
     graph = PoseGraph(np.array(start), edges, measurements, np.diag(1.0 / sigma**2))
-    return graph.initial_guess().optimize(tolerance=1e-12).poses
+    return graph.chordal_initialisation().optimize(tolerance=1e-12).poses
 
 
 def _a_walk(rng: np.random.Generator) -> Any:
@@ -315,7 +315,8 @@ check_map = Check(
             "np.diag(1.0 / sigma**2) => np.diag(sigma**2)"
         ),
         "the start came back: call optimize and return its poses": (
-            "graph.initial_guess().optimize(tolerance=1e-12).poses => graph.initial_guess().poses"
+            "graph.chordal_initialisation().optimize(tolerance=1e-12).poses "
+            "=> graph.chordal_initialisation().poses"
         ),
         "only the first closure was used": lambda odometry, closures, sigma: _map_of(
             odometry, closures[:1], sigma

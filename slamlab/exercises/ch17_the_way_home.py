@@ -14,7 +14,7 @@ from slamlab.exercises._draw import a_pose, drawn
 from slamlab.exercises._report import Array, Check, Function
 from slamlab.geometry import wrap_angle
 from slamlab.localization import DeadReckoning
-from slamlab.navigation import Homer, PathMemory, ReturnLaw
+from slamlab.navigation import PathFollower, PathMemory, ReturnLaw
 from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer
 from slamlab.simulation import record
@@ -312,7 +312,7 @@ def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[str, ...]:
     path, exact = _stairs(), VisualOdometer.simple(0.0, 0.0)
     law = ReturnLaw(k_v, k_omega, lookahead, max_speed=0.2, max_turn_rate=1.5)
     start = [*path.point_at(path.length), np.pi]
-    pilot, belief = Homer(path, law), DeadReckoning(RelativePose(), start)
+    pilot, belief = PathFollower(path, law), DeadReckoning(RelativePose(), start)
     rng = np.random.default_rng(0)
     home = record(
         None, Unicycle(), None, pilot, belief, rng, start=start, odometer=exact, max_time=90.0

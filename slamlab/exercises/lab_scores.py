@@ -20,7 +20,7 @@ from slamlab.exercises import lab_systems
 from slamlab.exercises.labs import Task, as_system_sees_it, practice, recorded
 from slamlab.grids import Grid
 from slamlab.models import Estimator, View
-from slamlab.navigation.seen_floor import FREE, SeenFloor
+from slamlab.navigation.exploration_grid import FREE, ExplorationGrid
 
 __all__ = ["Row", "library_rows", "practise", "row", "sheet"]
 
@@ -209,7 +209,7 @@ def _drive_figures(task: Task, system: Any) -> Figures:
     setting, world = task.setting, task.world
     motors, rng = _Motors(system, setting.limits), np.random.default_rng(22)
     log: Any = recorded(setting, world, setting.lidar, motors, system, rng, setting.start)
-    floor = SeenFloor(world.bounds, 0.1)
+    floor = ExplorationGrid(world.bounds, 0.1)
     for pose, ranges in zip(log.truth, log.ranges, strict=True):
         floor.insert(pose, ranges, setting.lidar)
     open_floor = world.clearance(floor.centres()) > 0.1

@@ -16,7 +16,7 @@ from slamlab.filters import extended
 from slamlab.gaussian import Gaussian
 from slamlab.localization import DeadReckoning
 from slamlab.mapping import OccupancyGrid
-from slamlab.navigation import RoomDriver
+from slamlab.navigation import CoveragePilot
 from slamlab.slam import Confirmation, EKFSlam, FastSlam, HectorSlam, ScanGraphSlam
 
 __all__ = ["cartographers", "explorers", "slam_systems", "trackers"]
@@ -28,7 +28,7 @@ Drawing = tuple[Array, float, Array]
 class _BeaconFilter:
     """Extended Kalman filter among known beacons; readings beyond the gate are left out."""
 
-    measures = "looks"
+    measures = "landmarks"
 
     def __init__(self, setting: Setting, gate: float) -> None:
         self._setting, self._gate = setting, gate
@@ -78,7 +78,7 @@ def slam_systems(task: Task) -> Makers:
         "dead reckoning": lambda s: DeadReckoning(s.motion, s.start),
         "EKFSlam": lambda s: EKFSlam(s.motion, s.sensor, s.start, associate=Confirmation()),
         "FastSlam": lambda s: FastSlam(
-            s.motion, s.sensor, s.start, 30, version=2, rng=rng, detection=chances
+            s.motion, s.sensor, s.start, 30, version=2, rng=rng, detection_probabilities=chances
         ),
         "HectorSlam": lambda s: HectorSlam(s.lidar, s.start, motion=s.motion),
         "ScanGraphSlam": lambda s: ScanGraphSlam(s.lidar, s.start, motion=s.motion),
@@ -120,7 +120,7 @@ class _Explorer:
     """A belief and a pilot in one."""
 
     def __init__(self, belief: Any, setting: Setting) -> None:
-        self._belief, self._pilot = belief, RoomDriver(setting.body, setting.lidar)
+        self._belief, self._pilot = belief, CoveragePilot(setting.body, setting.lidar)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._pilot if name == "command" else self._belief, name)
@@ -129,8 +129,8 @@ class _Explorer:
 def explorers(task: Task) -> Makers:
     """Return makers of the explorers of lab IV, by name."""
     return {
-        "RoomDriver, dead reckoning": lambda s: _Explorer(DeadReckoning(s.motion, s.start), s),
-        "RoomDriver, HectorSlam": lambda s: _Explorer(
+        "CoveragePilot, dead reckoning": lambda s: _Explorer(DeadReckoning(s.motion, s.start), s),
+        "CoveragePilot, HectorSlam": lambda s: _Explorer(
             HectorSlam(s.lidar, s.start, motion=s.motion), s
         ),
     }

@@ -19,10 +19,10 @@ from slamlab._checks import Array, as_choice, as_count
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
 from slamlab.models import Estimator, MotionModel, Pilot, View
-from slamlab.navigation import YOUBOT_BODY, RoomDriver
+from slamlab.navigation import YOUBOT_BODY, CoveragePilot
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import Lidar, RangeBearing
-from slamlab.simulation import Truth, record
+from slamlab.simulation import PerfectEstimator, record
 from slamlab.worlds import LandmarkWorld, WallWorld, free_poses, rooms
 
 __all__ = ["LABS", "Setting", "Task", "as_system_sees_it", "practice", "tasks"]
@@ -189,7 +189,7 @@ def _driven(
     start = rng.multivariate_normal(setting.start, setting.start_cov)
     pilot = _Rounds(points, 0.6, laps)
     sensor = setting.sensor if isinstance(world, LandmarkWorld) else setting.lidar
-    return recorded(setting, world, sensor, pilot, Truth(), rng, start)
+    return recorded(setting, world, sensor, pilot, PerfectEstimator(), rng, start)
 
 
 # Lab I: a robot among beacons that stand where the list says.
@@ -218,16 +218,16 @@ def _track(rng: np.random.Generator) -> list[Task]:
 
 def _spoilt(log: Log, name: str, rng: np.random.Generator) -> Log:
     """Switch the sensor off for 12 s in a tunnel; replace one reading in eight by an echo."""
-    far = [z[:, 0] > _NEAREST for z in log.looks or ()]
-    looks = [z[good] for z, good in zip(log.looks or (), far, strict=True)]
+    far = [z[:, 0] > _NEAREST for z in log.landmark_measurements or ()]
+    observations = [z[good] for z, good in zip(log.landmark_measurements or (), far, strict=True)]
     ids = [names[good] for names, good in zip(log.ids or (), far, strict=True)]
-    for k, z in enumerate(looks):
+    for k, z in enumerate(observations):
         if name == "tunnel" and 25.0 <= log.times[k] < 37.0:
-            looks[k], ids[k] = np.empty((0, 2)), np.empty(0, dtype=int)
+            observations[k], ids[k] = np.empty((0, 2)), np.empty(0, dtype=int)
         elif name == "reflections":
             echo = rng.random(len(z)) < 0.125
             z[echo, 0] += rng.uniform(1.0, 4.0, int(echo.sum()))
-    return replace(log, looks=tuple(looks), ids=tuple(ids))
+    return replace(log, landmark_measurements=tuple(observations), ids=tuple(ids))
 
 
 # Lab II: a scan after every step, wheels that slip a little, and a room to draw.
@@ -238,8 +238,10 @@ def _map(rng: np.random.Generator) -> list[Task]:
     for name in ("one room", "another room"):
         world = rooms.random_box_room(rng)
         setting = _youbot(name, world, rng, np.diag([0.02, 0.02, 0.01]) ** 2, 400.0)
-        pilot = RoomDriver(setting.body, setting.lidar, home=False)
-        log = recorded(setting, world, setting.lidar, pilot, Truth(), rng, setting.start)
+        pilot = CoveragePilot(setting.body, setting.lidar, home=False)
+        log = recorded(
+            setting, world, setting.lidar, pilot, PerfectEstimator(), rng, setting.start
+        )
         found.append(Task(setting, log, world))
     return found
 
@@ -309,9 +311,9 @@ def _ring(
     landmarks = landmarks[world.is_free(landmarks)][:n]
     seen = [setting.sensor.measure(pose, landmarks, rng, **chances) for pose in log.truth]
     far = [z[:, 0] > _NEAREST for z, _ in seen]
-    looks = [z[good] for (z, _), good in zip(seen, far, strict=True)]
+    observations = [z[good] for (z, _), good in zip(seen, far, strict=True)]
     ids = tuple(names[good] for (_, names), good in zip(seen, far, strict=True))
-    log = replace(log, looks=tuple(looks), ids=ids if named else None)
+    log = replace(log, landmark_measurements=tuple(observations), ids=ids if named else None)
     return Task(setting, log, world)
 
 

@@ -37,9 +37,9 @@ class Innovation:
 
     Attributes
     ----------
-    residual : ndarray, shape (..., m)
+    innovation : ndarray, shape (..., m)
         Measured minus predicted, P5 (5).
-    cov : ndarray, shape (..., m, m)
+    S : ndarray, shape (..., m, m)
         Its covariance S, P5 (6).
     gain : ndarray, shape (..., n, m)
         Kalman gain K, P5 (7).
@@ -51,12 +51,12 @@ class Innovation:
     Examples
     --------
     >>> belief, innovation = update(Gaussian([0.0], [[3.0]]), [2.0], H=[[1.0]], R=[[1.0]])
-    >>> innovation.residual.tolist(), innovation.cov.tolist(), float(innovation.nis)
+    >>> innovation.innovation.tolist(), innovation.S.tolist(), float(innovation.nis)
     ([2.0], [[4.0]], 1.0)
     """
 
-    residual: Array
-    cov: Array
+    innovation: Array
+    S: Array
     gain: Array
     nis: Array
     log_likelihood: Array
@@ -205,7 +205,7 @@ class FilterResult:
         After the measurement of the step.
     predicted_means, predicted_covs : ndarray, shape (..., T, n) and (..., T, n, n)
         Before it.
-    residuals : ndarray, shape (..., T, m)
+    innovations : ndarray, shape (..., T, m)
         P5 (5); NaN where nothing was measured.
     innovation_covs : ndarray, shape (..., T, m, m)
         P5 (6); a missing component has variance 1 and no covariance.
@@ -224,7 +224,7 @@ class FilterResult:
     covs: Array
     predicted_means: Array
     predicted_covs: Array
-    residuals: Array
+    innovations: Array
     innovation_covs: Array
     gains: Array
     nis: Array
@@ -344,7 +344,7 @@ def filter(
         covs=covs,
         predicted_means=ahead,
         predicted_covs=P_ahead,
-        residuals=np.where(seen, residuals, np.nan),
+        innovations=np.where(seen, residuals, np.nan),
         innovation_covs=S,
         gains=K,
         nis=np.where(n_seen > 0, learned.nis, np.nan),

@@ -254,10 +254,10 @@ class PoseParticles:
     Attributes
     ----------
     measures : str
-        What `update` takes: "looks" or "ranges".
+        What `update` takes: "landmarks" or "scan".
     """
 
-    measures = "looks"
+    measures = "landmarks"
     _cloud: ParticleFilter
 
     @property

@@ -39,7 +39,7 @@ class DeadReckoning:
     ([2.0, 0.0, 0.0], [0.04, 0.04, 0.04])
     """
 
-    measures = "nothing"
+    measures = "odometry"
 
     def __init__(self, motion: MotionModel, pose: ArrayLike, cov: ArrayLike | None = None) -> None:
         self.motion = as_motion("motion", motion)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_count, as_rng, as_shaped
+from slamlab._checks import Array, as_array, as_count, as_instance, as_rng, as_shaped
 from slamlab.filters.particle import KLD, ParticleFilter, PoseParticles
 from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.models import MotionModel, as_motion, as_scan_sensor, as_sensor
@@ -71,7 +71,7 @@ class MonteCarloLocalization(PoseParticles):
     Attributes
     ----------
     measures : str
-        "looks" with landmarks, "ranges" with a likelihood field.
+        "landmarks" with landmarks, "scan" with a likelihood field.
     injected : float
         Share of particles replaced by uniform ones in the last `update`.
     ancestors : ndarray of int, shape (M,)
@@ -112,13 +112,13 @@ class MonteCarloLocalization(PoseParticles):
         self._field: LikelihoodField | None = None
         self._landmarks = np.empty((0, 2))
         if isinstance(world, LikelihoodField):
-            self._field, self.measures = world, "ranges"
+            self._field, self.measures = world, "scan"
             self.sensor: Any = as_scan_sensor("sensor", sensor)
         else:
             self._landmarks = as_array("world", world, ("n", 2)).copy()
             if len(self._landmarks) == 0:
                 raise ValueError("world: expected at least one landmark, got none")
-            self.sensor = as_a("sensor", as_sensor("sensor", sensor), Scoring, "a sensor")
+            self.sensor = as_instance("sensor", as_sensor("sensor", sensor), Scoring, "a sensor")
         self._bounds = as_array("bounds", bounds, (2, 2)).copy()
         if not (self._bounds[:, 0] < self._bounds[:, 1]).all():
             raise ValueError(

@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_distances, as_scalar
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_choice,
+    as_count,
+    as_distances,
+    as_instance,
+    as_scalar,
+)
 from slamlab._files import read_npz
 from slamlab._optional import with_bar
 from slamlab.geometry import wrap_angle
@@ -321,7 +329,7 @@ class SignatureMap:
             missing or one too many, or no cell is free.
         """
         stride = as_count("stride", stride, low=1)
-        as_a("world", world, World)
+        as_instance("world", world, World)
         angles = _full_circle(lidar)
         grid, pitch = _grid(world, stride, resolution)
         left, bottom, right, top = world.bounds

@@ -8,14 +8,13 @@ from slamlab.matching.eight_point import (
     fundamental_matrix,
     hartley_transform,
 )
-from slamlab.matching.field import Field, PointField, match_field
-from slamlab.matching.icp import Outline, match_icp, normals, thin
+from slamlab.matching.field import LikelihoodGrid, match_field
+from slamlab.matching.icp import PointsWithNormals, estimate_normals, match_icp, voxel_downsample
 
 __all__ = [
-    "Field",
+    "LikelihoodGrid",
     "Match",
-    "Outline",
-    "PointField",
+    "PointsWithNormals",
     "eight_point_rows",
     "epipolar_distances",
     "fundamental_matrix",
@@ -23,6 +22,6 @@ __all__ = [
     "match_correlative",
     "match_field",
     "match_icp",
-    "normals",
-    "thin",
+    "estimate_normals",
+    "voxel_downsample",
 ]

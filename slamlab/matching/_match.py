@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_shaped
 
-__all__ = ["Match", "capped_inverse", "good_points"]
+__all__ = ["Match", "capped_inverse", "finite_points"]
 
 # A direction that the points do not hold at all gets this standard deviation (m; of the heading:
 # this at the rim of the scan), so that covariances stay finite.
@@ -32,10 +32,10 @@ class Match:
         `match_correlative`), the mean of their weights (`match_icp`).
     n_points : int
         Points that took part.
-    rival : float
+    second_peak : float
         Score of the best place elsewhere as a part of `score`; near 1 the place is ambiguous.
         0 if none reaches half of it, NaN if nobody searched.
-    residual : float
+    rmse : float
         Root mean square of what is left: of 1 - M for fields, in metres across the walls
         for `match_icp`.
     """
@@ -44,11 +44,11 @@ class Match:
     cov: Array
     score: float
     n_points: int
-    rival: float = float("nan")
-    residual: float = float("nan")
+    second_peak: float = float("nan")
+    rmse: float = float("nan")
 
     @property
-    def weakest(self) -> tuple[float, float]:
+    def weakest_direction(self) -> tuple[float, float]:
         """Largest standard deviation of the position (m), and its direction (rad, -pi/2..pi/2]."""
         values, vectors = np.linalg.eigh(self.cov[:2, :2])
         x, y = vectors[:, -1]
@@ -67,7 +67,7 @@ def capped_inverse(H: Array, arm: float) -> Array:
     return scale[:, None] * inverse * scale
 
 
-def good_points(name: str, points: ArrayLike, at_least: int = 1) -> Array:
+def finite_points(name: str, points: ArrayLike, at_least: int = 1) -> Array:
     """Points (k, 2) without the rows of lost beams; refuses fewer than `at_least`."""
     given = as_shaped(name, points, ("k", 2))
     finite = np.isfinite(given)

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_scalar
 from slamlab.geometry import transform, wrap_angle
-from slamlab.matching._match import Match, good_points
-from slamlab.matching.field import PointField
+from slamlab.matching._match import Match, finite_points
+from slamlab.matching.field import LikelihoodGrid
 
 __all__ = ["match_correlative"]
 
@@ -20,14 +20,14 @@ _HIGHEST = 6  # blocks of at most 2^6 cells
 
 
 def match_correlative(
-    field: PointField,
+    field: LikelihoodGrid,
     points: ArrayLike,
     guess: ArrayLike,
     window: float,
     angle_window: float,
     angle_step: float = np.deg2rad(1.0),
     min_score: float = 0.0,
-    rival_distance: float = np.inf,
+    second_peak_distance: float = np.inf,
 ) -> Match | None:
     """Best of all poses in a window, exactly: branch and bound over shifts, all angles.
 
@@ -36,7 +36,7 @@ def match_correlative(
 
     Parameters
     ----------
-    field : PointField
+    field : LikelihoodGrid
         Shifts are whole cells of it.
     points : array_like, shape (k, 2)
         The scan in the frame of the body (m); rows with NaN are left out.
@@ -50,8 +50,8 @@ def match_correlative(
         Distance between the angles tried (rad).
     min_score : float, default 0
         Poses must score more than this.
-    rival_distance : float, default inf
-        Search also for the best pose farther than this (m) from the winner: `Match.rival`.
+    second_peak_distance : float, default inf
+        Search also for the best pose farther than this (m) from the winner: `Match.second_peak`.
 
     Returns
     -------
@@ -70,22 +70,22 @@ def match_correlative(
     >>> from slamlab.geometry import inverse_transform
     >>> x, y = np.linspace(0, 3, 61), np.linspace(0, 2, 41)
     >>> corner = np.vstack([np.stack([x, 0 * x], -1), np.stack([0 * y, y], -1)])
-    >>> scan, field = inverse_transform([0.5, 0.2, 0.0], corner), PointField(corner)
+    >>> scan, field = inverse_transform([0.5, 0.2, 0.0], corner), LikelihoodGrid.of_points(corner)
     >>> found = match_correlative(field, scan, [0, 0, 0], window=1.0, angle_window=0.3)
     >>> found.pose.round(2).tolist()
     [0.5, 0.2, 0.0]
     """
     from slamlab.kernels.correlative import branch_and_bound, doubled
 
-    if not isinstance(field, PointField):
-        raise ValueError(f"field: expected a PointField, got {field!r}")
-    points = good_points("points", points)
+    if not isinstance(field, LikelihoodGrid) or field.log_odds:
+        raise ValueError(f"field: expected a LikelihoodGrid of likelihoods, got {field!r}")
+    points = finite_points("points", points)
     guess = as_array("guess", guess, (3,)).astype(np.float64)
     reach = int(np.ceil(as_scalar("window", window, 0.0, 1e4) / field.resolution - 1e-9))
     step = as_scalar("angle_step", angle_step, 1e-6, np.pi)
     side = int(np.ceil(as_scalar("angle_window", angle_window, 0.0, np.pi) / step - 1e-9))
     min_score = as_scalar("min_score", min_score, 0.0, 1.0)
-    rival_distance = as_scalar("rival_distance", rival_distance, 0.0)
+    second_peak_distance = as_scalar("second_peak_distance", second_peak_distance, 0.0)
     angles = guess[2] + step * np.arange(-side, side + 1)
     cells = _turned_cells(field, points, guess, angles)
     sheet = np.rint(255.0 * field.values).astype(np.uint8)
@@ -102,17 +102,17 @@ def match_correlative(
     )
     if a < 0:
         return None
-    rival = float("nan")
-    if np.isfinite(rival_distance):
-        disc = (float(dc), float(dr), rival_distance / field.resolution)
+    second_peak = float("nan")
+    if np.isfinite(second_peak_distance):
+        disc = (float(dc), float(dr), second_peak_distance / field.resolution)
         *_, second, _ = branch_and_bound(pyramid, top, cells, reach, score // 2, disc)
-        rival = second / score if second > score // 2 else 0.0
+        second_peak = second / score if second > score // 2 else 0.0
     pose = np.array([*(guess[:2] + field.resolution * np.array([dc, dr])), wrap_angle(angles[a])])
     cov = np.diag([field.resolution**2, field.resolution**2, step**2]) / 12
-    return Match(pose, cov, score / full, len(points), rival)
+    return Match(pose, cov, score / full, len(points), second_peak)
 
 
-def _turned_cells(field: PointField, points: Array, guess: Array, angles: Array) -> Array:
+def _turned_cells(field: LikelihoodGrid, points: Array, guess: Array, angles: Array) -> Array:
     """Cells (angles, k, 2: column, row) of the points, turned about the guess."""
     poses = np.column_stack([np.broadcast_to(guess[:2], (len(angles), 2)), angles])
     turned = transform(poses, points)

@@ -21,27 +21,37 @@ from slamlab._checks import (
 )
 from slamlab.geometry import wrap_angle
 from slamlab.grids import MOST_CELLS, Grid
-from slamlab.matching._match import Match, capped_inverse, good_points
+from slamlab.matching._match import Match, capped_inverse, finite_points
 
-__all__ = ["Field", "PointField", "match_field"]
+__all__ = ["LikelihoodGrid", "match_field"]
 
 _MOST_STEPS = 10
 
 
-class Field(Grid):
+class LikelihoodGrid(Grid):
     """Values on square cells, read between the cell centres by bilinear interpolation.
+
+    Of points it is their likelihood field (`of_points`), of an occupancy map its probabilities
+    (`of_occupancy`).
 
     Parameters
     ----------
     values : array_like, shape (rows, columns)
-        Values at the cell centres, copied; row 0 is at the bottom. Beyond the sheet they are 0.
+        Values at the cell centres, copied; row 0 is at the bottom. Beyond the grid they are 0.
     resolution : float
         Side of a cell (m).
     origin : array_like, shape (2,), default (0, 0)
         Lower left corner of cell (0, 0) in the world (m).
     log_odds : bool, default False
         The values are log odds, as an occupancy grid keeps them, and are read as probabilities
-        (beyond the sheet: 0.5).
+        (beyond the grid: 0.5).
+
+    Attributes
+    ----------
+    points : ndarray, shape (k, 2)
+        What the grid was made of (m), none without `of_points`.
+    sigma : float
+        Width of the slope on both sides of a wall (m), NaN without `of_points`.
 
     Raises
     ------
@@ -50,7 +60,7 @@ class Field(Grid):
 
     Examples
     --------
-    >>> field = Field([[0.0, 1.0], [0.0, 1.0]], resolution=1.0)
+    >>> field = LikelihoodGrid([[0.0, 1.0], [0.0, 1.0]], resolution=1.0)
     >>> field.value([1.25, 1.0]).tolist(), field.gradient([1.25, 1.0]).tolist()
     (0.75, [1.0, 0.0])
     """
@@ -67,14 +77,62 @@ class Field(Grid):
             raise ValueError(f"values: expected at least one cell, got {self.values.shape}")
         super().__init__(self.values.shape, resolution, origin)
         self.log_odds = bool(log_odds)
+        self.points, self.sigma = np.zeros((0, 2)), float("nan")
 
     @classmethod
-    def of_log_odds(cls, log_odds: Array, resolution: float, origin: Array) -> Field:
-        """Read an occupancy map's log odds in place: what the map learns, the field shows."""
-        field = object.__new__(cls)
-        field.shape, field.log_odds = log_odds.shape, True
-        field.values, field.resolution, field.origin = log_odds, resolution, origin
-        return field
+    def of_points(
+        cls, points: ArrayLike, sigma: float = 0.1, resolution: float = 0.05
+    ) -> LikelihoodGrid:
+        """Likelihood field of points: exp(-d^2 / 2 sigma^2), d the distance to the nearest one.
+
+        Parameters
+        ----------
+        points : array_like, shape (k, 2)
+            In the world (m); rows with NaN (lost beams) are left out.
+        sigma : float, default 0.1
+            Width of the slope on both sides of a wall (m).
+        resolution : float, default 0.05
+            Side of a cell (m).
+
+        Raises
+        ------
+        ValueError
+            If there is no point, a parameter is out of range or the grid would be beyond 64
+            million cells.
+
+        Examples
+        --------
+        >>> field = LikelihoodGrid.of_points([[0.0, 0.0], [3.0, 0.0]])
+        >>> field.value([[0.0, 0.1], [1.5, 0.0]]).round(1).tolist()
+        [0.6, 0.0]
+        """
+        sigma = as_scalar("sigma", sigma, 1e-6, 1e6)
+        resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
+        points = finite_points("points", points)
+        # Cells lie at whole multiples of the resolution, a slope's width more on every side.
+        reach = 4 * sigma + resolution
+        x, y = points.T  # a coordinate at a time: numpy is slow along the short axis
+        low = np.floor((np.array([x.min(), y.min()]) - reach) / resolution)
+        columns, rows = np.ceil((np.array([x.max(), y.max()]) + reach) / resolution) - low
+        if columns * rows > MOST_CELLS:
+            raise ValueError(
+                f"points: expected them on one floor, they need {columns * rows:g} cells"
+            )
+        grid = object.__new__(cls)
+        grid.values, grid.log_odds = np.zeros((int(rows), int(columns)), np.float32), False
+        Grid.__init__(grid, grid.values.shape, resolution, low * resolution)
+        grid.points, grid.sigma = points, sigma
+        grid._stamp(points)
+        return grid
+
+    @classmethod
+    def of_occupancy(cls, log_odds: Array, resolution: float, origin: Array) -> LikelihoodGrid:
+        """Read an occupancy map's log odds in place: what the map learns, the grid shows."""
+        grid = object.__new__(cls)
+        grid.shape, grid.log_odds = log_odds.shape, True
+        grid.values, grid.resolution, grid.origin = log_odds, resolution, origin
+        grid.points, grid.sigma = np.zeros((0, 2)), float("nan")
+        return grid
 
     def value(self, points: ArrayLike) -> Array:
         """Return M at points (..., 2) of the world (m), shape (...): Hector (4)."""
@@ -92,60 +150,18 @@ class Field(Grid):
         look_up_all(self.values, cells.reshape(-1, 2), self.log_odds, out.reshape(-1, 3))
         return out
 
-
-class PointField(Field):
-    """Likelihood field of points: exp(-d^2 / 2 sigma^2), d the distance to the nearest of them.
-
-    Parameters
-    ----------
-    points : array_like, shape (k, 2)
-        In the world (m); rows with NaN (lost beams) are left out.
-    sigma : float, default 0.1
-        Width of the slope on both sides of a wall (m).
-    resolution : float, default 0.05
-        Side of a cell (m).
-
-    Raises
-    ------
-    ValueError
-        If there is no point, a parameter is out of range or the sheet would be beyond 64 million
-        cells.
-
-    Examples
-    --------
-    >>> field = PointField([[0.0, 0.0], [3.0, 0.0]])
-    >>> field.value([[0.0, 0.1], [1.5, 0.0]]).round(1).tolist()
-    [0.6, 0.0]
-    """
-
-    def __init__(self, points: ArrayLike, sigma: float = 0.1, resolution: float = 0.05) -> None:
-        self.sigma = as_scalar("sigma", sigma, 1e-6, 1e6)
-        resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
-        self.points = good_points("points", points)
-        # Cells lie at whole multiples of the resolution, a slope's width more on every side.
-        reach = 4 * self.sigma + resolution
-        x, y = self.points.T  # a coordinate at a time: numpy is slow along the short axis
-        low = np.floor((np.array([x.min(), y.min()]) - reach) / resolution)
-        columns, rows = np.ceil((np.array([x.max(), y.max()]) + reach) / resolution) - low
-        if columns * rows > MOST_CELLS:
-            raise ValueError(
-                f"points: expected them on one floor, they need {columns * rows:g} cells"
-            )
-        self.values, self.log_odds = np.zeros((int(rows), int(columns)), np.float32), False
-        Grid.__init__(self, self.values.shape, resolution, low * resolution)
-        self._stamp(self.points)
-
     def add(self, points: ArrayLike) -> None:
-        """Put more points (k, 2) into the field; the sheet grows with them."""
-        points = good_points("points", points)
+        """Put more points (k, 2) into a grid `of_points`; it grows with them."""
+        self._needs_points("add")
+        points = finite_points("points", points)
         added = self.grow(points, int(np.ceil(4 * self.sigma / self.resolution)) + 1)
         if added is not None:
             self.values = np.pad(self.values, added)
         self._stamp(points)
         self.points = np.concatenate([self.points, points])
 
-    def pyramid(self, levels: int) -> list[PointField]:
-        """Fields of the same points, each twice as fine and narrow as the one before; last: this.
+    def pyramid(self, levels: int) -> list[LikelihoodGrid]:
+        """Grids of the same points, each twice as fine and narrow as the one before; last: this.
 
         Parameters
         ----------
@@ -154,13 +170,17 @@ class PointField(Field):
 
         Returns
         -------
-        list of PointField
+        list of LikelihoodGrid
             Ready for `match_field`.
         """
+        self._needs_points("pyramid")
         scales = [2**k for k in range(as_count("levels", levels, 1) - 1, 0, -1)]
-        return [PointField(self.points, k * self.sigma, k * self.resolution) for k in scales] + [
-            self
-        ]
+        coarse = [self.of_points(self.points, k * self.sigma, k * self.resolution) for k in scales]
+        return [*coarse, self]
+
+    def _needs_points(self, what: str) -> None:
+        if len(self.points) == 0:
+            raise ValueError(f"{what}: expected a grid made by of_points, this one has no points")
 
     def _stamp(self, points: Array) -> None:
         from slamlab.kernels.field import stamp
@@ -169,7 +189,7 @@ class PointField(Field):
 
 
 def match_field(
-    field: Field | Sequence[Field],
+    field: LikelihoodGrid | Sequence[LikelihoodGrid],
     points: ArrayLike,
     guess: ArrayLike,
     prior_cov: ArrayLike | None = None,
@@ -207,14 +227,14 @@ def match_field(
     >>> corner = np.vstack([np.stack([x, 0 * x], -1), np.stack([0 * y, y], -1)])
     >>> from slamlab.geometry import inverse_transform
     >>> scan = inverse_transform([0.1, 0.05, 0.0], corner)
-    >>> fields = [PointField(corner, sigma=0.3), PointField(corner, sigma=0.1)]
+    >>> fields = [LikelihoodGrid.of_points(corner, sigma=sigma) for sigma in (0.3, 0.1)]
     >>> match_field(fields, scan, guess=[0, 0, 0]).pose[:2].round(2).tolist()
     [0.06, 0.04]
     """
-    fields = [field] if isinstance(field, Field) else as_tuple("field", field)
-    if not fields or not all(isinstance(one, Field) for one in fields):
-        raise ValueError(f"field: expected a Field or a sequence of them, got {field!r}")
-    points = good_points("points", points, 3)
+    fields = [field] if isinstance(field, LikelihoodGrid) else as_tuple("field", field)
+    if not fields or not all(isinstance(one, LikelihoodGrid) for one in fields):
+        raise ValueError(f"field: expected a LikelihoodGrid or a sequence of them, got {field!r}")
+    points = finite_points("points", points, 3)
     pose = as_array("guess", guess, (3,)).astype(np.float64)
     rounds = as_count("n_iterations", n_iterations, 1)
     prior = np.zeros((3, 3))
@@ -227,10 +247,10 @@ def match_field(
     arm = float(np.sqrt((points**2).sum(1).mean()))
     s2 = max(left / max(n - 3, 1), 1e-9)
     cov = capped_inverse(H / s2, arm)
-    return Match(pose, cov, total / n, n, residual=float(np.sqrt(left / n)))
+    return Match(pose, cov, total / n, n, rmse=float(np.sqrt(left / n)))
 
 
-def climbed(field: Field, points: Array, guess: Array) -> tuple[Array, float]:
+def climbed(field: LikelihoodGrid, points: Array, guess: Array) -> tuple[Array, float]:
     """Pose and residual of `match_field` alone, of arguments that were checked before."""
     pose = guess.copy()
     *_, left = _climb(field, points, pose, np.zeros((3, 3)), _MOST_STEPS)
@@ -239,7 +259,7 @@ def climbed(field: Field, points: Array, guess: Array) -> tuple[Array, float]:
 
 
 def _climb(
-    field: Field, points: Array, pose: Array, prior: Array, rounds: int
+    field: LikelihoodGrid, points: Array, pose: Array, prior: Array, rounds: int
 ) -> tuple[Array, float, float]:
     """Move `pose` up one field; return H, sum M and sum (1 - M)^2 there."""
     from slamlab.kernels.field import gauss_newton

@@ -14,23 +14,23 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import (
     Array,
-    as_a,
     as_array,
     as_choice,
     as_count,
+    as_instance,
     as_scalar,
     as_tuple,
 )
 from slamlab.geometry import wrap_angle
-from slamlab.matching._match import CAP, Match, capped_inverse, good_points
+from slamlab.matching._match import CAP, Match, capped_inverse, finite_points
 
-__all__ = ["Outline", "match_icp", "normals", "thin"]
+__all__ = ["PointsWithNormals", "match_icp", "estimate_normals", "voxel_downsample"]
 
 # A direction whose information comes from fewer pairs than this is held by nothing.
 FEW = 3.0
 
 
-def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
+def voxel_downsample(points: ArrayLike, spacing: float = 0.1) -> Array:
     """Keep one point in every square of `spacing` (m), so that the near wall does not win.
 
     A lidar lays thirty times as many points on a wall one metre away as on one thirty metres off.
@@ -48,18 +48,18 @@ def thin(points: ArrayLike, spacing: float = 0.1) -> Array:
 
     Examples
     --------
-    >>> thin([[0.01, 0.0], [0.02, 0.0], [0.15, 0.0]], spacing=0.1).tolist()
+    >>> voxel_downsample([[0.01, 0.0], [0.02, 0.0], [0.15, 0.0]], spacing=0.1).tolist()
     [[0.01, 0.0], [0.15, 0.0]]
     """
     from slamlab.kernels.icp import thinned
 
-    points = good_points("points", points, 0)
+    points = finite_points("points", points, 0)
     spacing = as_scalar("spacing", spacing, 1e-3, 1e6)
     return points.take(thinned(points, spacing), 0)
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
+class PointsWithNormals:
     """Points on walls, with the direction in which each wall looks.
 
     Attributes
@@ -68,16 +68,16 @@ class Outline:
         (m).
     normals : ndarray, shape (k, 2)
         Unit vectors across the wall, of either sign; NaN where the neighbours draw no line.
-    turned : ndarray, shape (k,)
+    normal_variances : ndarray, shape (k,)
         Variance of the normal's direction (rad^2), by how far its neighbours lie off the line.
     """
 
     points: Array
     normals: Array
-    turned: Array
+    normal_variances: Array
 
     @classmethod
-    def of(cls, points: ArrayLike) -> Outline:
+    def estimate(cls, points: ArrayLike) -> PointsWithNormals:
         """Find the walls through points, by total least squares over the five nearest of each.
 
         The point itself is one of them; three must lie within half a metre. A wall's smaller
@@ -90,14 +90,14 @@ class Outline:
 
         Returns
         -------
-        Outline
+        PointsWithNormals
         """
         from slamlab.kernels.icp import hashed, lines_through
 
-        points = good_points("points", points)
+        points = finite_points("points", points)
         return cls(points, *lines_through(points, hashed(points, 0.5), 5, 0.5, 0.15))
 
-    def moved(self, pose: ArrayLike) -> Outline:
+    def transformed(self, pose: ArrayLike) -> PointsWithNormals:
         """Return the outline, given in the frame of `pose`, in the frame of its parent.
 
         Parameters
@@ -109,43 +109,50 @@ class Outline:
         c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
         (x, y), (nx, ny) = self.points.T, self.normals.T
         points = np.stack([c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]], -1)
-        return Outline(points, np.stack([c * nx - s * ny, s * nx + c * ny], -1), self.turned)
+        return PointsWithNormals(
+            points, np.stack([c * nx - s * ny, s * nx + c * ny], -1), self.normal_variances
+        )
 
-    def walls(self) -> Outline:
+    def on_lines(self) -> PointsWithNormals:
         """Return the outline without the points whose neighbours draw no line."""
         on_wall = np.isfinite(self.normals[:, 0])
         if on_wall.all():
             return self
         rows = np.flatnonzero(on_wall)
-        return Outline(*(one.take(rows, 0) for one in (self.points, self.normals, self.turned)))
+        return PointsWithNormals(
+            *(one.take(rows, 0) for one in (self.points, self.normals, self.normal_variances))
+        )
 
     @classmethod
-    def joined(cls, outlines: Iterable[Outline]) -> Outline:
+    def concatenated(cls, outlines: Iterable[PointsWithNormals]) -> PointsWithNormals:
         """Several outlines of one frame as one; ValueError if there is none."""
-        parts = [as_a("outlines", one, Outline) for one in as_tuple("outlines", outlines)]
+        parts = [
+            as_instance("outlines", one, PointsWithNormals)
+            for one in as_tuple("outlines", outlines)
+        ]
         if not parts:
             raise ValueError("outlines: expected at least one, got none")
         return cls(
             np.concatenate([one.points for one in parts]),
             np.concatenate([one.normals for one in parts]),
-            np.concatenate([one.turned for one in parts]),
+            np.concatenate([one.normal_variances for one in parts]),
         )
 
 
-def normals(points: ArrayLike) -> Array:
-    """Return unit vectors across the walls through points (k, 2); NaN off walls (`Outline`).
+def estimate_normals(points: ArrayLike) -> Array:
+    """Return unit vectors across the walls through points (k, 2), NaN off walls.
 
     Examples
     --------
     >>> wall = np.stack([np.linspace(0, 1, 11), np.full(11, 2.0)], -1)
-    >>> abs(normals(wall)[5]).round(6).tolist()
+    >>> abs(estimate_normals(wall)[5]).round(6).tolist()
     [0.0, 1.0]
     """
-    return Outline.of(as_array("points", points, ("k", 2))).normals
+    return PointsWithNormals.estimate(as_array("points", points, ("k", 2))).normals
 
 
 def match_icp(
-    reference: ArrayLike | Outline,
+    reference: ArrayLike | PointsWithNormals,
     points: ArrayLike,
     guess: ArrayLike,
     metric: str = "line",
@@ -158,8 +165,8 @@ def match_icp(
 
     Parameters
     ----------
-    reference : array_like, shape (m, 2), or Outline
-        Points of the map (m); an `Outline` brings its normals along.
+    reference : array_like, shape (m, 2), or PointsWithNormals
+        Points of the map (m); a `PointsWithNormals` brings its normals along.
     points : array_like, shape (k, 2)
         The scan in the frame of the body (m); rows with NaN are left out.
     guess : array_like, shape (3,)
@@ -203,7 +210,7 @@ def match_icp(
 
     line = as_choice("metric", metric, ["line", "point"]) == "line"
     base = _reference(reference, line)
-    points = good_points("points", points, 3)
+    points = finite_points("points", points, 3)
     guess = as_array("guess", guess, (3,)).astype(np.float64)
     width = as_scalar("width", width, 1e-6, 1e6)
     gate = as_scalar("gate", gate, 1e-6, 1e6)
@@ -227,7 +234,7 @@ def match_icp(
     scale = np.array([1.0, 1.0, 1.0 / max(arm, 1e-3)])
     axes = scale[:, None] * np.linalg.eigh(scale[:, None] * H * scale)[1]
     kernels.noise_of(
-        *(base.points, base.normals, base.turned, points, pose, pair, width, line),
+        *(base.points, base.normals, base.normal_variances, points, pose, pair, width, line),
         *(axes, noise, blur, shares),
     )
     # Variance of an error, as a robust fit feels it (Huber): E[psi^2] / E[psi']^2.
@@ -239,7 +246,7 @@ def match_icp(
         _covariance(axes, H, noise, blur, shares, s2),
         total / len(points),
         int(count),
-        residual=float(np.sqrt(squares / total)),
+        rmse=float(np.sqrt(squares / total)),
     )
 
 
@@ -261,17 +268,17 @@ def _covariance(
     return 0.5 * (cov + cov.T)
 
 
-def _reference(reference: ArrayLike | Outline, line: bool) -> Outline:
+def _reference(reference: ArrayLike | PointsWithNormals, line: bool) -> PointsWithNormals:
     """Outline of the reference: for lines only the points on walls."""
-    if not isinstance(reference, Outline):
+    if not isinstance(reference, PointsWithNormals):
         if line:
-            reference = Outline.of(reference)
+            reference = PointsWithNormals.estimate(reference)
         else:
-            points = good_points("reference", reference, 3)
-            reference = Outline(points, np.zeros_like(points), np.zeros(len(points)))
+            points = finite_points("reference", reference, 3)
+            reference = PointsWithNormals(points, np.zeros_like(points), np.zeros(len(points)))
     if not line:
         return reference
-    walls = reference.walls()
+    walls = reference.on_lines()
     n = len(walls.points)
     if n < 3:
         raise ValueError(f"reference: expected at least 3 points on walls, got {n}")

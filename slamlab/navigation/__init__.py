@@ -1,8 +1,9 @@
 """Where the robot goes: pilots, who see what the robot believes, and what they plan with."""
 
-from slamlab.navigation.drive import YOUBOT_BODY, Body, Guard, RoomDriver
+from slamlab.navigation.drive import YOUBOT_BODY, Body, CollisionGuard, CoveragePilot
+from slamlab.navigation.exploration_grid import ExplorationGrid
 from slamlab.navigation.explore import Explorer
-from slamlab.navigation.follow import Homer, RegulatedPurePursuit, Retracer, ReturnLaw
+from slamlab.navigation.follow import PathFollower, RegulatedPurePursuit, ReturnLaw, ReturnPilot
 from slamlab.navigation.path_memory import (
     VARIANTS,
     Cubic,
@@ -11,7 +12,6 @@ from slamlab.navigation.path_memory import (
     fit_cubic,
     refit_by_arc_length,
 )
-from slamlab.navigation.seen_floor import SeenFloor
 from slamlab.navigation.strategies import (
     InformationGain,
     LongestBeam,
@@ -26,8 +26,8 @@ __all__ = [
     "Body",
     "Cubic",
     "Explorer",
-    "Guard",
-    "Homer",
+    "CollisionGuard",
+    "PathFollower",
     "InformationGain",
     "LongestBeam",
     "Loop",
@@ -36,10 +36,10 @@ __all__ = [
     "Quadrants",
     "RandomFraction",
     "RegulatedPurePursuit",
-    "Retracer",
+    "ReturnPilot",
     "ReturnLaw",
-    "RoomDriver",
-    "SeenFloor",
+    "CoveragePilot",
+    "ExplorationGrid",
     "Situation",
     "Strategy",
     "VARIANTS",

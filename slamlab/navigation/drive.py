@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slamlab._checks import Array, as_a, as_array, as_positive, as_scalar
+from slamlab._checks import Array, as_array, as_instance, as_positive, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
 from slamlab.models import Smoother, View, as_scan_sensor
-from slamlab.navigation.seen_floor import SeenFloor
+from slamlab.navigation.exploration_grid import ExplorationGrid
 from slamlab.navigation.strategies import NearestFrontier, Situation
 from slamlab.sensors.lidar import Lidar
 
-__all__ = ["YOUBOT_BODY", "Body", "Guard", "RoomDriver"]
+__all__ = ["YOUBOT_BODY", "Body", "CollisionGuard", "CoveragePilot"]
 
 # A way point counts as reached from this near (m), the start at the end of the way home too.
 _REACHED, _HOME = 0.06, 0.03
@@ -89,7 +89,7 @@ class Body:
 YOUBOT_BODY = Body(0.58, 0.38)
 
 
-class Guard:
+class CollisionGuard:
     """Slows a body down, or lets it stand still, so that it stays clear of what the scan shows.
 
     Parameters
@@ -110,10 +110,10 @@ class Guard:
     Ten centimetres from a wall ahead it may not go on, but sidle along:
 
     >>> wall = np.stack([np.full(41, 0.39), np.linspace(-1, 1, 41)], -1)
-    >>> guard = Guard(YOUBOT_BODY)
-    >>> guard.limited(np.array([0.5, 0.0, 0.0]), wall, 0.2).tolist()
+    >>> guard = CollisionGuard(YOUBOT_BODY)
+    >>> guard.safe_velocity(np.array([0.5, 0.0, 0.0]), wall, 0.2).tolist()
     [0.05, 0.0, 0.0]
-    >>> guard.limited(np.array([0.0, 0.5, 0.0]), wall, 0.2).tolist()
+    >>> guard.safe_velocity(np.array([0.0, 0.5, 0.0]), wall, 0.2).tolist()
     [0.0, 0.5, 0.0]
     """
 
@@ -122,27 +122,27 @@ class Guard:
 
     def __repr__(self) -> str:
         """Return body and margin."""
-        return f"Guard({self._body}, margin={self._margin:g})"
+        return f"CollisionGuard({self._body}, margin={self._margin:g})"
 
-    def limited(self, wish: Array, points: Array, dt: float) -> Array:
-        """Return the part of the body velocity `wish` (3,) that is safe among points (k, 2)."""
+    def safe_velocity(self, desired: Array, points: Array, dt: float) -> Array:
+        """Return the part of the body velocity `desired` (3,) that is safe among points (k, 2)."""
         here = float(self._body.clearance(points).min(initial=np.inf))
         # Noise would bring who drives along a wall nearer to it, step by step, until they touch.
         if here < 0.5 * self._margin:
-            wish = self.away(points)
+            desired = self.escape_velocity(points)
         # Already nearer than the margin: it may leave, and must not come nearer.
         least = min(self._margin, here - 1e-9)
         # In the open nothing can come so near: most wishes need no closer look.
-        if here - self._travel(wish, dt) > least + 1e-9:
-            return 1.0 * wish
+        if here - self._travel(desired, dt) > least + 1e-9:
+            return 1.0 * desired
         for part in ([1, 1, 1], [1, 1, 0], [0, 0, 1]):
             for scale in (1.0, 0.5, 0.25, 0.1):
-                u: Array = scale * wish * part
+                u: Array = scale * desired * part
                 if self._closest(u, points, dt) >= least:
                     return u
         return np.zeros(3)
 
-    def away(self, points: Array) -> Array:
+    def escape_velocity(self, points: Array) -> Array:
         """Return a slow body velocity (3,) away from the nearest of points (k, 2), k > 0."""
         x, y = points[np.argmin(self._body.clearance(points))]
         return np.array([-x, -y, 0.0]) * (_BACK / max(float(np.hypot(x, y)), 1e-9))
@@ -167,7 +167,7 @@ class Guard:
         return float(self._body.clearance(np.stack([c * dx + s * dy, c * dy - s * dx], -1)).min())
 
 
-class RoomDriver:
+class CoveragePilot:
     """Drives until every place that can be reached was seen from near, then home.
 
     A pilot for `simulation.record`; its controls are body velocities (v_x, v_y, omega). Home is
@@ -177,7 +177,7 @@ class RoomDriver:
     ----------
     body : Body
     lidar : Lidar
-    sight : float, default 2.0
+    view_range : float, default 2.0
         Floor nearer to the lidar than this counts as seen (m). Smaller makes a longer drive.
     max_speed, max_turn : float
         Limits of the command (m/s, rad/s), positive.
@@ -185,16 +185,16 @@ class RoomDriver:
         The guard refuses what would bring the body nearer than this to a point of the scan (m).
     home : bool, default True
         Return to the start in the end.
-    again : float, default 0.0
+    revisit_after : float, default 0.0
         When it comes near its start again, on the way out or home, it drives so much of its first
         way (m) once more: a belief that recognises places gets the chance to do so.
-    past : Smoother, optional
+    smoother : Smoother, optional
         The belief itself, if it revises its past: the floor is then drawn anew, from where the
         scans were taken as it says now, whenever one of those places has moved by 5 cm.
 
     Attributes
     ----------
-    floor : SeenFloor
+    floor : ExplorationGrid
         What the robot knows of the floor, where it believes it to be, from its first scan on.
     stops : int
         How often the guard let it stand still.
@@ -209,39 +209,39 @@ class RoomDriver:
     Examples
     --------
     >>> from slamlab.robots import YOUBOT
-    >>> from slamlab.simulation import Truth, record
+    >>> from slamlab.simulation import PerfectEstimator, record
     >>> from slamlab.worlds import rooms
     >>> lidar, rng = Lidar(90, max_range=8.0), np.random.default_rng(1)
-    >>> pilot = RoomDriver(Body(0.6, 0.4), lidar)
-    >>> log = record(rooms.corridor(), YOUBOT, lidar, pilot, Truth(), rng,
+    >>> pilot = CoveragePilot(Body(0.6, 0.4), lidar)
+    >>> log = record(rooms.corridor(), YOUBOT, lidar, pilot, PerfectEstimator(), rng,
     ...              start=[6.0, 1.0, 0.0], dt=0.5)
     >>> pilot.finished, bool(np.linalg.norm(log.truth[-1, :2] - [6.0, 1.0]) < 0.1)
     (True, True)
     """
 
-    floor: SeenFloor
+    floor: ExplorationGrid
 
     def __init__(
         self,
         body: Body,
         lidar: Lidar,
         *,
-        sight: float = 2.0,
+        view_range: float = 2.0,
         max_speed: float = 0.5,
         max_turn: float = 0.8,
         margin: float = 0.06,
         home: bool = True,
-        again: float = 0.0,
-        past: Smoother | None = None,
+        revisit_after: float = 0.0,
+        smoother: Smoother | None = None,
     ) -> None:
-        self._body: Body = as_a("body", body, Body)
+        self._body: Body = as_instance("body", body, Body)
         as_scan_sensor("lidar", lidar)
         self._lidar, self._home = lidar, bool(home)
-        self._sight = as_scalar("sight", sight, 0.5, 1e3)
+        self._sight = as_scalar("view_range", view_range, 0.5, 1e3)
         self._max_speed = as_positive("max_speed", max_speed, 1e3)
         self._max_turn = as_scalar("max_turn", max_turn, 0, 1e3)
         margin = as_scalar("margin", margin, 0, 1e3)
-        self._guard = Guard(body, margin)
+        self._guard = CollisionGuard(body, margin)
         # What lies beyond the sight is left for later, although the lidar may see it.
         reach = min(self._sight, lidar.max_range)
         self._near = ScanGeometry(lidar.beam_angles, reach, lidar.offset)
@@ -255,18 +255,19 @@ class RoomDriver:
         self._goals = [0]  # on the way home: from where these scans of the floor were taken
         self._still = self._retreat = 0
         self._last_seen: Array | None = None
-        self._again, self._left, self._past = as_scalar("again", again, 0, 1e6), False, past
+        self._again = as_scalar("revisit_after", revisit_after, 0, 1e6)
+        self._left, self._past = False, smoother
         # Of the scans on the floor: step, pose from which it was drawn, ranges.
         self._drawn: list[tuple[int, Array, Array]] = []
         self.stops, self.finished = 0, False
 
     def __repr__(self) -> str:
         """Return body and sight."""
-        return f"RoomDriver({self._body}, sight={self._sight:g})"
+        return f"CoveragePilot({self._body}, view_range={self._sight:g})"
 
     def command(self, view: View) -> Array | None:
         """Return the next body velocity (3,), None when the drive is over."""
-        pose, ranges = as_a("view", view, View).pose, view.measurement
+        pose, ranges = as_instance("view", view, View).pose, view.measurement
         if self._start is None:
             self._start = pose[:2].copy()
             self.floor = self._blank()
@@ -276,11 +277,11 @@ class RoomDriver:
         points = points[np.isfinite(points).all(-1)]
         if self._retreat and len(points):
             self._retreat -= 1
-            return self._guarded(self._guard.away(points), points, view.dt)
+            return self._guarded(self._guard.escape_velocity(points), points, view.dt)
         self._drop_reached(pose)
         if self._back_again(pose):
             first = self._drawn[self._scan_after(self._again)][1][:2]
-            way = self.floor.route(pose[:2], first, self._radii[-1])
+            way = self.floor.plan(pose[:2], first, self._radii[-1])
             self._way = self._way if way is None else way
         if len(self._way) == 0 and not self._choose(pose, ranges):
             return None
@@ -290,7 +291,7 @@ class RoomDriver:
         if self._still >= _PATIENCE:
             # The guard does not let it go this way: get clear of what is near, then plan anew.
             self._way, self._still, self._retreat = np.empty((0, 2)), 0, _RETREAT
-            self.floor.shut_near(pose[:2], self._sight)
+            self.floor.blacklist_frontier(pose[:2], self._sight)
         return u
 
     def turn_home(self) -> None:
@@ -315,11 +316,11 @@ class RoomDriver:
         self._left = False
         return True
 
-    def _blank(self) -> SeenFloor:
+    def _blank(self) -> ExplorationGrid:
         """Return a floor round the start of which nothing is known."""
         assert self._start is not None
         room = np.full(2, self._sight + 0.5)
-        return SeenFloor([*(self._start - room), *(self._start + room)], grow=True)
+        return ExplorationGrid([*(self._start - room), *(self._start + room)], grow=True)
 
     def _revise(self) -> None:
         """Draw the floor anew if the belief has changed its mind about the past."""
@@ -386,7 +387,7 @@ class RoomDriver:
             return False
         self._see(pose, ranges, always=True)
         for radius in self._radii:
-            way = self.floor.route(pose[:2], goal, radius)
+            way = self.floor.plan(pose[:2], goal, radius)
             if way is not None:
                 self._way = np.vstack([way[:-1], goal])
                 return True
@@ -406,4 +407,4 @@ class RoomDriver:
         return np.array([speed * np.cos(ahead), speed * np.sin(ahead), turn])
 
     def _guarded(self, wish: Array, points: Array, dt: float) -> Array:
-        return self._guard.limited(wish, points, dt)
+        return self._guard.safe_velocity(wish, points, dt)

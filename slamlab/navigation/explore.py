@@ -11,11 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_choice, as_count, as_instance, as_rng, as_scalar
 from slamlab.geometry import inverse_transform, wrap_angle
 from slamlab.grids import Grid
 from slamlab.models import View
-from slamlab.navigation.seen_floor import SeenFloor
+from slamlab.navigation.exploration_grid import ExplorationGrid
 from slamlab.navigation.strategies import Situation, Strategy
 from slamlab.robots import SquareRobot
 from slamlab.sensors.lidar import Lidar
@@ -23,7 +23,7 @@ from slamlab.sensors.lidar import Lidar
 __all__ = ["Explorer"]
 
 GUARDS = ("swept", "none")
-Guard = Callable[[Array, float], bool]
+CollisionGuard = Callable[[Array, float], bool]
 _NEAR = 0.1  # a drive that must end this close to its point (m) has reached it
 _THERE = 0.02  # a point this near (m) is not driven to
 _ASTRAY = 0.05  # heading error (rad) after a stride at which the robot aims anew
@@ -64,7 +64,7 @@ class Explorer:
 
     Attributes
     ----------
-    floor : SeenFloor
+    floor : ExplorationGrid
         What the robot knows of the floor, where it believes it to be, from its first scan on.
     refused : int
         Choices that the guard did not let begin.
@@ -81,17 +81,17 @@ class Explorer:
     >>> from slamlab.navigation import LongestBeam
     >>> from slamlab.robots import Unicycle
     >>> from slamlab.evaluation.tours import collisions
-    >>> from slamlab.simulation import Truth, record
+    >>> from slamlab.simulation import PerfectEstimator, record
     >>> from slamlab.worlds import rooms
     >>> rng, robot, lidar = np.random.default_rng(1), SquareRobot(0.3), Lidar(120)
     >>> pilot = Explorer(robot, lidar, LongestBeam(), rng, max_path=3.0)
-    >>> log = record(rooms.thesis_room(), Unicycle(), lidar, pilot, Truth(), rng,
+    >>> log = record(rooms.thesis_room(), Unicycle(), lidar, pilot, PerfectEstimator(), rng,
     ...              start=[1.0, 2.0, 0.0], dt=1.0, footprint=robot.footprint)
     >>> pilot, int(collisions(log)[-1])
     (Explorer(LongestBeam), 0)
     """
 
-    floor: SeenFloor
+    floor: ExplorationGrid
 
     def __init__(
         self,
@@ -100,7 +100,7 @@ class Explorer:
         strategy: Strategy,
         rng: np.random.Generator,
         *,
-        guard: str | Guard = "swept",
+        guard: str | CollisionGuard = "swept",
         margin: float = 0.02,
         stride: float = 0.5,
         max_moves: int = 200,
@@ -109,7 +109,7 @@ class Explorer:
         resolution: float = 0.05,
         bounds: tuple[float, float, float, float] | None = None,
     ) -> None:
-        as_a("strategy", strategy, Strategy, "one with choose(situation, rng)")
+        as_instance("strategy", strategy, Strategy, "one with choose(situation, rng)")
         self._robot, self._lidar, self._strategy = robot, lidar, strategy
         self._rng = as_rng("rng", rng)
         self._guard = guard if callable(guard) else as_choice("guard", guard, GUARDS)
@@ -132,7 +132,7 @@ class Explorer:
 
     def command(self, view: View) -> Array | None:
         """Return the next control (v, omega), None when the exploration is over."""
-        self._see(as_a("view", view, View))
+        self._see(as_instance("view", view, View))
         if view.hit:
             self._way = []
             if self._stop_at_hit:
@@ -157,7 +157,7 @@ class Explorer:
         if self._before is None:
             around = np.tile(view.pose[:2], 2) + [-2.0, -2.0, 2.0, 2.0]
             sheet = around if self._sheet is None else self._sheet
-            self.floor = SeenFloor(sheet, self._resolution, grow=self._sheet is None)
+            self.floor = ExplorationGrid(sheet, self._resolution, grow=self._sheet is None)
         else:
             self._path_left -= float(np.hypot(*(view.pose - self._before)[:2]))
         self._before = view.pose

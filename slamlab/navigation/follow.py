@@ -12,13 +12,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_a, as_array, as_scalar
+from slamlab._checks import Array, as_array, as_instance, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.models import ScanSensor, Smoother, View
-from slamlab.navigation.drive import MOVED, Guard
+from slamlab.navigation.drive import MOVED, CollisionGuard
 from slamlab.navigation.path_memory import PathMemory
 
-__all__ = ["Homer", "Law", "RegulatedPurePursuit", "Retracer", "ReturnLaw"]
+__all__ = ["PathFollower", "Law", "RegulatedPurePursuit", "ReturnPilot", "ReturnLaw"]
 
 
 # Where the guard refuses the direction of the path, others are tried in this order (rad).
@@ -27,7 +27,7 @@ _PATIENCE = 40  # commands without progress after which a robot is stuck
 
 
 class Law(Protocol):
-    """What a `Homer` needs: a control for where the robot thinks it is."""
+    """What a `PathFollower` needs: a control for where the robot thinks it is."""
 
     @property
     def max_turn_rate(self) -> float:
@@ -201,7 +201,7 @@ def _look_ahead(
     path: PathMemory, pose: Array, s: ArrayLike, lookahead: float
 ) -> tuple[Array, Array]:
     """2.1: nearest point, looked for between s and a little nearer to the start; 2.2: P_f."""
-    as_a("path", path, PathMemory)
+    as_instance("path", path, PathMemory)
     s = np.minimum(as_array("s", s), path.length)
     near, _ = path.nearest(pose[..., :2], np.maximum(s - 2.0 * lookahead, 0.0), s)
     return near, path.point_at(np.maximum(near - lookahead, 0.0))
@@ -215,7 +215,7 @@ def _polar(pose: Array, target: Array, backwards: bool) -> tuple[Array, Array]:
     return np.hypot(x, y), wrap_angle(np.arctan2(y, x) - heading)
 
 
-class Homer:
+class PathFollower:
     """Drives back along a remembered path, P3 steps 2.1 to 2.4; a pilot for `simulation.record`.
 
     Parameters
@@ -244,13 +244,13 @@ class Homer:
     Examples
     --------
     >>> from slamlab.robots import Unicycle
-    >>> from slamlab.simulation import Truth, record
+    >>> from slamlab.simulation import PerfectEstimator, record
     >>> path = PathMemory(0.02)
     >>> for x in np.linspace(0, 1, 11):
     ...     path.add((x, 0.0))
     >>> path.close()
-    >>> pilot, rng = Homer(path, ReturnLaw(backwards=True)), np.random.default_rng(1)
-    >>> log = record(None, Unicycle(), None, pilot, Truth(), rng, start=[1, 0, 0])
+    >>> pilot, rng = PathFollower(path, ReturnLaw(backwards=True)), np.random.default_rng(1)
+    >>> log = record(None, Unicycle(), None, pilot, PerfectEstimator(), rng, start=[1, 0, 0])
     >>> abs(log.truth[-1].round(1)).tolist()
     [0.0, 0.0, 0.0]
     """
@@ -266,7 +266,7 @@ class Homer:
         stop: float = 0.02,
         turn_rate: float | None = None,
     ) -> None:
-        self._path, self._law = path, as_a("law", law, Law, "a law such as ReturnLaw()")
+        self._path, self._law = path, as_instance("law", law, Law, "a law such as ReturnLaw()")
         self._turn_first, self._stop = bool(turn_first), as_scalar("stop", stop, 1e-6, 1e6)
         rate = law.max_turn_rate if turn_rate is None else turn_rate
         self._turn_rate = as_scalar("turn_rate", rate, 1e-6, 1e6)
@@ -274,7 +274,7 @@ class Homer:
 
     def __repr__(self) -> str:
         """Return law and path."""
-        return f"Homer({self._law}, {self._path})"
+        return f"PathFollower({self._law}, {self._path})"
 
     @property
     def arrived(self) -> np.ndarray:
@@ -283,7 +283,7 @@ class Homer:
 
     def command(self, view: View) -> Array | None:
         """Return the next controls (..., 2 or 3), zero for who is home; None when all are."""
-        as_a("view", view, View)
+        as_instance("view", view, View)
         if self._turning is None:
             self._turning = np.full(view.pose.shape[:-1], self._turn_first)
             self.s = np.full(view.pose.shape[:-1], self._path.length)
@@ -304,7 +304,7 @@ def _off_the_path(path: PathMemory, pose: Array, s: Array) -> Array:
     return wrap_angle(np.arctan2(tangent[..., 1], tangent[..., 0]) - pose[..., 2])
 
 
-class Retracer:
+class ReturnPilot:
     """Drives home tail first along the way it came, guarded; a pilot for `simulation.record`.
 
     The way is laid into a `PathMemory`, which cuts its loops, and laid anew when the belief
@@ -312,11 +312,11 @@ class Retracer:
 
     Parameters
     ----------
-    way : array_like, shape (n, 2) or (n, 3)
+    path : array_like, shape (n, 2) or (n, 3)
         Where the robot believes to have been, the start first.
-    guard : Guard
+    guard : CollisionGuard
     lidar : ScanSensor
-    past : Smoother, optional
+    smoother : Smoother, optional
         The belief itself, if it revises its past: the first n rows of its trajectory are then
         the way.
     tolerance : float, default 0.05
@@ -327,7 +327,7 @@ class Retracer:
     Attributes
     ----------
     memory : PathMemory
-    relaid : int
+    n_replans : int
         How often the memory was laid anew.
     stuck : bool
         Whether it gave up before an obstacle.
@@ -344,7 +344,7 @@ class Retracer:
     >>> from slamlab.navigation import YOUBOT_BODY
     >>> from slamlab.sensors import Lidar
     >>> lidar, way = Lidar(4), np.stack([np.linspace(0, 3, 31), np.zeros(31)], -1)
-    >>> pilot, away = Retracer(way, Guard(YOUBOT_BODY), lidar), np.full(4, np.inf)
+    >>> pilot, away = ReturnPilot(way, CollisionGuard(YOUBOT_BODY), lidar), np.full(4, np.inf)
     >>> view = View(0.0, 0.2, np.array([3.0, 0.0, 0.0]), np.zeros((3, 3)), away, np.array(False))
     >>> (pilot.command(view) + 0.0).round(6).tolist()
     [-0.5, 0.0, 0.0]
@@ -355,28 +355,28 @@ class Retracer:
 
     def __init__(
         self,
-        way: ArrayLike,
-        guard: Guard,
+        path: ArrayLike,
+        guard: CollisionGuard,
         lidar: ScanSensor,
         *,
-        past: Smoother | None = None,
+        smoother: Smoother | None = None,
         tolerance: float = 0.05,
         max_speed: float = 0.5,
     ) -> None:
-        self._way = np.asarray(as_array("way", way, ("n", "k")))[:, :2].copy()
-        self._guard, self._lidar, self._past = guard, lidar, past
+        self._way = np.asarray(as_array("path", path, ("n", "k")))[:, :2].copy()
+        self._guard, self._lidar, self._past = guard, lidar, smoother
         self._tolerance = as_scalar("tolerance", tolerance, 1e-6, 1e3)
         # A mecanum robot whose tail follows the path as its nose did on the way out.
         self._law = ReturnLaw(
             k_v=3.0, lookahead=0.25, max_speed=max_speed, backwards=True, mecanum=True
         )
-        self.relaid, self.stuck = 0, False
+        self.n_replans, self.stuck = 0, False
         self._best, self._waited = float(np.inf), 0
         self._lay()
 
     def __repr__(self) -> str:
         """Return the path."""
-        return f"Retracer({self.memory!r})"
+        return f"ReturnPilot({self.memory!r})"
 
     def command(self, view: View) -> Array | None:
         """Return the next body velocity (3,), None when home or stuck."""
@@ -394,7 +394,7 @@ class Retracer:
             c, s = np.cos(side), np.sin(side)
             x, y, turn = wish
             turned = np.array([c * x - s * y, s * x + c * y, turn])
-            u = self._guard.limited(turned, points, view.dt)
+            u = self._guard.safe_velocity(turned, points, view.dt)
             if np.hypot(u[0], u[1]) > 1e-3:
                 break
         return u
@@ -413,6 +413,6 @@ class Retracer:
         part = float(self._s) / max(self.memory.length, 1e-9)
         self._way, self._best, self._waited = now, np.inf, 0
         self._lay()
-        self.relaid += 1
+        self.n_replans += 1
         middle, length = part * self.memory.length, self.memory.length
         self._s, _ = self.memory.nearest(pose[:2], max(middle - 2.0, 0.0), min(middle + 2, length))

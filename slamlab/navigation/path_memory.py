@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_a, as_array, as_choice, as_count, as_scalar
+from slamlab._checks import Array, as_array, as_choice, as_count, as_instance, as_scalar
 from slamlab._files import read_npz
 from slamlab.kernels import cubic as _loops
 from slamlab.navigation import _cubic
@@ -211,7 +211,7 @@ def refit_by_arc_length(curve: Cubic, t: ArrayLike, points: ArrayLike) -> Cubic:
     """
     t = as_array("t", t, ("n",))
     points = as_array("points", points, (len(t), 2))
-    as_a("curve", curve, Cubic)
+    as_instance("curve", curve, Cubic)
     s = np.array([curve.arc_length(value) for value in t])
     s, points = np.append(s, curve.length), np.vstack([points, curve(curve.t1)])
     s, points = np.insert(s, 0, 0.0), np.vstack([curve(curve.t0), points])

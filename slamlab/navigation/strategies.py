@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_positive, as_scalar
-from slamlab.navigation.seen_floor import SeenFloor, box_of
+from slamlab.navigation.exploration_grid import ExplorationGrid, box_of
 from slamlab.sensors.lidar import Lidar
 
 __all__ = [
@@ -39,7 +39,7 @@ class Situation:
     ranges : ndarray, shape (n_beams,)
         The scan taken here (m).
     lidar : Lidar
-    floor : SeenFloor
+    floor : ExplorationGrid
         Everything seen so far, this scan included.
     body_length : float
         Of the robot (m).
@@ -54,7 +54,7 @@ class Situation:
     pose: Array
     ranges: Array
     lidar: Lidar
-    floor: SeenFloor
+    floor: ExplorationGrid
     body_length: float
     body_radius: float
     refused: bool = False
@@ -230,7 +230,7 @@ class NearestFrontier:
         floor, radius = now.floor, now.body_radius
         _shut_stale(now)
         frontier = _large_parts(floor.frontier(), self.smallest)
-        ways = floor.ways(now.pose[:2], radius)
+        ways = floor.shortest_paths(now.pose[:2], radius)
         reachable = np.isfinite(ways.lengths)
         if not frontier.any() or not reachable.any():
             return None
@@ -246,7 +246,7 @@ class NearestFrontier:
             return None
         goal = int(row[best]), int(column[best])
         # One visit a frontier: what it does not clear up is no way on.
-        floor.shut[box] |= frontier & (row == goal[0]) & (column == goal[1])
+        floor.blacklisted[box] |= frontier & (row == goal[0]) & (column == goal[1])
         return ways.to((goal[0] + box[0].start, goal[1] + box[1].start))
 
 
@@ -285,7 +285,7 @@ class InformationGain:
         """See `Strategy`; None when no place would show enough."""
         floor, radius = now.floor, now.body_radius
         _shut_stale(now)
-        ways = floor.ways(now.pose[:2], radius)
+        ways = floor.shortest_paths(now.pose[:2], radius)
         lengths = ways.lengths
         # Candidates: every fourth reachable cell that has frontier around it.
         stand = np.isfinite(lengths)
@@ -296,7 +296,7 @@ class InformationGain:
         if len(rows) == 0:
             return None
         points = floor.centres()[rows, columns]
-        gain = floor.unseen_area(points, min(self.reach, now.lidar.max_range))
+        gain = floor.expected_gain(points, min(self.reach, now.lidar.max_range))
         gain[np.hypot(*(points - now.pose[:2]).T) < radius] = 0.0
         value = np.where(gain >= self.smallest, gain, 0.0)
         value = value * np.exp(-self.decay * lengths[rows, columns])
@@ -328,4 +328,4 @@ def _large_parts(mask: NDArray[np.bool_], smallest: int) -> NDArray[np.bool_]:
 
 def _shut_stale(now: Situation) -> None:
     """Leave alone what a scan from right here has not cleared up."""
-    now.floor.shut_near(now.pose[:2], now.body_radius + 3 * now.floor.resolution)
+    now.floor.blacklist_frontier(now.pose[:2], now.body_radius + 3 * now.floor.resolution)

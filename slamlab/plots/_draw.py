@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_a, as_array, as_choice, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_choice, as_instance, as_scalar, as_shaped
 from slamlab.gaussian import confidence_ellipse
 from slamlab.plots._style import COLOURS, line_style
 
@@ -201,7 +201,7 @@ def occupancy(ax: Axes, probability: ArrayLike, extent: ArrayLike) -> AxesImage:
 
 def _axes(ax: Axes) -> Axes:
     """Return what is drawn on, if it is that: who leaves it out gets a sentence."""
-    return as_a("ax", ax, Axes, "the axes to draw on, as from plt.subplots(),")
+    return as_instance("ax", ax, Axes, "the axes to draw on, as from plt.subplots(),")
 
 
 def _dots(ax: Axes, points: Array, label: str | None, marker: str, **style: Any) -> Line2D:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_a, as_array
+from slamlab._checks import Array, as_array, as_instance
 from slamlab.logs import Log
 from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.sensors import RangeBearing
@@ -189,7 +189,7 @@ def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
     dict of str to Variant
         The repaired one first.
     """
-    sensor = as_a("sensor", sensor, RangeBearing)
+    sensor = as_instance("sensor", sensor, RangeBearing)
     arguments = [getattr(sensor, field.name) for field in fields(RangeBearing) if field.init]
     return {
         "repaired": Variant(motion, sensor),

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array
 from slamlab.slam import EKFSlamBatch
-from slamlab.slam.batch import BatchInnovation
+from slamlab.slam.batch import Innovation
 
 __all__ = ["ForcedDecorrelation", "ForgetsCrossCovariance"]
 
@@ -28,7 +28,7 @@ class ForgetsCrossCovariance(EKFSlamBatch):
 class ForcedDecorrelation(EKFSlamBatch):
     """A filter that keeps pose and landmarks apart: all cross-covariances are set to zero."""
 
-    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> BatchInnovation:
+    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> Innovation:
         """Correct as ever, then forget what pose and landmarks have in common."""
         innovation = super().update(z, ids)
         owner = np.repeat(np.arange(1 + len(self.ids)), [3] + [2] * len(self.ids))

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_instance, as_positive, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.logs import ScanGeometry
 
@@ -166,7 +166,7 @@ class Lidar:
 
 def refuse_walls(world: BeamWorld, positions: Array) -> None:
     """Raise ValueError if a sensor at one of the positions (..., 2) would stand in a wall."""
-    as_a("world", world, BeamWorld, "a world such as BitmapWorld(...)")
+    as_instance("world", world, BeamWorld, "a world such as BitmapWorld(...)")
     inside = ~np.asarray(world.is_free(positions))
     if inside.any():
         where = tuple(int(i) for i in np.argwhere(inside)[0])

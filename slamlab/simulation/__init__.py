@@ -10,7 +10,7 @@ from slamlab.simulation.landmarks import (
     orchard_loop,
     room_drives,
 )
-from slamlab.simulation.record import Script, Truth, record
+from slamlab.simulation.record import PerfectEstimator, Script, record
 from slamlab.simulation.rings import ring_laps
 
 __all__ = [
@@ -18,7 +18,7 @@ __all__ = [
     "ORCHARD_SENSOR",
     "ROOM_SENSOR",
     "Script",
-    "Truth",
+    "PerfectEstimator",
     "drifted",
     "field_flights",
     "ground_laps",

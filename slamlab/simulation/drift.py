@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from slamlab._checks import Array, as_a, as_rng, as_scalar
+from slamlab._checks import Array, as_instance, as_rng, as_scalar
 from slamlab.geometry import between
 from slamlab.logs import Log
 
@@ -64,7 +64,7 @@ def drifted(
         as_scalar("turn_bias", turn_bias, 0.0, 1.0),
     )
     slip, turn_noise = as_scalar("slip", slip, 0.0, 1.0), as_scalar("turn_noise", turn_noise, 0, 1)
-    as_a("log", log, Log)
+    as_instance("log", log, Log)
     if log.truth is None or log.truth.ndim != 2:
         raise ValueError("log: expected one run with truth, from which odometry can be made")
     u = np.zeros((len(log), 3))

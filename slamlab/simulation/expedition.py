@@ -23,7 +23,7 @@ from slamlab.gaussian import chi2_quantile, mahalanobis_squared
 from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
 from slamlab.models import Estimator, MotionModel, Smoother, World
-from slamlab.navigation import YOUBOT_BODY, Guard, Retracer, RoomDriver
+from slamlab.navigation import YOUBOT_BODY, CollisionGuard, CoveragePilot, ReturnPilot
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
 from slamlab.simulation.record import record
@@ -31,28 +31,28 @@ from slamlab.slam import GridFastSlam, ScanGraphSlam, WallSlam
 from slamlab.worlds import rooms
 
 __all__ = [
-    "BELIEFS",
-    "BUILDINGS",
-    "WAYS",
+    "ESTIMATORS",
+    "ENVIRONMENTS",
+    "RETURN_METHODS",
     "Building",
     "Outward",
     "Return",
-    "WornWheels",
+    "MiscalibratedOdometry",
     "come_home",
     "explore",
     "results",
 ]
 
 STORED = Path(datasets.__file__).parent / "data" / "expeditions.json"
-NEAR = 0.15  # home is within so much of the mark (m)
-COVERED = 0.95  # and after having seen so much of the floor
+HOME_RADIUS = 0.15  # home is within so much of the mark (m)
+COVERAGE_TARGET = 0.95  # and after having seen so much of the floor
 _SPEED, _TURN, _DT = 0.6, 1.0, 0.2
 _AGAIN = 8.0  # of the first way, driven once more before the robot stops (m)
 _GATE = float(chi2_quantile(0.95, 2))
 
 
 @dataclass(frozen=True)
-class WornWheels(MotionModel):
+class MiscalibratedOdometry(MotionModel):
     """A youBot whose wheels are not what its odometry takes them for.
 
     Parameters
@@ -93,14 +93,14 @@ class Building:
     start : tuple of float
         The mark (m, m, rad).
     lidar : Lidar
-    sight : float
+    view_range : float
         Floor nearer than this counts as explored (m).
     margin : float
         Room that the guard keeps round the body (m).
     sigma_wheel : float
         Noise of each wheel (rad/s).
     scale, drift : float
-        How far the wheels are worn at most, see `WornWheels`.
+        How far the wheels are worn at most, see `MiscalibratedOdometry`.
     budget : float
         Seconds for the way out, and again for the way home.
     """
@@ -108,7 +108,7 @@ class Building:
     world: Callable[[], World]
     start: tuple[float, float, float]
     lidar: Lidar
-    sight: float
+    view_range: float
     margin: float
     sigma_wheel: float = 0.3
     scale: float = 0.02
@@ -123,23 +123,23 @@ class Building:
 
 _NEAR_SIGHTED = Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01)
 #: The three buildings of the chapter.
-BUILDINGS = {
+ENVIRONMENTS = {
     "office": Building(
         rooms.office,
         (2.0, 4.0, 0.0),
         Lidar(180, max_range=8.0, offset=0.3, sigma_range=0.01),
-        sight=2.0,
+        view_range=2.0,
         margin=0.06,
     ),
-    "ring": Building(rooms.ring, (15.8, 1.4, 0.0), _NEAR_SIGHTED, sight=2.5, margin=0.12),
+    "ring": Building(rooms.ring, (15.8, 1.4, 0.0), _NEAR_SIGHTED, view_range=2.5, margin=0.12),
     "corridor": Building(
-        rooms.long_corridor, (2.5, 1.0, 0.0), _NEAR_SIGHTED, sight=2.5, margin=0.12
+        rooms.long_corridor, (2.5, 1.0, 0.0), _NEAR_SIGHTED, view_range=2.5, margin=0.12
     ),
 }
 
 Maker = Callable[[Lidar, Array, np.random.Generator], Estimator]
 #: What the robot may believe with; each is made from lidar, start and random numbers.
-BELIEFS: dict[str, Maker] = {
+ESTIMATORS: dict[str, Maker] = {
     "dead reckoning": lambda lidar, start, rng: DeadReckoning(YOUBOT, start),
     "scan matching": lambda lidar, start, rng: ScanGraphSlam(
         lidar, start, motion=YOUBOT, loops=False
@@ -152,7 +152,7 @@ BELIEFS: dict[str, Maker] = {
 }
 #: How it may come back: by a route on its map; along its own path, believing as before; along its
 #: own path by the wheels alone (P3).
-WAYS = ("map", "path", "path by wheels")
+RETURN_METHODS = ("map", "path", "path by wheels")
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,9 +163,9 @@ class Outward:
     ----------
     building : Building
     seed : int
-    robot : WornWheels
+    robot : MiscalibratedOdometry
         How it really moves.
-    pilot : RoomDriver
+    pilot : CoveragePilot
     belief : Estimator
     log : Log
     coverage : float
@@ -174,8 +174,8 @@ class Outward:
 
     building: Building
     seed: int
-    robot: WornWheels
-    pilot: RoomDriver
+    robot: MiscalibratedOdometry
+    pilot: CoveragePilot
     belief: Estimator
     log: Log
     coverage: float
@@ -225,7 +225,7 @@ def explore(building: Building, maker: Maker, seed: int) -> Outward:
     ----------
     building : Building
     maker : callable
-        One of `BELIEFS`, or your own: ``maker(lidar, start, rng)`` gives an estimator whose
+        One of `ESTIMATORS`, or your own: ``maker(lidar, start, rng)`` gives an estimator whose
         controls are those of a youBot.
     seed : int
         Of the wheels and of all noise.
@@ -236,20 +236,20 @@ def explore(building: Building, maker: Maker, seed: int) -> Outward:
     """
     rng = np.random.default_rng([as_count("seed", seed), 20])
     scale, drift = building.scale, building.drift
-    robot = WornWheels(1 + rng.uniform(-scale, scale), rng.uniform(-drift, drift))
+    robot = MiscalibratedOdometry(1 + rng.uniform(-scale, scale), rng.uniform(-drift, drift))
     world, start = building.built, np.array(building.start)
     belief = maker(building.lidar, start, np.random.default_rng([seed, 21]))
     past = belief if isinstance(belief, Smoother) else None
-    pilot = RoomDriver(
+    pilot = CoveragePilot(
         YOUBOT_BODY,
         building.lidar,
-        sight=building.sight,
+        view_range=building.view_range,
         max_speed=_SPEED,
         max_turn=_TURN,
         margin=building.margin,
         home=False,
-        again=_AGAIN,
-        past=past,
+        revisit_after=_AGAIN,
+        smoother=past,
     )
     log = _drive(building, world, robot, pilot, belief, rng, start)
     return Outward(building, seed, robot, pilot, belief, log, coverage(log, world, 0.1)[-1])
@@ -272,8 +272,8 @@ def come_home(out: Outward, way: str) -> Return:
     ValueError
         If there is no such way.
     """
-    way = as_choice("way", way, WAYS)
-    pilot: RoomDriver | Retracer
+    way = as_choice("way", way, RETURN_METHODS)
+    pilot: CoveragePilot | ReturnPilot
     pilot, belief = copy.deepcopy((out.pilot, out.belief))
     past = belief if isinstance(belief, Smoother) else None
     if way == "map":
@@ -282,14 +282,14 @@ def come_home(out: Outward, way: str) -> Return:
         trail = out.log.notes["believed"] if past is None else past.trajectory
         if way == "path by wheels":
             belief, past = DeadReckoning(YOUBOT, belief.pose, belief.pose_cov), None
-        pilot = Retracer(
+        pilot = ReturnPilot(
             trail,
-            Guard(YOUBOT_BODY, out.building.margin),
+            CollisionGuard(YOUBOT_BODY, out.building.margin),
             out.building.lidar,
-            past=past,
+            smoother=past,
             max_speed=_SPEED,
         )
-    rng = np.random.default_rng([out.seed, 22 + WAYS.index(way)])
+    rng = np.random.default_rng([out.seed, 22 + RETURN_METHODS.index(way)])
     truth = out.log.truth
     assert truth is not None
     world = out.building.built
@@ -300,8 +300,8 @@ def come_home(out: Outward, way: str) -> Return:
 def _drive(
     building: Building,
     world: World,
-    robot: WornWheels,
-    pilot: RoomDriver | Retracer,
+    robot: MiscalibratedOdometry,
+    pilot: CoveragePilot | ReturnPilot,
     belief: Estimator,
     rng: np.random.Generator,
     start: Array,
@@ -337,7 +337,7 @@ def _judged(out: Outward, log: Log, belief: Estimator) -> Return:
         touched,
         float(out.log.times[-1] + log.times[-1]),
         float(path_length(out.log)[-1] + path_length(log)[-1]),
-        error <= NEAR and not touched and out.coverage >= COVERED,
+        error <= HOME_RADIUS and not touched and out.coverage >= COVERAGE_TARGET,
     )
 
 
@@ -349,7 +349,8 @@ def results() -> dict[str, dict[str, dict[str, Array]]]:
     dict
         ``results()[building][belief]`` maps "coverage" to (n,) and "error", "believed" (m),
         "nees", "touched", "seconds" and "metres" to (n, 3): one row a seed from 0 on, one column
-        for each of `WAYS`; see `Return`. A belief that was not tried in a building is missing.
+        for each of `RETURN_METHODS`; see `Return`. A belief that was not tried in a building is
+        missing.
     """
     stored = json.loads(STORED.read_text())
     return {

@@ -92,7 +92,9 @@ def field_flights(
     z = np.where(there, sensor.observe(truth, landmarks)[:, None] + error, np.nan)
     ids, cov = (np.arange(n),) * steps, np.diag(noise**2)
     truth = truth.repeat(n_runs, axis=1)
-    return landmark_log(u, dt, cov, looks=z, ids=ids, truth=truth, landmarks=landmarks)
+    return landmark_log(
+        u, dt, cov, landmark_measurements=z, ids=ids, truth=truth, landmarks=landmarks
+    )
 
 
 def _leg(metres: float, turn: float = 0.0) -> Array:

@@ -99,9 +99,11 @@ def landmark_drives(
     if abs(sensor.residual([1.0, 2 * np.pi], [1.0, 0.0])[1]) < 1:  # a full turn: it is an angle
         z[..., 1] = wrap_angle(z[..., 1])
     z[~sensor.visible(there, landmarks)] = np.nan
-    looks = (np.full((n_runs, len(landmarks), 2), np.nan), *z)
+    observations = (np.full((n_runs, len(landmarks), 2), np.nan), *z)
     ids = (np.arange(len(landmarks)),) * len(poses)
-    parts: dict[str, Any] = dict(looks=looks, ids=ids, truth=truth, landmarks=landmarks)
+    parts: dict[str, Any] = dict(
+        landmark_measurements=observations, ids=ids, truth=truth, landmarks=landmarks
+    )
     return landmark_log(u, dt, control_cov, controls=controls_of(motion), **parts)
 
 
@@ -222,14 +224,22 @@ def orchard_loop(
     u = control + rng.standard_normal((steps, 2)) * np.sqrt(np.diag(control_cov))
     start = [8.0, 0.0, np.pi / 2]
     poses = dead_reckoning(Unicycle(), start, np.tile(control, (steps, 1)), dt)
-    looks, ids = [np.empty((0, 2))], [np.empty(0, dtype=np.intp)]
+    observations, ids = [np.empty((0, 2))], [np.empty(0, dtype=np.intp)]
     for k, pose in enumerate(poses[1:]):
         awake = not 10 <= k < lap - 3
         chances = dict(p_detect=p_detect * awake, clutter_rate=clutter_rate * awake)
         z, names = ORCHARD_SENSOR.measure(pose, landmarks, rng, **chances)
-        looks.append(z)
+        observations.append(z)
         ids.append(names)
-    return landmark_log(u, dt, control_cov, looks=looks, ids=ids, truth=poses, landmarks=landmarks)
+    return landmark_log(
+        u,
+        dt,
+        control_cov,
+        landmark_measurements=observations,
+        ids=ids,
+        truth=poses,
+        landmarks=landmarks,
+    )
 
 
 def landmark_log(u: Array, dt: float, control_cov: Array, **parts: Any) -> Log:

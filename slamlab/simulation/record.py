@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_instance, as_rng, as_scalar
 from slamlab.gaussian import as_root
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
@@ -29,7 +29,7 @@ from slamlab.models import (
 from slamlab.sensors import Lidar, RangeBearing
 from slamlab.worlds import LandmarkWorld
 
-__all__ = ["Odometer", "Script", "Truth", "record"]
+__all__ = ["Odometer", "Script", "PerfectEstimator", "record"]
 
 _DIGITS = 9  # poses and ranges in whole nanometres: no run hangs on the last bit of a machine
 _PIECE = 0.01  # no part of the body moves farther (m) in one piece of an arc
@@ -46,7 +46,7 @@ class Odometer(Protocol):
         """Covariance (..., 3, 3) of measured motions."""
 
 
-class Truth:
+class PerfectEstimator:
     """The estimator that is told where it is: for lessons about driving, not about knowing.
 
     Examples
@@ -54,7 +54,7 @@ class Truth:
     >>> from slamlab.robots import Unicycle
     >>> rng = np.random.default_rng(0)
     >>> pilot = Script([[1.0, 0.0]])
-    >>> log = record(None, Unicycle(), None, pilot, Truth(), rng, start=[5, 0, 0], dt=1)
+    >>> log = record(None, Unicycle(), None, pilot, PerfectEstimator(), rng, start=[5, 0, 0], dt=1)
     >>> log.notes["believed"].tolist() == log.truth.tolist()
     True
     """
@@ -66,7 +66,7 @@ class Truth:
 
     def __repr__(self) -> str:
         """Return the pose."""
-        return f"Truth({np.round(self._pose, 3).tolist()})"
+        return f"PerfectEstimator({np.round(self._pose, 3).tolist()})"
 
     @property
     def pose(self) -> Array:
@@ -143,8 +143,8 @@ def record(
     pilot : Pilot
         Gives the controls that `robot` takes.
     belief : Estimator
-        Where the robot believes to be: SLAM, localization, dead reckoning, or `Truth`. It begins
-        where its maker put it, right or wrong.
+        Where the robot believes to be: SLAM, localization, dead reckoning, or
+        `PerfectEstimator`. It begins where its maker put it, right or wrong.
     rng : numpy.random.Generator
         For the noise of motion and sensors.
     start : array_like, shape (3,) or (M, 3)
@@ -188,9 +188,9 @@ def record(
     rng, robot = as_rng("rng", rng), as_motion("robot", robot)
     scene = _Scene(world, robot, sensor, rng, footprint, control_cov)
     as_estimator("belief", belief)
-    as_a("pilot", pilot, Pilot)
+    as_instance("pilot", pilot, Pilot)
     if odometer is not None:
-        as_a("odometer", odometer, Odometer)
+        as_instance("odometer", odometer, Odometer)
     dt = as_scalar("dt", dt, 1e-6, 1e6)
     steps = int(np.ceil(as_scalar("max_time", max_time, 0, 1e9) / dt - 1e-9))
     truth = scene.placed(as_array("start", start, ("...", 3)))
@@ -200,7 +200,7 @@ def record(
     _inform(belief, measured)
     first = {**measured, "believed": belief.pose, "hit": hit}
     for k in range(steps):
-        newest = measured.get("ranges", measured.get("looks"))
+        newest = measured.get("scan", measured.get("landmarks"))
         view = View(k * dt, dt, belief.pose, belief.pose_cov, newest, hit)
         u = pilot.command(view)
         if u is None:
@@ -328,22 +328,22 @@ class _Scene:
         """Return the true pose and what the sensor says there: ranges, or looks and ids."""
         if isinstance(self.sensor, Lidar) and self.obstacles is not None:
             ranges = self.sensor.scan(self.obstacles, truth, self.rng)
-            return {"truth": truth, "ranges": np.round(ranges, _DIGITS)}
+            return {"truth": truth, "scan": np.round(ranges, _DIGITS)}
         if isinstance(self.sensor, RangeBearing) and self.landmarks is not None:
             z, ids = self.sensor.measure(truth, self.landmarks, self.rng)
-            return {"truth": truth, "looks": z, "ids": ids}
+            return {"truth": truth, "landmarks": z, "ids": ids}
         return {"truth": truth}
 
 
 def _inform(belief: Estimator, measured: dict[str, Any]) -> None:
     """Give a belief what it measures."""
-    if belief.measures == "nothing":
+    if belief.measures == "odometry":
         return
     if belief.measures not in measured:
         wanted = f"one that measures {' or '.join(measured)}, which is what the sensor gives"
         raise ValueError(f"belief: expected {wanted}, got one that measures {belief.measures}")
-    if belief.measures == "looks":
-        belief.update(measured["looks"], measured["ids"])
+    if belief.measures == "landmarks":
+        belief.update(measured["landmarks"], measured["ids"])
     else:
         belief.update(measured[belief.measures])
 
@@ -373,10 +373,10 @@ def _log(
         np.array(column["u"]),
         np.where(steps > 0, dt, 0.0),
         np.array(column["cov"]),
-        looks=column.get("looks"),
+        landmark_measurements=column.get("landmarks"),
         ids=column.get("ids"),
-        ranges=column.get("ranges"),
-        scan=sensor if "ranges" in column else None,
+        ranges=column.get("scan"),
+        scan=sensor if "scan" in column else None,
         truth=np.array(column["truth"]),
         landmarks=world.points if isinstance(world, LandmarkWorld) else None,
         notes={name: np.array(column[name]) for name in ("believed", "command", "driven", "hit")},

@@ -15,7 +15,7 @@ from slamlab.slam.graph import Certificate, PoseGraph, Result, Scans, edge_error
 from slamlab.slam.grid_fast import GridFastSlam
 from slamlab.slam.hector import HectorSlam
 from slamlab.slam.incremental import IncrementalGraph
-from slamlab.slam.local_range import LocalRange
+from slamlab.slam.local_range import AdaptiveRange
 from slamlab.slam.scan_graph import Closure, ScanGraphSlam
 from slamlab.slam.wall_slam import WallSlam
 
@@ -31,7 +31,7 @@ __all__ = [
     "GridFastSlam",
     "HectorSlam",
     "IncrementalGraph",
-    "LocalRange",
+    "AdaptiveRange",
     "PoseGraph",
     "Result",
     "ScanGraphSlam",

@@ -12,7 +12,7 @@ import numpy as np
 
 from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
-from slamlab.matching import match_correlative, match_field, match_icp, thin
+from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
 from slamlab.slam._tracking import Keyframe, LocalMap
 
 STRIDE = 1.5  # a node is tried for closures every so many metres of travel
@@ -42,7 +42,7 @@ class Closure:
         Pose of k seen from j (m, m, rad).
     cov : ndarray, shape (3, 3)
         Covariance of z.
-    rival : float
+    second_peak : float
         Score of the best place elsewhere as a part of the best; near 1 in a corridor.
     fit : float
         How well the scans lie on the old place, at most 1.
@@ -54,7 +54,7 @@ class Closure:
     k: int
     z: Array
     cov: Array
-    rival: float
+    second_peak: float
     fit: float
     state: str = field(default="waiting")
 
@@ -92,27 +92,29 @@ def verify(
     last = min(max(int(last), j + 1), k - AROUND)
     around = range(max(k - AROUND, 0), min(k + AROUND + 1, len(nodes)))
     merged = [transform(between(poses[k], poses[n]), nodes[n].points) for n in around]
-    query = thin(np.concatenate(merged), 0.15)
+    query = voxel_downsample(np.concatenate(merged), 0.15)
     ground = LocalMap([nodes[n].at(poses[n]) for n in range(first, last)])
     found = match_correlative(
-        ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, rival_distance=ELSEWHERE
+        ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, second_peak_distance=ELSEWHERE
     )
-    if found is None or (found.rival > RIVAL and not stretch):
+    if found is None or (found.second_peak > RIVAL and not stretch):
         return None
     climbed = match_field(ground.field, query, found.pose)
-    fit = 1 - climbed.residual**2
+    fit = 1 - climbed.rmse**2
     if fit < FIT or len(ground.walls.points) < 3:
         return None
     match = match_icp(ground.walls, nodes[k].points, climbed.pose)
     if match.score == 0 or np.hypot(*(match.pose - climbed.pose)[:2]) > SLIDE:
         return None
     cov = 4 * match.cov
-    if found.rival > RIVAL:
+    if found.second_peak > RIVAL:
         cov = cov + _along(climbed.cov, radius)
     turn = np.eye(3)
     turn[:2, :2] = rotation(-poses[j, 2])
     cov = turn @ cov @ turn.T + FLOOR
-    return Closure(j, k, between(poses[j], match.pose), 0.5 * (cov + cov.T), found.rival, fit)
+    return Closure(
+        j, k, between(poses[j], match.pose), 0.5 * (cov + cov.T), found.second_peak, fit
+    )
 
 
 def _along(cov: Array, radius: float) -> Array:

@@ -66,7 +66,7 @@ class Links:
 
 @dataclass
 class Content:
-    """What one file holds: vertices in the order of the file; `sightings` are of points."""
+    """What one file holds: vertices in the order of the file; `observations` are of points."""
 
     ids: list[int] = field(default_factory=list)
     poses: list[list[float]] = field(default_factory=list)
@@ -75,7 +75,7 @@ class Content:
     scans: Scans | None = None
     point_ids: list[int] = field(default_factory=list)
     points: list[list[float]] = field(default_factory=list)
-    sightings: Links = field(default_factory=Links)
+    observations: Links = field(default_factory=Links)
 
 
 class _Parser:
@@ -98,7 +98,7 @@ class _Parser:
             "EDGE_SE2": lambda words: self.edge(words, content.edges, _G2O_ORDER),
             "EDGE2": lambda words: self.edge(words, content.edges, _TORO_ORDER),
             "VERTEX_XY": self.point,
-            "EDGE_SE2_XY": lambda words: self.edge(words, content.sightings, _POINT_ORDER),
+            "EDGE_SE2_XY": lambda words: self.edge(words, content.observations, _POINT_ORDER),
             "FIX": self.fix,
             "ROBOTLASER1": self.scan,
         }
@@ -210,24 +210,24 @@ class _Parser:
         content = self.content
         if not content.ids:
             raise self.error("the file ends without a vertex")
-        edges, sightings = content.edges, content.sightings
-        if not edges.pairs and not sightings.pairs:
+        edges, observations = content.edges, content.observations
+        if not edges.pairs and not observations.pairs:
             raise self.error("the file ends without an edge")
         for (i, j), number in zip(edges.pairs, edges.lines, strict=True):
             self.defined(i, self.poses, number)
             self.defined(j, self.poses, number)
-        for (i, j), number in zip(sightings.pairs, sightings.lines, strict=True):
+        for (i, j), number in zip(observations.pairs, observations.lines, strict=True):
             self.defined(i, self.poses, number)
             self.defined(j, self.points, number, "landmark")
         for identity, number in zip(content.fixed, self.fix_lines, strict=True):
             if identity not in self.poses:
                 raise self.error(f"FIX {identity}: the vertex is not defined", number)
-        reached = {identity for pair in edges.pairs + sightings.pairs for identity in pair}
+        reached = {identity for pair in edges.pairs + observations.pairs for identity in pair}
         for identity, number in (self.poses | self.points).items():
             if identity not in reached:
                 raise self.error(f"no edge reaches vertex {identity} (truncated file?)", number)
         self.check_information(edges)
-        self.check_information(sightings)
+        self.check_information(observations)
         content.scans = self.scans()
         return content
 
@@ -319,7 +319,7 @@ def write(path: str | Path, content: Content) -> None:
             file.write(f"VERTEX_XY {identity} {_numbers(point)}\n")
         for identity in content.fixed:
             file.write(f"FIX {identity}\n")
-        for tag, links in ("EDGE_SE2", content.edges), ("EDGE_SE2_XY", content.sightings):
+        for tag, links in ("EDGE_SE2", content.edges), ("EDGE_SE2_XY", content.observations):
             each = zip(links.pairs, links.measurements, links.information, strict=True)
             for (i, j), z, information in each:
                 upper = [number for k, row in enumerate(information) for number in row[k:]]

@@ -48,7 +48,7 @@ def graph_of(
 
 def _seen(log: Log, sensor: LandmarkSensor, poses: Array, row: np.ndarray) -> dict[str, Any]:
     """Landmarks, and every measurement of them as a point in the frame of its pose."""
-    if log.looks is None or log.ids is None:
+    if log.landmark_measurements is None or log.ids is None:
         raise ValueError("log: expected measurements of landmarks with ids")
     seen = [
         (k, m, name)
@@ -60,7 +60,7 @@ def _seen(log: Log, sensor: LandmarkSensor, poses: Array, row: np.ndarray) -> di
     number = np.array([known.setdefault(name, len(known)) for _, _, name in seen], dtype=int)
     first = np.unique(number, return_index=True)[1]
     place = row[[k for k, _, _ in seen]]
-    z = np.reshape([log.looks[k][m] for k, m, _ in seen], (-1, 2))
+    z = np.reshape([log.landmark_measurements[k][m] for k, m, _ in seen], (-1, 2))
     R = sensor.cov
     if log.covs is not None:
         R = np.reshape([log.covs[k][m] for k, m, _ in seen], (-1, 2, 2))
@@ -70,7 +70,7 @@ def _seen(log: Log, sensor: LandmarkSensor, poses: Array, row: np.ndarray) -> di
         "landmark_edges": np.column_stack([place, number]),
         "landmark_measurements": sensor.locate(np.zeros(3), z),
         "landmark_information": _inverses(
-            G @ R @ G.mT, lambda i: "covariance of looks[{}][{}]".format(*seen[i])
+            G @ R @ G.mT, lambda i: "covariance of landmark_measurements[{}][{}]".format(*seen[i])
         ),
     }
 

@@ -114,7 +114,7 @@ class TileMaps:
 class MapParticles(PoseParticles):
     """Particles that move by a motion model, see by ranges and keep a map each: `_maps`."""
 
-    measures = "ranges"
+    measures = "scan"
     _maps: TileMaps
 
     def __init__(

@@ -36,7 +36,7 @@ class ParticleView:
     landmarks : ndarray, shape (n, 2)
     landmark_covs : ndarray, shape (n, 2, 2)
     existence : ndarray, shape (n,)
-        Probability that the landmark exists; 0.5 in a filter without `detection`.
+        Probability that the landmark exists; 0.5 in a filter without `detection_probabilities`.
     pose : ndarray, shape (3,)
     pose_cov : ndarray, shape (3, 3)
     sensor : LandmarkSensor

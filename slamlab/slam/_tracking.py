@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_array, as_distances
 from slamlab.geometry import between, wrap_angle
 from slamlab.matching import (
+    LikelihoodGrid,
     Match,
-    Outline,
-    PointField,
+    PointsWithNormals,
     match_correlative,
     match_icp,
-    thin,
+    voxel_downsample,
 )
 from slamlab.matching.field import climbed
 from slamlab.models import ScanSensor, as_scan_sensor
@@ -45,7 +45,7 @@ FLOOR = np.diag(np.square([0.01, 0.01, np.deg2rad(0.15)]))
 class ScanSystem:
     """What a system on scans has: a lidar, a pose and its covariance."""
 
-    measures = "ranges"
+    measures = "scan"
 
     def __init__(self, lidar: ScanSensor, pose: ArrayLike) -> None:
         self._lidar = as_scan_sensor("lidar", lidar)
@@ -77,31 +77,31 @@ class Keyframe:
     """A scan that is kept: its thinned points and their outline, in the frame of the body."""
 
     points: Array
-    outline: Outline
+    outline: PointsWithNormals
 
     @classmethod
     def of(cls, points: Array) -> Keyframe:
         """Keep a scan of at least `LEAST_POINTS` thinned points (k, 2)."""
-        return cls(points, Outline.of(points))
+        return cls(points, PointsWithNormals.estimate(points))
 
-    def at(self, pose: Array) -> Outline:
+    def at(self, pose: Array) -> PointsWithNormals:
         """Its outline in the world, seen from this pose."""
-        return self.outline.moved(pose)
+        return self.outline.transformed(pose)
 
 
 def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     """Thinned end points (k, 2) of a scan within `REACH`, in the frame of the body."""
     points = lidar.points(np.where(ranges <= REACH, ranges, np.nan))
-    return thin(points, SPACING)
+    return voxel_downsample(points, SPACING)
 
 
 class LocalMap:
     """Some keyframes at their places, as a field to climb and walls to lie on."""
 
-    def __init__(self, placed: Iterable[Outline]) -> None:
-        outline = Outline.joined(placed)
-        self.walls = outline.walls()
-        self.field = PointField(thin(outline.points, SPACING), *FIELD)
+    def __init__(self, placed: Iterable[PointsWithNormals]) -> None:
+        outline = PointsWithNormals.concatenated(placed)
+        self.walls = outline.on_lines()
+        self.field = LikelihoodGrid.of_points(voxel_downsample(outline.points, SPACING), *FIELD)
 
 
 def track(ground: LocalMap, points: Array, guess: Array, cov: Array) -> Match | None:

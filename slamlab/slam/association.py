@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_instance, as_positive, as_scalar
 from slamlab.gaussian import block_diagonal, chi2_quantile
 
 __all__ = [
@@ -109,7 +109,7 @@ def nearest_euclidean(
     >>> nearest_euclidean(slam, [[2.1, 0.51], [4.0, 0.0]], gate=0.5).tolist()
     [1, -1]
     """
-    as_a("slam", slam, Surface)
+    as_instance("slam", slam, Surface)
     z = as_array("z", z, ("k", 2))
     gate = as_positive("gate", gate, 1e300)
     landmarks = np.asarray(slam.landmarks)
@@ -437,13 +437,14 @@ class Confirmation:
 
     Wraps any association. Measurements that it calls `NEW` first go to a tentative list; when a
     place of that list has been seen often enough the answer is `NEW`, until then `IGNORED`.
-    One object for one `EKFSlam`. (FastSLAM keeps evidence of existence itself: its `detection`.)
+    One object for one `EKFSlam`. (FastSLAM keeps evidence of existence itself: its
+    `detection_probabilities`.)
 
     Parameters
     ----------
     associate : callable, default `nearest_neighbour`
         ``associate(slam, z) -> rows (k,)``.
-    sightings : int, default 3
+    n_observations : int, default 3
         Sightings after which a landmark is started; 1 starts it at once.
     patience : int, default 5
         A tentative place not seen for more than this many looks is dropped.
@@ -467,7 +468,7 @@ class Confirmation:
     >>> from slamlab.sensors import RangeBearing
     >>> from slamlab.slam import EKFSlam
     >>> slam = EKFSlam(Unicycle(), RangeBearing(0.1, 0.02), [0, 0, 0])
-    >>> careful = Confirmation(sightings=2)
+    >>> careful = Confirmation(n_observations=2)
     >>> careful(slam, [[2.0, 0.0]]).tolist(), careful(slam, [[2.0, 0.0]]).tolist()
     ([-2], [-1])
     """
@@ -475,17 +476,17 @@ class Confirmation:
     def __init__(
         self,
         associate: Associate = nearest_neighbour,
-        sightings: int = 3,
+        n_observations: int = 3,
         patience: int = 5,
         probability: float = 0.999,
     ) -> None:
         self.associate = associate
-        self.sightings = as_count("sightings", sightings, 1)
+        self.n_observations = as_count("n_observations", n_observations, 1)
         self.patience = as_count("patience", patience)
         probability = as_scalar("probability", probability, *_ODDS)
         self._gate, self._covs = float(chi2_quantile(probability, 2)), np.empty((0, 2, 2))
         self.tentative, self._seen = np.empty((0, 2)), np.zeros(0, dtype=int)
-        self._unseen_for = np.zeros(0, dtype=int)
+        self._steps_since_observed = np.zeros(0, dtype=int)
 
     def __call__(self, slam: Surface, z: ArrayLike, covs: ArrayLike | None = None) -> Rows:
         """Return rows as any association does."""
@@ -498,14 +499,14 @@ class Confirmation:
         R = np.broadcast_to(slam.sensor.cov if covs is None else covs, (len(z), 2, 2))
         places = self._recognise(slam, z[new], R[new])
         self._seen[places] += 1
-        self._unseen_for += 1
-        self._unseen_for[places] = 0
-        ready = self._seen[places] >= self.sightings
+        self._steps_since_observed += 1
+        self._steps_since_observed[places] = 0
+        ready = self._seen[places] >= self.n_observations
         rows[new[~ready]] = IGNORED
-        keep = self._unseen_for <= self.patience
+        keep = self._steps_since_observed <= self.patience
         keep[places[ready]] = False
         self.tentative, self._seen = self.tentative[keep], self._seen[keep]
-        self._unseen_for, self._covs = self._unseen_for[keep], self._covs[keep]
+        self._steps_since_observed, self._covs = self._steps_since_observed[keep], self._covs[keep]
         return rows
 
     def _recognise(self, slam: Surface, z: Array, R: Array) -> Rows:
@@ -524,7 +525,9 @@ class Confirmation:
         self.tentative = np.concatenate([self.tentative, located])
         self._covs = np.concatenate([self._covs, R[fresh]])
         self._seen = np.append(self._seen, np.zeros(len(fresh), dtype=int))
-        self._unseen_for = np.append(self._unseen_for, np.zeros(len(fresh), dtype=int))
+        self._steps_since_observed = np.append(
+            self._steps_since_observed, np.zeros(len(fresh), dtype=int)
+        )
         return places
 
 
@@ -553,7 +556,7 @@ def _candidates(
     A pair in the gate has |v_i| <= sqrt(gate S_ii), so seen from the sensor its two places are
     apart by no more than the reach in range plus the measured range times that in bearing.
     """
-    as_a("slam", slam, Surface)
+    as_instance("slam", slam, Surface)
     z = as_array("z", z, ("k", 2))
     low = as_scalar("probability", low, *_ODDS)
     high = as_scalar("new_probability", high, low, _ODDS[1])

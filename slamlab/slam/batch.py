@@ -16,13 +16,13 @@ from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
 from slamlab.slam.linearisation import as_linearisation, fej_jacobian, reset_covariance, retract
 
-__all__ = ["BatchInnovation", "EKFSlamBatch"]
+__all__ = ["Innovation", "EKFSlamBatch"]
 
 Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class BatchInnovation:
+class Innovation:
     """What an update learned in each of M runs.
 
     Attributes
@@ -53,13 +53,13 @@ class EKFSlamBatch:
         Covariance of each; zero if left out.
     n_landmarks : int
         Number n of landmarks that may be seen.
-    linearisation : {"latest", "first-estimates", "invariant"}
+    linearisation : {"standard", "first-estimates", "invariant"}
         As `EKFSlam`.
 
     Attributes
     ----------
     measures : str
-        "looks": sets of simultaneous measurements of landmarks.
+        "landmarks": sets of simultaneous measurements of landmarks.
     ids : tuple of int
         0 to n - 1.
     known : ndarray of bool, shape (M, n)
@@ -80,7 +80,7 @@ class EKFSlamBatch:
     ([True, False], [[2.0, 0.0], [nan, nan]])
     """
 
-    measures = "looks"
+    measures = "landmarks"
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class EKFSlamBatch:
         cov: ArrayLike | None = None,
         *,
         n_landmarks: int,
-        linearisation: str = "latest",
+        linearisation: str = "standard",
     ) -> None:
         self.motion, self.sensor = as_motion("motion", motion), as_sensor("sensor", sensor)
         self.linearisation = as_linearisation(linearisation, sensor)
@@ -150,7 +150,7 @@ class EKFSlamBatch:
         P[:, :, :3] = P[:, :, :3] @ F.mT
         P[:, :3, :3] += Q
 
-    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> BatchInnovation:
+    def update(self, z: ArrayLike, ids: ArrayLike | None = None) -> Innovation:
         """Correct by the landmarks known already, then add the new ones, in all runs.
 
         Parameters
@@ -199,7 +199,7 @@ class EKFSlamBatch:
         for one in np.unique(k):
             first = k == one
             self._append(int(one), runs[first], points[first], G[first], noise[first])
-        return BatchInnovation((y**2).sum((1, 2)), 2 * counts.sum(1))
+        return Innovation((y**2).sum((1, 2)), 2 * counts.sum(1))
 
     def _somewhere(self, state: Array, rows: Rows, counts: NDArray[np.bool_]) -> Array:
         """Landmarks (M, m, 2) of a state; those that do not count stand in no one's way."""

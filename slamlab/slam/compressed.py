@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_names, as_scalar
 from slamlab.gaussian import root
 from slamlab.models import LandmarkSensor, MotionModel
-from slamlab.slam.ekf import Associate, Correction, EKFSlam, Names, downdate, entries
+from slamlab.slam.ekf import Associate, EKFSlam, Innovation, Names, downdate, entries
 
 __all__ = ["CompressedEKFSlam"]
 
@@ -24,7 +24,7 @@ class CompressedEKFSlam:
 
     The state falls in two: a, the pose and the landmarks of the region, and b, all others. As
     long as only landmarks of a are seen, b can wait: three small matrices remember what it will
-    have to learn, and `settle` makes up for it.
+    have to learn, and `global_update` makes up for it.
 
     Parameters
     ----------
@@ -40,13 +40,13 @@ class CompressedEKFSlam:
     Attributes
     ----------
     measures : str
-        "looks": sets of simultaneous measurements of landmarks.
+        "landmarks": sets of simultaneous measurements of landmarks.
     motion, sensor
         As given.
     local : EKFSlam
         The filter of the region: its pose, landmarks and covariances are those of the full
         filter.
-    regions : int
+    n_regions : int
         How many regions have been entered.
 
     Notes
@@ -62,14 +62,14 @@ class CompressedEKFSlam:
     >>> from slamlab.sensors import RangeBearing
     >>> slam = CompressedEKFSlam(Unicycle(), RangeBearing(0.1, 0.02), [0, 0, 0])
     >>> _ = slam.update([[2.0, 0.0], [9.0, 0.3]], ids=["near", "far"])
-    >>> slam.enter(["near"])
+    >>> slam.set_region(["near"])
     >>> slam.predict([0.5, 0.0], 1.0, [[0.04, 0], [0, 0.01]])
     >>> _ = slam.update([[1.5, 0.0]], ids=["near"])
-    >>> len(slam.local.mean), len(slam.settle().mean)
+    >>> len(slam.local.mean), len(slam.global_update().mean)
     (5, 7)
     """
 
-    measures = "looks"
+    measures = "landmarks"
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class CompressedEKFSlam:
         radius: float = np.inf,
         reach: float | None = None,
     ) -> None:
-        self.radius, self.regions = as_scalar("radius", radius, 0.0), 1
+        self.radius, self.n_regions = as_scalar("radius", radius, 0.0), 1
         self._reach = None if reach is None else as_scalar("reach", reach, 0.0, self.radius)
         self._full = EKFSlam(motion, sensor, mean, cov, ids, associate=associate)
         self.motion, self.sensor = self._full.motion, self._full.sensor
@@ -106,8 +106,8 @@ class CompressedEKFSlam:
         )
         self.local._P = full._P[np.ix_(a, a)]
         self.local.next_id = full.next_id  # new landmarks must not take names used elsewhere
-        self.local.sightings = full.sightings[self._rows]
-        self.local.unseen_for = full.unseen_for[self._rows]
+        self.local.n_observations = full.n_observations[self._rows]
+        self.local.steps_since_observed = full.steps_since_observed[self._rows]
         self._Phi, self._Psi = np.eye(len(a)), np.zeros((len(a), len(a)))
         self._theta = np.zeros(len(a))
         self._predictions, self._is_settled = 0, True
@@ -117,7 +117,7 @@ class CompressedEKFSlam:
         """How far the sensor sees (m), as given; half of `radius` if it was not."""
         return self.radius / 2 if self._reach is None else self._reach
 
-    def enter(self, ids: Names) -> None:
+    def set_region(self, ids: Names) -> None:
         """Settle and go on with these landmarks as the region.
 
         Parameters
@@ -131,21 +131,21 @@ class CompressedEKFSlam:
             If a name is not in the map or comes twice; the region then stays as it was.
         """
         names = as_names("ids", ids)
-        self.settle().rows_of(names)
+        self.global_update().rows_of(names)
         self._open(names)
-        self._entered, self.regions = self.pose, self.regions + 1
+        self._entered, self.n_regions = self.pose, self.n_regions + 1
 
-    def near(self, radius: float) -> tuple[Hashable, ...]:
+    def landmarks_within(self, radius: float) -> tuple[Hashable, ...]:
         """Settle, and return the ids of point landmarks within `radius` (m) of the robot.
 
-        The region S_1 of P4, ready for `enter`.
+        The region S_1 of P4, ready for `set_region`.
         """
         radius = as_scalar("radius", radius, low=0.0)
-        full = self.settle()
+        full = self.global_update()
         close = np.hypot(*(full.landmarks - full.pose[:2]).T) <= radius
         return tuple(name for name, is_close in zip(full.ids, close, strict=True) if is_close)
 
-    def settle(self) -> EKFSlam:
+    def global_update(self) -> EKFSlam:
         """Bring the landmarks outside the region up to date and return the full filter.
 
         O(n^2 k) for k numbers measured in the region. Read the returned filter, which is the same
@@ -168,8 +168,11 @@ class CompressedEKFSlam:
         full._P[np.ix_(a, a)], full._x[a] = local._P, local._x
         full._first = full._x
         rows = (a[3::2] - 3) // 2
-        full.unseen_for += self._predictions
-        full.sightings[rows], full.unseen_for[rows] = local.sightings, local.unseen_for
+        full.steps_since_observed += self._predictions
+        full.n_observations[rows], full.steps_since_observed[rows] = (
+            local.n_observations,
+            local.steps_since_observed,
+        )
         full.next_id = local.next_id
         self._open(local.ids)
         return full
@@ -186,19 +189,19 @@ class CompressedEKFSlam:
 
     def update(
         self, z: ArrayLike, ids: Names | None = None, covs: ArrayLike | None = None
-    ) -> Correction:
+    ) -> Innovation:
         """Correct by landmarks of the region and add new ones, as `EKFSlam.update`."""
         names = () if ids is None else as_names("ids", ids)
         outside = any(n in self._full._row_of and n not in self.local._row_of for n in names)
         driven = np.hypot(*(self.local._x[:2] - self._entered[:2]))
         if outside or driven > self.radius - self.reach:
-            near = self.near(self.radius)
+            near = self.landmarks_within(self.radius)
             known = [name for name in names if name in self._full._row_of]
-            self.enter(list(dict.fromkeys([*near, *known])))
+            self.set_region(list(dict.fromkeys([*near, *known])))
         report = self.local.update(z, ids, covs)
         owed = report.W @ report.H @ self._Phi[report.i]  # W H Phi
         self._Psi += owed.T @ owed  # Phi^T H^T S^-1 H Phi
-        self._theta += report.W @ report.residual @ owed  # Phi^T H^T S^-1 v
+        self._theta += report.W @ report.innovation @ owed  # Phi^T H^T S^-1 v
         self._Phi -= report.B.T @ owed  # (I - K H) Phi
         # New landmarks are correlated with b through the pose.
         self._Phi = np.concatenate([self._Phi, report.G @ self._Phi[:3]])
@@ -229,4 +232,4 @@ class CompressedEKFSlam:
     @property
     def landmarks(self) -> Array:
         """Estimated landmarks, shape (n, 2), in the order of `ids`; settles first."""
-        return self.settle().landmarks
+        return self.global_update().landmarks

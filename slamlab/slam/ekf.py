@@ -32,7 +32,7 @@ from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
 from slamlab.slam.association import IGNORED, NEW, nearest_neighbour
 from slamlab.slam.linearisation import as_linearisation, fej_jacobian, reset_covariance, retract
 
-__all__ = ["Correction", "EKFSlam"]
+__all__ = ["Innovation", "EKFSlam"]
 
 Rows = NDArray[np.intp]
 Associate = Callable[..., ArrayLike]
@@ -41,14 +41,14 @@ POSE = np.arange(3)
 
 
 @dataclass(frozen=True, eq=False)
-class Correction:
+class Innovation:
     """What an update learned, all measurements stacked, and the names given.
 
     Attributes
     ----------
-    residual : ndarray, shape (2m,)
+    innovation : ndarray, shape (2m,)
         Innovation of the m landmarks known before, P1 (19).
-    cov : ndarray, shape (2m, 2m)
+    S : ndarray, shape (2m, 2m)
         Its covariance S, P1 (33).
     nis : float
         Normalised innovation squared.
@@ -66,8 +66,8 @@ class Correction:
         Jacobian of the k new landmarks by the pose, P1 (39).
     """
 
-    residual: Array
-    cov: Array
+    innovation: Array
+    S: Array
     nis: float
     ids: tuple[Hashable | None, ...]
     i: Rows = field(repr=False)
@@ -113,7 +113,7 @@ class EKFSlam:
         measurement the row of `landmarks`, -1 to start a new landmark, -2 to leave it out. If
         an update comes with covariances, also ``covs=`` (k, 2, 2). Left out: nearest neighbour
         with a Mahalanobis gate of 99 %.
-    linearisation : {"latest", "first-estimates", "invariant"}
+    linearisation : {"standard", "first-estimates", "invariant"}
         Where the Jacobians are taken. At the latest estimate, as P1 and P2 do, the filter comes
         to believe that it knows its heading though nothing measured it. With first estimates
         (Huang, Mourikis and Roumeliotis 2008), or in the coordinates of a right-invariant error
@@ -122,14 +122,14 @@ class EKFSlam:
     Attributes
     ----------
     measures : str
-        "looks": sets of simultaneous measurements of landmarks.
+        "landmarks": sets of simultaneous measurements of landmarks.
     motion, sensor, associate, linearisation
         As given.
     ids : tuple
         Names of the landmarks in the order of the state.
-    sightings : ndarray of int, shape (n,)
+    n_observations : ndarray of int, shape (n,)
         How often each landmark has been seen, the first time included.
-    unseen_for : ndarray of int, shape (n,)
+    steps_since_observed : ndarray of int, shape (n,)
         Predictions since each landmark was last seen.
     next_id : int
         Name of the next landmark that the association starts.
@@ -154,7 +154,7 @@ class EKFSlam:
     ((7,), [[2.0, 0.0]], 0.0)
     """
 
-    measures = "looks"
+    measures = "landmarks"
 
     def __init__(
         self,
@@ -165,7 +165,7 @@ class EKFSlam:
         ids: Sequence[Hashable] = (),
         *,
         associate: Associate | None = None,
-        linearisation: str = "latest",
+        linearisation: str = "standard",
     ) -> None:
         self.motion, self.sensor = as_motion("motion", motion), as_sensor("sensor", sensor)
         self.associate: Associate = nearest_neighbour if associate is None else associate
@@ -177,7 +177,7 @@ class EKFSlam:
         self._P = np.zeros((N, N)) if cov is None else as_covariance("cov", cov, N)  # (7)
         self._first = self._x.copy()  # where "first-estimates" takes its Jacobians
         self._row_of = {name: row for row, name in enumerate(self.ids)}
-        self.sightings, self.unseen_for = np.ones(n, int), np.zeros(n, int)
+        self.n_observations, self.steps_since_observed = np.ones(n, int), np.zeros(n, int)
         self.next_id = 1 + max([-1, *(name for name in self.ids if isinstance(name, int))])
 
     # The three stages of P1.
@@ -216,11 +216,11 @@ class EKFSlam:
         P[:3, :3] = symmetric(P[:3, :3] @ F.T + Q)
         P[3:, :3] = P[:3, 3:].T
         self._x[:3] = self._first[:3] = moved
-        self.unseen_for += 1
+        self.steps_since_observed += 1
 
     def update(
         self, z: ArrayLike, ids: Names | None = None, covs: ArrayLike | None = None
-    ) -> Correction:
+    ) -> Innovation:
         """Stages 2 and 3: correct by the landmarks known already, then add the new ones.
 
         All landmarks known already are one block: one O(n^2) correction however many were seen.
@@ -239,7 +239,7 @@ class EKFSlam:
 
         Returns
         -------
-        Correction
+        Innovation
             What the m landmarks known before were off by.
 
         Raises
@@ -272,10 +272,10 @@ class EKFSlam:
         downdate(self._P, B)  # (36): P - K S K^T = P - B^T B
         if shear is not None:
             reset_covariance(self._P, shear)
-        self.sightings[rows] += 1
-        self.unseen_for[rows] = 0
+        self.n_observations[rows] += 1
+        self.steps_since_observed[rows] = 0
         self._append([names[k] for k in np.flatnonzero(new)], points, G, noise)  # (43)
-        return Correction(v, S, float(y @ y), names, i, H, W, B, G)
+        return Innovation(v, S, float(y @ y), names, i, H, W, B, G)
 
     def _append(self, names: Sequence[Hashable], points: Array, G: Array, noise: Array) -> None:
         """Add landmarks x = G pose + noise, P1 (43): they are correlated with all others."""
@@ -286,8 +286,8 @@ class EKFSlam:
         self._x, self._first = np.append(self._x, points), np.append(self._first, points)
         self._row_of |= {name: len(self.ids) + k for k, name in enumerate(names)}
         self.ids = (*self.ids, *names)
-        self.sightings = np.append(self.sightings, np.ones(len(names), int))
-        self.unseen_for = np.append(self.unseen_for, np.zeros(len(names), int))
+        self.n_observations = np.append(self.n_observations, np.ones(len(names), int))
+        self.steps_since_observed = np.append(self.steps_since_observed, np.zeros(len(names), int))
         self.next_id = max([self.next_id, *(n + 1 for n in names if isinstance(n, int))])
 
     def remove(self, ids: Names) -> None:
@@ -309,11 +309,14 @@ class EKFSlam:
         keep[self.rows_of(ids)] = False
         i = entries(np.flatnonzero(keep))
         self._x, self._first, self._P = self._x[i], self._first[i], self._P[np.ix_(i, i)]
-        self.sightings, self.unseen_for = self.sightings[keep], self.unseen_for[keep]
+        self.n_observations, self.steps_since_observed = (
+            self.n_observations[keep],
+            self.steps_since_observed[keep],
+        )
         self.ids = tuple(name for name, stays in zip(self.ids, keep, strict=True) if stays)
         self._row_of = {name: row for row, name in enumerate(self.ids)}
 
-    def remove_unseen(self, steps: int, sightings: int = 1) -> tuple[Hashable, ...]:
+    def prune(self, steps: int, n_observations: int = 1) -> tuple[Hashable, ...]:
         """Remove the landmarks that were hardly ever seen and not lately; return their ids.
 
         A landmark born of clutter is seen once and never again.
@@ -322,16 +325,19 @@ class EKFSlam:
         ----------
         steps : int
             Remove only what has not been seen for at least this many predictions.
-        sightings : int, default 1
+        n_observations : int, default 1
             Remove only what was seen at most this often.
 
         Raises
         ------
         ValueError
-            If a count is no whole number, `steps` negative or `sightings` below 1.
+            If a count is no whole number, `steps` negative or `n_observations` below 1.
         """
-        steps, sightings = as_count("steps", steps), as_count("sightings", sightings, 1)
-        gone = (self.unseen_for >= steps) & (self.sightings <= sightings)
+        steps, n_observations = (
+            as_count("steps", steps),
+            as_count("n_observations", n_observations, 1),
+        )
+        gone = (self.steps_since_observed >= steps) & (self.n_observations <= n_observations)
         names = tuple(name for name, is_gone in zip(self.ids, gone, strict=True) if is_gone)
         if names:
             self.remove(names)

@@ -55,7 +55,7 @@ class FastSlam(PoseParticles):
         Such as `robots.Unicycle`.
     sensor : LandmarkSensor
         Such as `sensors.RangeBearing`. The built-in association also asks for its ``reach``, and
-        `detection` for ``visible``.
+        `detection_probabilities` for ``visible``.
     pose : array_like, shape (3,) or (n_particles, 3)
         Where the robot starts (m, m, rad): one pose for all, or one for each particle.
     n_particles : int
@@ -76,7 +76,7 @@ class FastSlam(PoseParticles):
         Probability that a true pair passes the gate of the built-in association. A measurement
         starts a landmark if it lies twice as far (in squared distance) from all others, where a
         true pair comes with probability (1 - gate)^2; in between it is left out.
-    detection : (float, float), optional
+    detection_probabilities : (float, float), optional
         Probability that a landmark in view is measured if it exists, and if it does not. With
         unknown association each landmark then keeps log odds of its existence, and is removed
         when they fall below even. By default no landmark is ever removed.
@@ -85,10 +85,10 @@ class FastSlam(PoseParticles):
     ----------
     ids : tuple
         Known association: names of the landmarks, in the order of `landmarks`.
-    columns : ndarray of int, shape (M, k)
+    associations : ndarray of int, shape (M, k)
         Column of the particle's own map that each measurement of the last update belongs to; -2
         where it was left out. Rows are the particles before they were resampled.
-    started : ndarray of bool, shape (M, k)
+    is_new : ndarray of bool, shape (M, k)
         Which of these began a landmark.
 
     Raises
@@ -121,7 +121,7 @@ class FastSlam(PoseParticles):
         threshold: float = 0.5,
         associate: Associate | None = None,
         gate: float = 0.99,
-        detection: tuple[float, float] | None = None,
+        detection_probabilities: tuple[float, float] | None = None,
     ) -> None:
         self.motion, self.sensor = as_motion("motion", motion), as_sensor("sensor", sensor)
         self.associate = associate
@@ -134,13 +134,13 @@ class FastSlam(PoseParticles):
         self.version = int(version)
         self._rng = as_rng("rng", rng)
         self._gate = float(chi2_quantile(as_scalar("gate", gate, 0.0, 1 - 1e-12), 2))
-        self._hit, self._miss = _log_odds(detection)
+        self._hit, self._miss = _log_odds(detection_probabilities)
         self._cloud = ParticleFilter(np.broadcast_to(pose, (M, 3)), self._rng, None, threshold)
         self._odometry = Odometry(motion, self._cloud.particles)
         self._maps = LandmarkMaps(M)
         self._columns: dict[Hashable, int] = {}
         self._unknown = False
-        self.columns, self.started = np.empty((M, 0), np.intp), np.empty((M, 0), bool)
+        self.associations, self.is_new = np.empty((M, 0), np.intp), np.empty((M, 0), bool)
 
     # The algorithm.
 
@@ -232,7 +232,7 @@ class FastSlam(PoseParticles):
         # Nothing can fail any more: change the filter.
         self._columns |= added
         self._unknown = self._unknown or (names is None and len(z) > 0)
-        self.columns, self.started = columns, fresh
+        self.associations, self.is_new = columns, fresh
         self._cloud.particles = poses
         self._maps.write(np.nonzero(seen)[0], columns[seen], maps)
         if names is None and self._miss < 0:
@@ -447,12 +447,15 @@ class FastSlam(PoseParticles):
         return f"version {self.version}.0, {self.n_landmarks} landmarks, "
 
 
-def _log_odds(detection: tuple[float, float] | None) -> tuple[float, float]:
+def _log_odds(detection_probabilities: tuple[float, float] | None) -> tuple[float, float]:
     """Evidence for existence in a sighting, and in its absence."""
-    if detection is None:
+    if detection_probabilities is None:
         return 0.0, 0.0
-    both = as_array("detection", detection, (2,))
-    real, false = (as_scalar("detection", p, 1e-6, 1 - 1e-6) for p in both)
+    both = as_array("detection_probabilities", detection_probabilities, (2,))
+    real, false = (as_scalar("detection_probabilities", p, 1e-6, 1 - 1e-6) for p in both)
     if real <= false:
-        raise ValueError(f"detection: expected the first above the second, got {detection}")
+        raise ValueError(
+            "detection_probabilities: expected the first above the second, "
+            f"got {detection_probabilities}"
+        )
     return float(np.log(real / false)), float(np.log((1 - real) / (1 - false)))

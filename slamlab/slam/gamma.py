@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_a, as_choice, as_scalar, as_shaped
+from slamlab._checks import Array, as_choice, as_instance, as_scalar, as_shaped
 from slamlab.geometry import transform
 from slamlab.grids import Grid
 from slamlab.mapping import VarianceGrid
@@ -91,7 +91,7 @@ class GammaSlam(MapParticles):
         threshold: float = 0.5,
     ) -> None:
         as_scan_sensor("rig", rig)
-        self.rig: HeightSensor = as_a("rig", rig, HeightSensor, "a rig such as StereoRig()")
+        self.rig: HeightSensor = as_instance("rig", rig, HeightSensor, "a rig such as StereoRig()")
         super().__init__(motion, pose, n_particles, rng, temper, threshold)
         resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
         self._prior = as_scalar("alpha", alpha, 1e-9, 1e9), as_scalar("beta", beta, 1e-12, 1e9)

@@ -72,7 +72,7 @@ class Result:
         The same for the edges to landmarks.
     message : str
         Why it stopped, in words.
-    rejected : int
+    n_rejected : int
         How many closures (see `PoseGraph.closures`) have a weight below 0.1.
 
     Examples
@@ -92,7 +92,7 @@ class Result:
     weights: Array
     landmark_weights: Array
     message: str
-    rejected: int
+    n_rejected: int
     _graph: PoseGraph = field(repr=False)
 
     @cached_property
@@ -289,7 +289,7 @@ class PoseGraph:
         content = _g2o.read(path)
         row = {identity: k for k, identity in enumerate(content.ids)}
         spot = {identity: k for k, identity in enumerate(content.point_ids)}
-        edges, sightings = content.edges, content.sightings
+        edges, observations = content.edges, content.observations
         return cls(
             content.poses,
             [(row[i], row[j]) for i, j in edges.pairs],
@@ -299,9 +299,9 @@ class PoseGraph:
             fixed=[row[identity] for identity in content.fixed] or (0,),
             scans=content.scans,
             landmarks=np.reshape(content.points, (-1, 2)),
-            landmark_edges=[(row[i], spot[j]) for i, j in sightings.pairs],
-            landmark_measurements=np.reshape(sightings.measurements, (-1, 2)),
-            landmark_information=np.reshape(sightings.information, (-1, 2, 2)),
+            landmark_edges=[(row[i], spot[j]) for i, j in observations.pairs],
+            landmark_measurements=np.reshape(observations.measurements, (-1, 2)),
+            landmark_information=np.reshape(observations.information, (-1, 2, 2)),
             landmark_ids=content.point_ids,
         )
 
@@ -318,14 +318,14 @@ class PoseGraph:
             self.measurements.tolist(),
             self.information.tolist(),
         )
-        sightings = _g2o.Links(
+        observations = _g2o.Links(
             [(ids[i], names[j]) for i, j in self.landmark_edges.tolist()],
             self.landmark_measurements.tolist(),
             self.landmark_information.tolist(),
         )
         fixed = [] if self.fixed == (0,) else [ids[row] for row in self.fixed]
         poses, points = self.poses.tolist(), self.landmarks.tolist()
-        content = _g2o.Content(ids, poses, edges, fixed, self.scans, names, points, sightings)
+        content = _g2o.Content(ids, poses, edges, fixed, self.scans, names, points, observations)
         _g2o.write(path, content)
 
     def with_poses(self, poses: ArrayLike, landmarks: ArrayLike | None = None) -> PoseGraph:
@@ -351,7 +351,7 @@ class PoseGraph:
         other.poses, other.landmarks = stacked[:n].copy(), stacked[n:, :2].copy()
         return other
 
-    def initial_guess(self) -> PoseGraph:
+    def chordal_initialisation(self) -> PoseGraph:
         """Return the same graph at poses and landmarks found without any start, linearly.
 
         If headings are complex numbers and the information is isotropic, the cost is quadratic
@@ -445,7 +445,7 @@ class PoseGraph:
         *,
         kernel: str | None = None,
         kernel_width: float | Sequence[float] = KERNEL_WIDTH,
-        alternatives: Sequence[Sequence[int]] = (),
+        hypotheses: Sequence[Sequence[int]] = (),
         max_iterations: int = 50,
         tolerance: float = 1e-7,
     ) -> Result:
@@ -464,7 +464,7 @@ class PoseGraph:
             Mahalanobis distance of an edge from which the kernel begins to doubt it; for DCS its
             square is the Phi of Agarwal et al. 2013. Of several, each begins where the one before
             ended: from a drifted start, wide ones first.
-        alternatives : sequence of sequences of int
+        hypotheses : sequence of sequences of int
             Groups of edges (rows) of which one each is true: only the likeliest counts.
         max_iterations : int
             Steps at most, for each width.
@@ -494,7 +494,7 @@ class PoseGraph:
             raise ValueError("kernel_width: expected at least one width, got none")
         max_iterations = as_count("max_iterations", max_iterations)
         tolerance = as_scalar("tolerance", tolerance, 0.0, 1.0)
-        groups = self._groups(alternatives)
+        groups = self._groups(hypotheses)
         equations = self._equations(self._all_edges(), self.fixed)
         poses = self._stack(None, None)
         # Poses of astronomic size overflow; they end in a message, not in a warning.
@@ -621,7 +621,8 @@ class PoseGraph:
         if rejected > 0.5 * closures.sum():
             warnings.warn(
                 f"the kernel rejected {rejected} of {closures.sum()} closures: from a drifted "
-                "start true ones look false; try initial_guess(), or kernel_width=(30, 10, 3)",
+                "start true ones look false; try chordal_initialisation(), or "
+                "kernel_width=(30, 10, 3)",
                 stacklevel=3,
             )
         if rejected:
@@ -636,7 +637,7 @@ class PoseGraph:
             weights=run.weights[:m],
             landmark_weights=run.weights[m:],
             message=message,
-            rejected=rejected,
+            n_rejected=rejected,
             _graph=self,
         )
 
@@ -666,17 +667,15 @@ class PoseGraph:
             covs[wanted] = equations.inverse_blocks(place[rows[wanted]])
         return covs[0] if np.ndim(i) == 0 else covs
 
-    def _groups(self, alternatives: Sequence[Sequence[int]]) -> list[np.ndarray]:
+    def _groups(self, hypotheses: Sequence[Sequence[int]]) -> list[np.ndarray]:
         m = len(self.edges)
         groups = [
-            _checked_rows("alternatives", group, m, "edges")
-            for group in as_tuple("alternatives", alternatives)
+            _checked_rows("hypotheses", group, m, "edges")
+            for group in as_tuple("hypotheses", hypotheses)
         ]
         rows = np.concatenate([*groups, np.zeros(0, dtype=int)])
         if any(len(group) == 0 for group in groups) or len(np.unique(rows)) < len(rows):
-            raise ValueError(
-                "alternatives: expected groups of edges, none empty and no edge twice"
-            )
+            raise ValueError("hypotheses: expected groups of edges, none empty and no edge twice")
         return groups
 
     def _check_connected(self) -> None:

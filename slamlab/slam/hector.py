@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_count, as_scalar
 from slamlab.geometry import between, transform
 from slamlab.mapping import OccupancyGrid
-from slamlab.matching import Field, Match, match_field
+from slamlab.matching import LikelihoodGrid, Match, match_field
 from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
 from slamlab.slam._tracking import LEAST_POINTS, ScanSystem, has_moved
@@ -138,10 +138,10 @@ class HectorSlam(ScanSystem):
         self._n_scans += 1
         return match
 
-    def _fields(self) -> list[Field]:
+    def _fields(self) -> list[LikelihoodGrid]:
         """Return the maps as fields of probabilities, coarse first."""
         return [
-            Field.of_log_odds(grid.log_odds, grid.resolution, grid.origin)
+            LikelihoodGrid.of_occupancy(grid.log_odds, grid.resolution, grid.origin)
             for grid in reversed(self.maps)
         ]
 

@@ -77,12 +77,12 @@ class IncrementalGraph:
     def poses(self) -> Array:
         """Poses (n, 3) of least chi2, given all that was added; a copy."""
         if not self._settled:
-            self.settle(self._tolerance)
+            self.optimize(self._tolerance)
         return self._x.copy()
 
     def graph(self) -> PoseGraph:
         """Return the whole graph, at its optimum."""
-        self.settle()
+        self.optimize()
         return PoseGraph(self._x, self._edges, self._measurements, self._information)
 
     def add_pose(
@@ -150,7 +150,7 @@ class IncrementalGraph:
         self._append(i, j, z, Omega)
         self._settled = False
 
-    def settle(self, tolerance: float = 1e-10) -> None:
+    def optimize(self, tolerance: float = 1e-10) -> None:
         """Find the optimum by Gauss-Newton, each linear system by conjugate gradients.
 
         Parameters

@@ -15,7 +15,7 @@ from slamlab.models import LandmarkSensor
 
 __all__ = ["LINEARISATIONS"]  # the rest is for the filters, whose arguments are checked
 
-LINEARISATIONS = ("latest", "first-estimates", "invariant")
+LINEARISATIONS = ("standard", "first-estimates", "invariant")
 
 
 def as_linearisation(value: str, sensor: LandmarkSensor) -> str:
@@ -25,7 +25,7 @@ def as_linearisation(value: str, sensor: LandmarkSensor) -> str:
     shift = sensor.locate([2.0, 1.0, 0.3], z) - sensor.locate([0.0, 0.0, 0.3], z)
     if value == "invariant" and not np.allclose(shift, [2.0, 1.0]):
         raise ValueError(
-            "linearisation: expected 'latest' or 'first-estimates' for a sensor whose landmarks "
+            "linearisation: expected 'standard' or 'first-estimates' for a sensor whose landmarks "
             "are no points, got 'invariant'"
         )
     return value

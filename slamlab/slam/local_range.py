@@ -12,10 +12,18 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_a, as_array, as_names, as_positive, as_scalar, as_shaped
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_instance,
+    as_names,
+    as_positive,
+    as_scalar,
+    as_shaped,
+)
 from slamlab.models import LandmarkSensor, as_estimator
 
-__all__ = ["LocalRange"]
+__all__ = ["AdaptiveRange"]
 
 
 class _WithSensor(Protocol):
@@ -30,7 +38,7 @@ class _Regional(Protocol):
     radius: float
 
 
-class LocalRange:
+class AdaptiveRange:
     """A SLAM system that looks only as far as it takes to see so many landmarks.
 
     Runs side by side (`EKFSlamBatch`) have a range each.
@@ -43,20 +51,20 @@ class LocalRange:
     system : Estimator
         Any that measures landmarks and knows its sensor: `EKFSlam`, `CompressedEKFSlam`,
         `EKFSlamBatch`.
-    wanted : float, default 10.0
+    n_target : float, default 10.0
         Landmarks to see at once, positive.
-    nearest, furthest : float
+    min_range, max_range : float
         Bounds of the range (m); it begins at the furthest.
-    region : float, optional
+    region_factor : float, optional
         Let a `CompressedEKFSlam` work in a region of so many ranges; its `radius` is set.
 
     Attributes
     ----------
     measures : str
-        "looks": sets of simultaneous measurements of landmarks.
+        "landmarks": sets of simultaneous measurements of landmarks.
     system : Estimator
         As given.
-    reach : float, or ndarray (M,) of a batch
+    range : float, or ndarray (M,) of a batch
         The range of the next measurements (m).
     n_seen : int, or ndarray (M,) of a batch
         Landmarks seen at the last update.
@@ -73,39 +81,41 @@ class LocalRange:
     >>> from slamlab.sensors import PointSensor
     >>> from slamlab.slam import EKFSlam
     >>> inner = EKFSlam(Unicycle(), PointSensor(0.04 * np.eye(2)), [0, 0, 0])
-    >>> slam = LocalRange(inner, wanted=1, nearest=5.0, furthest=40.0)
+    >>> slam = AdaptiveRange(inner, n_target=1, min_range=5.0, max_range=40.0)
     >>> _ = slam.update([[30.0, 0.0], [3.0, 4.0], [0.0, 8.0], [6.0, 0.0]], ids=list("abcd"))
-    >>> slam.n_seen, slam.reach
+    >>> slam.n_seen, slam.range
     (4, 20.0)
     """
 
-    measures = "looks"
+    measures = "landmarks"
 
     def __init__(
         self,
         system: Any,
         *,
-        wanted: float = 10.0,
-        nearest: float,
-        furthest: float,
-        region: float | None = None,
+        n_target: float = 10.0,
+        min_range: float,
+        max_range: float,
+        region_factor: float | None = None,
     ) -> None:
         self.system: Any = as_estimator("system", system)
-        as_a("system", system, _WithSensor, "one with a sensor of landmarks")
-        if region is not None:
-            as_a("region", system, _Regional, "a system with a radius")
-        self.wanted = as_positive("wanted", wanted, 1e9)
-        self.nearest = as_positive("nearest", nearest, 1e9)
-        self.furthest = as_scalar("furthest", furthest, self.nearest, 1e9)
-        self.region = None if region is None else as_scalar("region", region, 1.0, 1e9)
+        as_instance("system", system, _WithSensor, "one with a sensor of landmarks")
+        if region_factor is not None:
+            as_instance("region_factor", system, _Regional, "a system with a radius")
+        self.n_target = as_positive("n_target", n_target, 1e9)
+        self.min_range = as_positive("min_range", min_range, 1e9)
+        self.max_range = as_scalar("max_range", max_range, self.min_range, 1e9)
+        self.region_factor = (
+            None if region_factor is None else as_scalar("region_factor", region_factor, 1.0, 1e9)
+        )
         self.n_seen: Any = 0
-        self.reach: Any = self.furthest
-        self._set_reach(self.reach)
+        self.range: Any = self.max_range
+        self._set_reach(self.range)
 
     def __repr__(self) -> str:
         """Say how far it sees, and in which system."""
-        reach = f"{np.mean(self.reach):.1f} m"
-        return f"LocalRange({reach} for {self.wanted:g} landmarks, {self.system!r})"
+        reach = f"{np.mean(self.range):.1f} m"
+        return f"AdaptiveRange({reach} for {self.n_target:g} landmarks, {self.system!r})"
 
     @property
     def pose(self) -> Array:
@@ -141,7 +151,7 @@ class LocalRange:
         z = as_shaped("z", z, (*batch, "k", 2)) if batch else as_array("z", z, ("k", 2))
         seen = np.asarray(np.isfinite(z).all(-1))
         distance = self.system.sensor.reach(np.where(seen[..., None], z, 0.0))
-        near = seen & (distance <= np.asarray(self.reach)[..., None])
+        near = seen & (distance <= np.asarray(self.range)[..., None])
         if batch:
             report = self.system.update(np.where(near[..., None], z, np.nan), ids)
         elif ids is None:
@@ -151,12 +161,12 @@ class LocalRange:
             report = self.system.update(z[near], [names[k] for k in np.flatnonzero(near)])
         self.n_seen = near.sum(-1) if batch else int(near.sum())
         # rho pi r^2 = n_seen, and rho pi r'^2 = wanted
-        ratio = np.sqrt(self.wanted / np.maximum(self.n_seen, 0.25))
-        reach = np.clip(self.reach * ratio, self.nearest, self.furthest)
+        ratio = np.sqrt(self.n_target / np.maximum(self.n_seen, 0.25))
+        reach = np.clip(self.range * ratio, self.min_range, self.max_range)
         self._set_reach(reach if batch else float(reach))
         return report
 
     def _set_reach(self, reach: Any) -> None:
-        self.reach = reach
-        if self.region is not None:
-            self.system.radius = self.region * reach
+        self.range = reach
+        if self.region_factor is not None:
+            self.system.radius = self.region_factor * reach

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count
 from slamlab.geometry import between, compose, rotation
-from slamlab.matching import Match, Outline
+from slamlab.matching import Match, PointsWithNormals
 from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
 from slamlab.slam._closures import AROUND, STRIDE, Closure, candidates, verify, witnessed
@@ -54,7 +54,7 @@ class ScanGraphSlam(ScanSystem):
         What the controls mean.
     loops : bool, default True
         Look for closures. Without them: the front end alone.
-    ambiguous : {"reject", "stretch"}
+    ambiguous : {"reject", "inflate"}
         What to do with a closure that has a rival, as in a corridor: reject it, or keep it with a
         covariance stretched along the direction that the walls do not hold.
 
@@ -70,7 +70,7 @@ class ScanGraphSlam(ScanSystem):
         All that were verified; `state` tells which of them count.
     lost : bool
         Whether the last scan lay nowhere near the map: then the wheels are believed.
-    lost_scans : list of int
+    unmatched_scans : list of int
         Numbers of all such scans.
 
     Examples
@@ -99,17 +99,19 @@ class ScanGraphSlam(ScanSystem):
         self._motion = as_motion("motion", motion)
         self._n_keyframes = as_count("n_keyframes", n_keyframes, 1)
         self._loops = bool(loops)
-        self._stretch = as_choice("ambiguous", ambiguous, ["reject", "stretch"]) == "stretch"
+        self._stretch = as_choice("ambiguous", ambiguous, ["reject", "inflate"]) == "inflate"
         self.nodes: list[Keyframe] = []
         self.closures: list[Closure] = []
         self.lost = False
-        self.lost_scans: list[int] = []
+        self.unmatched_scans: list[int] = []
         self._poses = np.zeros((0, 3))  # of the nodes
         self._travel = np.zeros(0)  # metres driven to each node
         self._chain: list[tuple[Array, Array]] = []  # (z, cov) from each node to the next
         self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
         self._placed = np.zeros((0, 3))  # poses of the scans that the trajectory was asked for
-        self._recent: deque[Outline] = deque(maxlen=self._n_keyframes)  # the last keyframes
+        self._recent: deque[PointsWithNormals] = deque(
+            maxlen=self._n_keyframes
+        )  # the last keyframes
         self._ground: LocalMap | None = None  # made of them, until there is a new one
         self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
         self._tried = self._tied = 0.0  # travel of the last trial, of the last closure
@@ -178,7 +180,7 @@ class ScanGraphSlam(ScanSystem):
         match = track(self._ground, points, self._pose, self._moved_cov)
         self.lost = match is None
         if match is None:
-            self.lost_scans.append(len(self._steps))
+            self.unmatched_scans.append(len(self._steps))
             return nothing
         before = self._cov - self._moved_cov
         self._pose, self._moved_cov = fused(match, self._pose, self._moved_cov)

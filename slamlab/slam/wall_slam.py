@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_count, as_positive, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_instance, as_positive, as_scalar
 from slamlab.gaussian import chi2_quantile
 from slamlab.geometry import transform
 from slamlab.mapping.walls import Walls, extract_walls, in_name_of, on_line
@@ -91,7 +91,7 @@ class WallSlam:
     Attributes
     ----------
     measures : str
-        "ranges": scans.
+        "scan": scans.
     filter : EKFSlam
         Pose and lines (r, alpha), with their covariance.
 
@@ -117,7 +117,7 @@ class WallSlam:
     [[2.3, 0.0]]
     """
 
-    measures = "ranges"
+    measures = "scan"
 
     def __init__(
         self,
@@ -136,7 +136,7 @@ class WallSlam:
         as_scan_sensor("lidar", lidar)
         if sigma_range is None:
             wanted = "a lidar that tells its noise, such as Lidar(...)"
-            noisy: NoisyLidar = as_a("lidar", lidar, NoisyLidar, wanted)
+            noisy: NoisyLidar = as_instance("lidar", lidar, NoisyLidar, wanted)
             self._sigma = as_positive("lidar.sigma_range", noisy.sigma_range, 1e300)
         else:
             self._sigma = as_positive("sigma_range", sigma_range, 1e300)
@@ -170,7 +170,7 @@ class WallSlam:
     @property
     def confirmed(self) -> tuple[Hashable, ...]:
         """Ids of the walls that were seen often enough to be believed."""
-        often = np.flatnonzero(self.filter.sightings >= self._confirm)
+        often = np.flatnonzero(self.filter.n_observations >= self._confirm)
         return tuple(self.filter.ids[row] for row in often)
 
     @property
@@ -219,7 +219,7 @@ class WallSlam:
         alpha[known] = ekf.sensor.observe(ekf.pose, ekf.landmarks[rows[known]])[:, 1]
         innovation = ekf.update(walls.lines, names, in_name_of(walls.lines[:, 1], alpha, covs))
         self._extend(names, walls.ends)
-        for id in ekf.remove_unseen(self._patience, max(self._confirm - 1, 1)):
+        for id in ekf.prune(self._patience, max(self._confirm - 1, 1)):
             del self._spans[id]
         return WallSighting(walls, names, float(innovation.nis))
 

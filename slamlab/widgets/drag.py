@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import as_array, as_count, as_rng, as_scalar
-from slamlab.matching import Outline
+from slamlab.matching import PointsWithNormals
 from slamlab.widgets import _pack
 from slamlab.widgets._pack import Figure, script
 
@@ -119,7 +119,7 @@ class ScanDrag(Figure):
 
     Parameters
     ----------
-    reference : array_like, shape (m, 2), or Outline
+    reference : array_like, shape (m, 2), or PointsWithNormals
         Points of the first scan (m); those off walls are left out.
     points : array_like, shape (k, 2)
         Points of the second scan in the frame of the robot (m).
@@ -158,7 +158,7 @@ class ScanDrag(Figure):
 
     def __init__(
         self,
-        reference: ArrayLike | Outline,
+        reference: ArrayLike | PointsWithNormals,
         points: ArrayLike,
         truth: ArrayLike,
         start: ArrayLike | None = None,
@@ -168,7 +168,11 @@ class ScanDrag(Figure):
         title: str = "",
         question: str = "",
     ) -> None:
-        outline = reference if isinstance(reference, Outline) else Outline.of(reference)
+        outline = (
+            reference
+            if isinstance(reference, PointsWithNormals)
+            else PointsWithNormals.estimate(reference)
+        )
         on_wall = np.isfinite(outline.normals[:, 0])
         if on_wall.sum() < 3:
             raise ValueError("reference: expected at least 3 points on walls, got fewer")

@@ -177,7 +177,7 @@ class Replay(Figure):
         ValueError
             As `Replay`.
         """
-        log, kept = run.log, run.kept
+        log, kept = run.log, run.recorded
         shown: dict[str, Any] = {"times": run.times, "estimate": run.poses, "covs": run.covs}
         if log.truth is not None:
             shown["truth"] = run.truth

@@ -481,7 +481,7 @@ function locate(room, measured) {
 const [UNKNOWN, FREE, OCCUPIED] = [0, 1, 2];
 const AROUND = [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]];
 
-/** What scans have shown of the floor, cell by cell [SeenFloor], and how much of what can be reached
+/** What scans have shown of the floor, cell by cell [ExplorationGrid], and how much of what can be reached
  *  from the start that is [tours.coverage]. */
 class Floor {
   constructor(room, [x, y], cell = 0.05) {

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_count, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_instance, as_rng, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.models import World
 
@@ -42,7 +42,7 @@ def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float 
     >>> free_poses(rooms.thesis_room(), 5, np.random.default_rng(1), clearance=0.2).shape
     (5, 3)
     """
-    as_a("world", world, World, "a world such as BitmapWorld(...)")
+    as_instance("world", world, World, "a world such as BitmapWorld(...)")
     n, rng = as_count("n", n), as_rng("rng", rng)
     clearance = as_scalar("clearance", clearance, 0.0)
     left, bottom, right, top = world.bounds

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
-from slamlab._checks import Array, as_a, as_array, as_rng, as_scalar
+from slamlab._checks import Array, as_array, as_instance, as_rng, as_scalar
 from slamlab.grids import Grid
 
 __all__ = ["Terrain"]
@@ -40,7 +40,7 @@ class Terrain:
     """
 
     def __init__(self, grid: Grid, heights: ArrayLike, relief: ArrayLike | None = None) -> None:
-        self.grid: Grid = as_a("grid", grid, Grid)
+        self.grid: Grid = as_instance("grid", grid, Grid)
         self.heights = as_array("heights", heights, grid.shape).astype(np.float64)
         relief = self.heights if relief is None else relief
         self.relief = as_array("relief", relief, grid.shape).copy()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_a, as_array, as_scalar
+from slamlab._checks import Array, as_array, as_instance, as_scalar
 from slamlab.geometry import transform
 from slamlab.kernels.cast import cast_segments, inside_segments
 from slamlab.kernels.clearance import segment_clearance
@@ -106,7 +106,7 @@ class WallWorld(Solid):
         ValueError
             If no cell is free, or a free cell lies at the edge.
         """
-        free = ~as_a("bitmap", bitmap, BitmapWorld).occupied
+        free = ~as_instance("bitmap", bitmap, BitmapWorld).occupied
         edge = np.concatenate([free[0], free[-1], free[:, 0], free[:, -1]])
         if not free.any() or edge.any():
             got = f"{int(free.sum())} free cells, {int(edge.sum())} at the edge"

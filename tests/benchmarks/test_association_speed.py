@@ -25,12 +25,14 @@ def lost(n, size, doubt, seed=0):
     P = slam.cov.copy()
     P[:3, :3] += np.diag(np.square(doubt))
     slam = EKFSlam(Unicycle(), SENSOR, slam.mean, P, slam.ids)
-    near, looks = np.argsort(np.hypot(*landmarks.T))[:30], []
+    near, observations = np.argsort(np.hypot(*landmarks.T))[:30], []
     for _ in range(15):
         pose = rng.multivariate_normal(np.zeros(3), slam.pose_cov)
         shown = landmarks[rng.choice(near, 10, replace=False)]
-        looks.append(SENSOR.observe(pose, shown) + rng.standard_normal((10, 2)) * [0.1, 0.02])
-    return slam, looks
+        observations.append(
+            SENSOR.observe(pose, shown) + rng.standard_normal((10, 2)) * [0.1, 0.02]
+        )
+    return slam, observations
 
 
 USUAL = (200, 20.0, (0.3, 0.3, 0.05))
@@ -65,13 +67,13 @@ def seconds(function, arguments):
 
 def measure():
     """Seconds: joint search usual and dense, our nearest neighbour and the textbook's."""
-    slam, looks = lost(*USUAL)
+    slam, observations = lost(*USUAL)
     dense, hard = lost(*DENSE)
     return (
-        seconds(lambda z: joint_search(slam, z), looks),
+        seconds(lambda z: joint_search(slam, z), observations),
         max(seconds(lambda z: joint_search(dense, z), [z]) for z in hard),
-        seconds(lambda z: nearest_neighbour(slam, z), looks),
-        seconds(lambda z: one_by_one(slam, z), looks[:3]),
+        seconds(lambda z: nearest_neighbour(slam, z), observations),
+        seconds(lambda z: one_by_one(slam, z), observations[:3]),
     )
 
 
@@ -87,8 +89,8 @@ def rows():
 
 
 def test_the_peer_finds_the_same_neighbours():
-    slam, looks = lost(200, 20.0, (0.05, 0.05, 0.01))
-    for z in looks[:3]:
+    slam, observations = lost(200, 20.0, (0.05, 0.05, 0.01))
+    for z in observations[:3]:
         ours, peer = nearest_neighbour(slam, z), one_by_one(slam, z)
         clear = [list(peer).count(row) == 1 and row >= 0 for row in peer]
         assert sum(clear) >= 7

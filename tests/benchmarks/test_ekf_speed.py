@@ -109,7 +109,7 @@ def other_scene(kind, n):
     """A compressed EKF with a region of 20 among n landmarks, or FastSLAM with 100 particles."""
     if kind == "compressed EKF":
         slam, z, rows = scene(n, CompressedEKFSlam)
-        slam.enter(range(20))
+        slam.set_region(range(20))
         return slam, z, rows
     slam, z, rows = scene(n)
     fast = FastSlam(YOUBOT, SENSOR, [0, 0, 0], 100, rng=np.random.default_rng(7))

@@ -28,7 +28,7 @@ def scene(n_landmarks, seed=1):
     rng = np.random.default_rng(seed)
     landmarks = rng.uniform(-10, 10, (n_landmarks, 2))
 
-    def looks():
+    def observations():
         pose = np.zeros(3)
         while True:
             pose = MOTION.sample(pose, U, DT, V, rng)
@@ -37,7 +37,7 @@ def scene(n_landmarks, seed=1):
             z = SENSOR.observe(pose, landmarks[ids]) + noise
             yield np.maximum(z, [0.0, -np.inf]), ids.tolist()
 
-    return landmarks, looks()
+    return landmarks, observations()
 
 
 def filled(version, n_particles, landmarks):
@@ -158,14 +158,14 @@ def measure(version, rounds=9, share=1):
 
     The loop's time grows with its particles: a share of them, timed, stands for all.
     """
-    landmarks, looks = scene(N_LANDMARKS)
+    landmarks, observations = scene(N_LANDMARKS)
     slam, rng = filled(version, N_PARTICLES, landmarks), np.random.default_rng(3)
     particles = as_particles(slam, N_PARTICLES // share)
     seconds = np.empty((rounds, 2))
     for row in seconds:
         ours = []
         for _ in range(4):  # resampling comes every other step or so
-            z, ids = next(looks)
+            z, ids = next(observations)
             start = time.process_time()
             step(slam, z, ids)
             ours.append(time.process_time() - start)
@@ -181,8 +181,8 @@ def measure_growth(version, rounds=60):
     slams = [filled(version, 100, landmarks) for landmarks, _ in scenes]
     seconds = np.empty((rounds, 2))
     for row in seconds:
-        for i, (slam, (_, looks)) in enumerate(zip(slams, scenes, strict=True)):
-            z, ids = next(looks)
+        for i, (slam, (_, observations)) in enumerate(zip(slams, scenes, strict=True)):
+            z, ids = next(observations)
             start = time.process_time()
             step(slam, z, ids)
             row[i] = time.process_time() - start
@@ -191,12 +191,12 @@ def measure_growth(version, rounds=60):
 
 def peak_memory():
     """Peak bytes of a filter with 100 particles that meets 50 000 landmarks and steps on."""
-    landmarks, looks = scene(50_000)
+    landmarks, observations = scene(50_000)
     tracemalloc.start()
     try:
         slam = filled(1, 100, landmarks)
         for _ in range(20):
-            step(slam, *next(looks))
+            step(slam, *next(observations))
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
@@ -222,11 +222,11 @@ def rows(rounds=9):
 @pytest.mark.parametrize("version", [1, 2])
 def test_the_loop_and_the_arrays_do_the_same(version):
     """Without noise to draw, both are the same arithmetic."""
-    landmarks, looks = scene(N_LANDMARKS)
+    landmarks, observations = scene(N_LANDMARKS)
     slam = filled(version, 5, landmarks)
     slam._cloud._threshold = 0.0
     particles = as_particles(slam, 5)
-    z, ids = next(looks)
+    z, ids = next(observations)
     same = np.random.default_rng(4).standard_normal((5, 2))
 
     class Scripted(np.random.Generator):

@@ -41,8 +41,9 @@ def test_every_module_on_the_api_page_exists():
 
 # Records that a function returns, and protocols (their examples: book/bring_your_own.md).
 ANSWERS = {
-    "Ellipse", "Step", "FilterResult", "SmootherResult", "SteadyState", "Match", "Outline",
-    "Walls", "Certificate", "Closure", "Scans", "Location", "Loop", "ManhattanGraph", "Relations",
+    "Ellipse", "Step", "FilterResult", "SmootherResult", "SteadyState", "Match",
+    "PointsWithNormals", "Walls", "Certificate", "Closure", "Scans",
+    "Location", "Loop", "ManhattanGraph", "Relations",
     "AssociationScores", "Run", "Verdict", "WallScores", "Situation", "View",
 }  # fmt: skip
 PROTOCOLS = {

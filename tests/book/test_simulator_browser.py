@@ -27,11 +27,11 @@ from slamlab.evaluation.tours import coverage
 from slamlab.geometry import wrap_angle
 from slamlab.localization import DeadReckoning, SignatureMap
 from slamlab.localization.signature import spectrum, three_numbers
-from slamlab.navigation import Explorer, LongestBeam, NearestFrontier, Quadrants, SeenFloor
+from slamlab.navigation import ExplorationGrid, Explorer, LongestBeam, NearestFrontier, Quadrants
 from slamlab.printed.p5 import can_move_as_printed, displacement_as_printed, turn_as_printed
 from slamlab.robots import RelativePose, SquareRobot, Unicycle
 from slamlab.sensors import Lidar, turn_between
-from slamlab.simulation import Truth, record
+from slamlab.simulation import PerfectEstimator, record
 from slamlab.widgets import Simulator
 from slamlab.worlds import BitmapWorld, free_poses, rooms
 
@@ -318,7 +318,7 @@ def explored(strategy, **settings):
     rng, start = np.random.default_rng(0), [0.8, 1.5, np.deg2rad(25)]
     pilot = Explorer(ROBOT, LIDAR, strategy, rng, bounds=(0, 0, 4, 4), **settings)
     log = record(
-        ROOM, Unicycle(), LIDAR, pilot, Truth(), rng, start=start, dt=1.0,
+        ROOM, Unicycle(), LIDAR, pilot, PerfectEstimator(), rng, start=start, dt=1.0,
         footprint=ROBOT.footprint,
     )  # fmt: skip
     return start, log, pilot
@@ -336,7 +336,7 @@ def test_the_page_explores_as_the_library_does(show):
     np.testing.assert_allclose(off, 0, atol=1e-6)
     assert hits == 0
     np.testing.assert_allclose(shares, coverage(log, ROOM)[:steps], atol=1e-3)
-    whole = SeenFloor(ROOM.bounds, 0.05)
+    whole = ExplorationGrid(ROOM.bounds, 0.05)
     for pose, ranges in zip(log.truth[:steps], log.ranges[:steps], strict=True):
         whole.insert(pose, ranges, LIDAR)
     assert np.mean(whole.state.ravel() == state) > 0.999
@@ -500,7 +500,7 @@ def shown(page):
 @pytest.mark.parametrize("guard", ["swept", "printed"])
 def test_it_explores_by_itself_and_counts_collisions(show, guard):
     page = show(figure())
-    page.get_by_role("combobox", name="Guard").select_option(guard)
+    page.get_by_role("combobox", name="CollisionGuard").select_option(guard)
     page.get_by_role("combobox", name="Strategy").select_option("fraction")
     page.get_by_role("button", name="Explore").click()
     page.wait_for_function(

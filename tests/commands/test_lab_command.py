@@ -16,7 +16,7 @@ GOOD = """import numpy as np
 
 
 class Tracker:
-    measures = "looks"
+    measures = "landmarks"
 
     def __init__(self, setting):
         self.setting = setting

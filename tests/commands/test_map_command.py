@@ -17,7 +17,7 @@ from slamlab.geometry import compose
 from slamlab.logs import Log
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
-from slamlab.simulation import Script, Truth, record
+from slamlab.simulation import PerfectEstimator, Script, record
 from slamlab.slam import PoseGraph
 from slamlab.worlds import BitmapWorld, rooms
 
@@ -168,7 +168,7 @@ def test_a_recorded_drive_says_what_its_controls_are(tmp_path):
     robot, world = YOUBOT, rooms.office()
     script = Script([[0.2, 0.0, 0.0]] * 3)
     log = record(
-        world, robot, LIDAR, script, Truth(), np.random.default_rng(0),
+        world, robot, LIDAR, script, PerfectEstimator(), np.random.default_rng(0),
         start=[2.0, 4.0, 0.0], dt=0.2,
     )  # fmt: skip
     assert log.controls == "velocity"

@@ -34,7 +34,7 @@ def test_every_field_lands_where_it_belongs(tmp_path):
         [0.001, 0.02, 0.004],
         [0.002, 0.004, 0.03],
     ]
-    assert [z.tolist() for z in log.looks] == [[], [[3, 4], [1, 1]], [[2, 4]]]
+    assert [z.tolist() for z in log.landmark_measurements] == [[], [[3, 4], [1, 1]], [[2, 4]]]
     assert [names.tolist() for names in log.ids] == [[], [0, 1], [0]]
     assert log.covs[1][0].tolist() == [[0.4, 0.1], [0.1, 0.5]]
 
@@ -62,7 +62,11 @@ def park():
 
 
 def test_the_park_has_its_known_size(park):
-    assert (len(park), len(park.landmarks), sum(map(len, park.looks))) == (6969, 151, 3640)
+    assert (len(park), len(park.landmarks), sum(map(len, park.landmark_measurements))) == (
+        6969,
+        151,
+        3640,
+    )
     length = np.hypot(*np.diff(park.truth[:, :2], axis=0).T).sum()
     assert length == pytest.approx(4000, rel=0.03)
 
@@ -70,15 +74,15 @@ def test_the_park_has_its_known_size(park):
 def test_the_guess_without_a_start_leads_to_the_known_optimum(park):
     sensor = PointSensor(0.4 * np.eye(2))
     graph = PoseGraph.from_log(park, RelativePose(), sensor)
-    stuck, best = graph.optimize(), graph.initial_guess().optimize()
+    stuck, best = graph.optimize(), graph.chordal_initialisation().optimize()
     assert best.converged
     assert best.chi2 == pytest.approx(6183.93, abs=0.01)  # 6978 degrees of freedom
     assert not stuck.converged
     assert stuck.chi2 > 100 * best.chi2
     assert np.array_equal(best.poses, park.truth)
-    k = next(k for k in range(3000, 6969) if len(park.looks[k]))
+    k = next(k for k in range(3000, 6969) if len(park.landmark_measurements[k]))
     seen = inverse_transform(park.truth[k], park.landmarks[park.ids[k]])
-    assert np.abs(seen - park.looks[k]).max() < 3.0
+    assert np.abs(seen - park.landmark_measurements[k]).max() < 3.0
 
 
 def test_it_is_what_gtsam_ships(park):
@@ -86,5 +90,8 @@ def test_it_is_what_gtsam_ships(park):
     theirs = read_landmark_log(Path(gtsam.__file__).parent / "Data" / "victoria_park.txt")
     assert np.array_equal(park.u, theirs.u)
     assert np.array_equal(park.control_cov, theirs.control_cov)
-    for ours, other in ((park.looks, theirs.looks), (park.ids, theirs.ids)):
+    for ours, other in (
+        (park.landmark_measurements, theirs.landmark_measurements),
+        (park.ids, theirs.ids),
+    ):
         assert all(map(np.array_equal, ours, other))

@@ -135,7 +135,7 @@ def test_5_text_zero_initial_covariance_breaks_nothing():
     slam = EKFSlam(YOUBOT, SENSOR, [0, 0, 0, 2, 1], np.zeros((5, 5)), ids=["a"])
     innovation = slam.update([[2.1, 0.6]], ["a"])
     # What is inverted is S = H 0 H^T + R = R.
-    np.testing.assert_allclose(innovation.cov, SENSOR.cov)
+    np.testing.assert_allclose(innovation.S, SENSOR.cov)
     np.testing.assert_array_equal(slam.cov, np.zeros((5, 5)))
     # The matrix that the paper fears for cannot be inverted, and never is.
     with pytest.raises(np.linalg.LinAlgError):
@@ -221,12 +221,12 @@ def test_19_the_innovation_is_wrapped_and_lives_in_the_measurement():
     z = seen(slam, [2])
     first = slam.update(z, [2])
     second = other.update(z + [0, 2 * np.pi], [2])
-    np.testing.assert_allclose(first.residual, second.residual, atol=1e-12)
+    np.testing.assert_allclose(first.innovation, second.innovation, atol=1e-12)
     np.testing.assert_allclose(slam.mean, other.mean, atol=1e-12)
     # "Difference between predicted and actual position": it has two numbers, not three.
-    assert first.residual.shape == (2,)
+    assert first.innovation.shape == (2,)
     # Not wrapped, a full turn throws the estimate metres away.
-    raw = other.mean + first.gain @ (first.residual + [0, 2 * np.pi])
+    raw = other.mean + first.gain @ (first.innovation + [0, 2 * np.pi])
     assert np.abs(raw - slam.mean).max() > 1.0
 
 
@@ -324,7 +324,7 @@ def test_33_to_36_condition_the_joint_gaussian():
     np.testing.assert_allclose(slam.mean, due_mean, atol=1e-8)
     np.testing.assert_allclose(slam.cov, due_cov, atol=1e-9)
     # (33), (34)
-    S, K = innovation.cov, innovation.gain
+    S, K = innovation.S, innovation.gain
     np.testing.assert_allclose(S, H @ P @ H.T + R, rtol=1e-7, atol=1e-10)
     np.testing.assert_allclose(K, P @ H.T @ np.linalg.inv(S), atol=1e-8)
     # (36) equals Joseph's form and the short form, for this gain ...
@@ -346,7 +346,7 @@ def test_35_the_heading_stays_in_one_turn():
     slam = EKFSlam(YOUBOT, SENSOR, [*start, *landmark], P, ids=[0])
     z = SENSOR.observe(start + [0, 0, 0.1], landmark)
     innovation = slam.update(z[None], [0])
-    plain = start[2] + (innovation.gain @ innovation.residual)[2]
+    plain = start[2] + (innovation.gain @ innovation.innovation)[2]
     assert plain > np.pi  # (35) to the letter
     assert abs(slam.pose[2] - (plain - 2 * np.pi)) < 1e-12
     assert abs(slam.pose[2] - (3.23 - 2 * np.pi)) < 0.01

@@ -8,7 +8,7 @@ from slamlab.gaussian import Gaussian
 from slamlab.geometry import compose
 from slamlab.kernels.boxes import TESTS, search
 from slamlab.localization import DeadReckoning
-from slamlab.navigation import Homer, PathMemory, ReturnLaw
+from slamlab.navigation import PathFollower, PathMemory, ReturnLaw
 from slamlab.navigation._spline import Spline
 from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer
@@ -146,7 +146,7 @@ def test_what_the_error_at_the_far_end_alone_costs():
                                      np.linspace([0, 0.5], [-0.5, 0.5], 40)]):  # fmt: skip
             memory.add(point)
         home = record(
-            None, Unicycle(), None, Homer(memory, ReturnLaw(backwards=True), stop=0.001),
+            None, Unicycle(), None, PathFollower(memory, ReturnLaw(backwards=True), stop=0.001),
             DeadReckoning(RelativePose(), [*believed, np.pi]), np.random.default_rng(0),
             start=[*truth, np.pi + a], odometer=VisualOdometer.simple(0, 0),
         )  # fmt: skip

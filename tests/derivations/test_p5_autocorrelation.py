@@ -17,7 +17,7 @@ from slamlab.navigation import Explorer, Quadrants
 from slamlab.printed.p5 import acf_as_printed, turn_as_printed
 from slamlab.robots import SquareRobot, Unicycle
 from slamlab.sensors import Lidar, turn_between
-from slamlab.simulation import Truth, record
+from slamlab.simulation import PerfectEstimator, record
 from slamlab.worlds import rooms
 
 PIXELS = st.lists(st.integers(0, 566), min_size=2, max_size=60)  # 566: diagonal of 400 x 400
@@ -311,7 +311,7 @@ def test_an_explorer_finds_its_coordinates_by_the_scan_and_not_by_three_numbers(
     world, lidar, robot = getattr(rooms, room)(), Lidar(120), SquareRobot(0.30)
     rng = np.random.default_rng(0)
     pilot = Explorer(robot, lidar, Quadrants(), rng, bounds=world.bounds, max_path=12)
-    log = record(world, Unicycle(), lidar, pilot, Truth(), rng, dt=1.0, max_time=600,
+    log = record(world, Unicycle(), lidar, pilot, PerfectEstimator(), rng, dt=1.0, max_time=600,
                  start=[0.6, 0.6, np.deg2rad(turned)], footprint=robot.footprint)  # fmt: skip
     atlas = SignatureMap.build(world, lidar, stride=2)
     stored, asked = (np.floor(r / 0.01 + 1e-3) for r in (atlas.scans.astype(float), log.ranges))

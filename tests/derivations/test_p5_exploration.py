@@ -23,7 +23,7 @@ from slamlab.sensors import (
     Lidar,
     turn_between,
 )
-from slamlab.simulation import Truth, record
+from slamlab.simulation import PerfectEstimator, record
 from slamlab.worlds import free_poses, rooms
 
 N, ROBOT, LIDAR, ROOM = 120, SquareRobot(0.30), Lidar(120), rooms.thesis_room()
@@ -178,7 +178,7 @@ def test_the_two_trials_end_without_collision_only_with_the_mended_guard():
                 limits = {"guard": guard, "max_moves": 25, "max_path": 8.0}
                 log = record(
                     room, Unicycle(), LIDAR, Explorer(ROBOT, LIDAR, Quadrants(), rng, **limits),
-                    Truth(), rng, start=start, dt=1.0, footprint=ROBOT.footprint,
+                    PerfectEstimator(), rng, start=start, dt=1.0, footprint=ROBOT.footprint,
                 )  # fmt: skip
                 hits.setdefault(guard, []).append(log.notes["hit"].any())
         assert not any(hits["swept"])
@@ -237,8 +237,8 @@ def test_the_quarters_finish_in_forty_metres_where_the_longest_beam_does_not():
         for k, start in enumerate(free_poses(ROOM, 8, np.random.default_rng(1), 0.25)):
             rng = np.random.default_rng(k)
             pilot = Explorer(ROBOT, LIDAR, rule, rng, bounds=ROOM.bounds, max_path=40)
-            log = record(ROOM, Unicycle(), LIDAR, pilot, Truth(), rng, dt=1.0, max_time=3000,
-                         start=start, footprint=ROBOT.footprint)  # fmt: skip
+            log = record(ROOM, Unicycle(), LIDAR, pilot, PerfectEstimator(), rng, dt=1.0,
+                         max_time=3000, start=start, footprint=ROBOT.footprint)  # fmt: skip
             metres, seen = path_length(log), coverage(log, ROOM)
             within.append([reached_at(metres, seen, m) >= 0.98 for m in (8, 40)])
         done[type(rule).__name__] = np.sum(within, 0)

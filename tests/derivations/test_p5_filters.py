@@ -73,8 +73,8 @@ def test_wrong_forms_of_4_fail(wrong):
 
 def test_5_and_6_are_the_moments_of_2():
     mean, cov = joint_after_motion_and_measurement()
-    np.testing.assert_allclose(LEARNED.residual, Z - mean[3:], atol=1e-12)
-    np.testing.assert_allclose(LEARNED.cov, cov[3:, 3:], atol=1e-12)
+    np.testing.assert_allclose(LEARNED.innovation, Z - mean[3:], atol=1e-12)
+    np.testing.assert_allclose(LEARNED.S, cov[3:, 3:], atol=1e-12)
     assert differs(PRIOR.cov[:2, :2] + R, cov[3:, 3:]), "H forgotten"
 
 
@@ -85,7 +85,7 @@ def test_7_to_9_complete_the_square():
     K = LEARNED.gain
     np.testing.assert_allclose((np.eye(3) - K @ H) @ PRIOR.cov, cov, atol=1e-12)
     # P2 (10), (11)
-    np.testing.assert_allclose(PRIOR.cov - K @ LEARNED.cov @ K.T, cov, atol=1e-12)
+    np.testing.assert_allclose(PRIOR.cov - K @ LEARNED.S @ K.T, cov, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -93,13 +93,13 @@ def test_7_to_9_complete_the_square():
     [
         pytest.param(LEARNED.gain + np.pad(R, ((0, 1), (0, 0))), id="R added to K"),
         pytest.param(LEARNED.gain.T.reshape(3, 2), id="transposed gain"),
-        pytest.param(PRIOR.cov @ H.T @ LEARNED.cov, id="S not inverted"),
+        pytest.param(PRIOR.cov @ H.T @ LEARNED.S, id="S not inverted"),
         pytest.param(PRIOR.cov @ H.T @ np.linalg.inv(R), id="R for S"),
     ],
 )
 def test_wrong_gains_fail_in_mean_and_covariance(gain):
     mean, cov = conditioned()
-    assert differs(PRIOR.mean + gain @ LEARNED.residual, mean)
+    assert differs(PRIOR.mean + gain @ LEARNED.innovation, mean)
     assert differs((np.eye(3) - gain @ H) @ PRIOR.cov, cov)
     # Joseph's form holds for any gain, and so tells what a wrong one costs.
     keep = np.eye(3) - gain @ H
@@ -109,7 +109,7 @@ def test_wrong_gains_fail_in_mean_and_covariance(gain):
 
 def test_the_sign_of_the_innovation_and_a_second_prediction_matter():
     mean, cov = conditioned()
-    assert differs(PRIOR.mean - LEARNED.gain @ LEARNED.residual, mean)
+    assert differs(PRIOR.mean - LEARNED.gain @ LEARNED.innovation, mean)
     twice, _ = kalman.update(kalman.predict(PRIOR, F, Q, B, U), Z, H, R)
     assert differs(twice.mean, mean)
     assert differs(twice.cov, cov)
@@ -185,7 +185,7 @@ def test_13_is_taken_at_the_prediction_and_11_is_wrapped():
     noise = np.diag([0.01, 0.0025])
     right, learned = extended.update(facing, z, see, tangent, noise, residual=wrapped)
     wrong, _ = extended.update(facing, z, see, tangent, noise)
-    np.testing.assert_allclose(learned.residual, [0.0, 0.3], atol=1e-12)
+    np.testing.assert_allclose(learned.innovation, [0.0, 0.3], atol=1e-12)
     assert np.abs(wrap_angle(see(right.mean)[1] - z[1])) < 0.2
     assert np.abs(wrap_angle(see(wrong.mean)[1] - z[1])) > 1.0
 

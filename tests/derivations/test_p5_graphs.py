@@ -46,7 +46,7 @@ def test_p5_2_2_two_places_make_two_peaks_and_a_gaussian_lies_between_them():
 
 def test_p5_2_2_both_edges_together_draw_a_map_that_neither_alone_draws():
     graph, twins, walk = ambiguous()
-    true = walk.initial_guess().optimize()
+    true = walk.chordal_initialisation().optimize()
     both = graph.optimize(max_iterations=100)
     assert both.chi2 > 50 * true.chi2
     assert np.hypot(*(both.poses - true.poses)[:, :2].T).max() > 0.5
@@ -60,8 +60,8 @@ def test_p5_2_2_topologies_grow_as_two_to_the_observations():
 
 def test_p5_2_2_the_likeliest_topology_is_found_by_one_run_from_a_fair_start():
     graph, twins, walk = ambiguous()
-    costs = [topology(graph, twins, k).initial_guess().optimize().chi2 for k in range(32)]
-    found = graph.optimize(alternatives=twins.tolist())
+    costs = [topology(graph, twins, k).chordal_initialisation().optimize().chi2 for k in range(32)]
+    found = graph.optimize(hypotheses=twins.tolist())
     best = np.flatnonzero(found.weights[twins[:, 1]] == 0)
     assert len(best) == len(twins)
     assert abs(found.history[-1] - min(costs)) < 1e-6 * min(costs)
@@ -81,10 +81,10 @@ def test_p5_2_2_from_a_drifted_start_the_likeliest_may_be_the_wrong_one():
         walk.information[0],
     )
     pairs = np.column_stack([chosen, len(walk.edges) + np.arange(count)]).tolist()
-    found = graph.optimize(alternatives=pairs, max_iterations=100)
+    found = graph.optimize(hypotheses=pairs, max_iterations=100)
     assert found.converged
     assert (found.weights[chosen] == 0).any()  # a true edge lost against its twin
-    true = walk.initial_guess().optimize()
+    true = walk.chordal_initialisation().optimize()
     assert found.history[-1] > 5 * true.chi2
-    again = graph.with_poses(true.poses).optimize(alternatives=pairs)
+    again = graph.with_poses(true.poses).optimize(hypotheses=pairs)
     assert (again.weights[chosen] == 1).all()  # from the right map it is the right one

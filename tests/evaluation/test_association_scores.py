@@ -69,14 +69,14 @@ def test_bad_input_is_named():
         association_scores(run(DeadReckoning(Unicycle(), log.truth[0]), log))
 
 
-KEEP = ("columns", "started", "ancestors")
+KEEP = ("associations", "is_new", "ancestors")
 
 
 def particles(log, n=20, known_ids=False, **options):
     slam = FastSlam(
         Unicycle(), ORCHARD_SENSOR, log.truth[0], n, 2, rng=np.random.default_rng(1), **options
     )
-    return run(slam, log, known_ids=known_ids, keep=KEEP)
+    return run(slam, log, known_ids=known_ids, record=KEEP)
 
 
 def test_particles_that_are_told_score_one_and_are_all_counted():

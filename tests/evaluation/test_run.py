@@ -20,21 +20,30 @@ def drive(rng, steps=40, clutter=False):
     u = np.tile([0.5, 0.1], (steps, 1))
     u[0] = 0
     dt = np.r_[0.0, np.full(steps - 1, 0.2)]
-    looks, ids = [], []
+    observations, ids = [], []
     for k in range(steps):
         if k:
             poses.append(motion.sample(poses[-1], u[k], 0.2, COV, rng))
         z, names = SENSOR.measure(poses[-1], LANDMARKS, rng)
         if clutter:
             z, names = np.vstack([z, [9.0, 0.0]]), np.append(names, -1)
-        looks.append(z)
+        observations.append(z)
         ids.append(names)
-    return Log(np.cumsum(dt), u, dt, COV, looks=looks, ids=ids, truth=poses, landmarks=LANDMARKS)
+    return Log(
+        np.cumsum(dt),
+        u,
+        dt,
+        COV,
+        landmark_measurements=observations,
+        ids=ids,
+        truth=poses,
+        landmarks=LANDMARKS,
+    )
 
 
 def test_a_run_is_the_loop_written_out():
     log = drive(np.random.default_rng(1))
-    result = run(EKFSlam(Unicycle(), SENSOR, [0, 0, 0]), log, keep=("landmarks",))
+    result = run(EKFSlam(Unicycle(), SENSOR, [0, 0, 0]), log, record=("landmarks",))
     slam, poses = EKFSlam(Unicycle(), SENSOR, [0, 0, 0]), []
     for step in log:
         if step.dt > 0:
@@ -43,7 +52,7 @@ def test_a_run_is_the_loop_written_out():
         poses.append(slam.pose.copy())
     np.testing.assert_array_equal(result.poses, poses)
     np.testing.assert_array_equal(result.system.landmarks, slam.landmarks)
-    assert len(result.kept["landmarks"]) == len(log)
+    assert len(result.recorded["landmarks"]) == len(log)
     assert result.seconds.shape == (len(log),)
     assert repr(result) == "Run(EKFSlam over 40 steps, 40 recorded)"
 
@@ -79,7 +88,7 @@ def test_clutter_is_not_handed_over_with_known_ids():
 
 
 class Deaf:
-    measures = "ranges"
+    measures = "scan"
     pose = np.zeros(3)
     pose_cov = np.eye(3)
 
@@ -102,8 +111,8 @@ def test_what_a_system_cannot_be_fed_is_said():
         run(DeadReckoning, log)
     with pytest.raises(ValueError, match="log: expected a Log, got list"):
         run(Deaf(), [])
-    with pytest.raises(ValueError, match="keep: .*got 'soul'"):
-        run(DeadReckoning(Unicycle(), [0, 0, 0]), log, keep=("soul",))
+    with pytest.raises(ValueError, match="record: .*got 'soul'"):
+        run(DeadReckoning(Unicycle(), [0, 0, 0]), log, record=("soul",))
 
 
 def test_a_refusal_names_its_step():

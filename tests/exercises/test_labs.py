@@ -35,10 +35,15 @@ def test_practice_is_never_what_counts():
 def test_the_tunnel_is_dark_and_echoes_are_longer():
     _, tunnel, reflections = drives("I", 3)
     dark = (tunnel.log.times >= 25) & (tunnel.log.times < 37)
-    assert all(len(z) == 0 for z, d in zip(tunnel.log.looks, dark, strict=True) if d)
+    assert all(
+        len(z) == 0 for z, d in zip(tunnel.log.landmark_measurements, dark, strict=True) if d
+    )
     sensor, off = reflections.setting.sensor, []
     for pose, z, ids in zip(
-        reflections.log.truth, reflections.log.looks, reflections.log.ids, strict=True
+        reflections.log.truth,
+        reflections.log.landmark_measurements,
+        reflections.log.ids,
+        strict=True,
     ):
         off += list(z[:, 0] - sensor.observe(pose, reflections.setting.beacons[ids])[:, 0])
     echoes = np.array(off) > 0.8
@@ -86,7 +91,7 @@ def test_a_map_is_judged_by_its_walls_its_floor_and_its_inventions():
 
 def test_the_library_explores_both_rooms_and_comes_home():
     for task in practice("IV", 1):
-        make = explorers(task)["RoomDriver, HectorSlam"]
+        make = explorers(task)["CoveragePilot, HectorSlam"]
         best = row("IV", task, "best", partial(make, task.setting)).figures
         assert best["floor seen %"] > 97
         assert best["from home (m)"] < 0.1

@@ -68,8 +68,8 @@ def test_single_steps_agree_with_filterpy():
         np.testing.assert_allclose(belief.mean, kf.x, atol=1e-9)
         np.testing.assert_allclose(belief.cov, kf.P, atol=1e-9)
         np.testing.assert_allclose(learned.gain, kf.K, atol=1e-9)
-        np.testing.assert_allclose(learned.cov, kf.S, atol=1e-9)
-        np.testing.assert_allclose(learned.residual, kf.y, atol=1e-9)
+        np.testing.assert_allclose(learned.S, kf.S, atol=1e-9)
+        np.testing.assert_allclose(learned.innovation, kf.y, atol=1e-9)
         np.testing.assert_allclose(learned.log_likelihood, kf.log_likelihood, atol=1e-9)
         np.testing.assert_allclose(learned.nis, kf.mahalanobis**2, atol=1e-9)
 

@@ -41,7 +41,7 @@ def test_predict_and_update_agree_with_filterpy(scaling):
         np.testing.assert_allclose(belief.mean, peer.x, atol=1e-9)
         np.testing.assert_allclose(belief.cov, peer.P, atol=1e-9)
         np.testing.assert_allclose(learned.gain, peer.K, atol=1e-9)
-        np.testing.assert_allclose(learned.cov, peer.S, atol=1e-9)
+        np.testing.assert_allclose(learned.S, peer.S, atol=1e-9)
 
 
 @pytest.mark.parametrize("scaling", SCALING)
@@ -79,7 +79,7 @@ def test_bearings_across_the_cut_need_their_residual():
     z = [-np.pi + 0.02]
     right, learned = unscented.update(behind, z, bearing, [[0.01]], residual=residual)
     wrong, _ = unscented.update(behind, z, bearing, [[0.01]])
-    assert abs(learned.residual[0]) < 0.1
+    assert abs(learned.innovation[0]) < 0.1
     assert abs(right.mean[1] + 0.06) < 0.05
     # Torn at the cut, the points see noise of 2 pi and the measurement teaches nothing.
     assert abs(wrong.mean[1]) < 0.01

@@ -17,12 +17,19 @@ from slamlab.filters import kalman
 from slamlab.gaussian import Gaussian
 from slamlab.localization import MonteCarloLocalization, SignatureMap
 from slamlab.mapping import OccupancyGrid
-from slamlab.matching import Field, PointField, match_correlative, match_field, match_icp, thin
-from slamlab.navigation import YOUBOT_BODY, PathMemory, RoomDriver
+from slamlab.matching import (
+    LikelihoodGrid,
+    match_correlative,
+    match_field,
+    match_icp,
+    voxel_downsample,
+)
+from slamlab.navigation import YOUBOT_BODY, CoveragePilot, PathMemory
 from slamlab.robots import YOUBOT, RelativePose
 from slamlab.sensors import Lidar, StereoRig
-from slamlab.simulation import ROOM_SENSOR, Truth, ground_laps, record, room_drives
+from slamlab.simulation import ROOM_SENSOR, PerfectEstimator, ground_laps, record, room_drives
 from slamlab.slam import (
+    AdaptiveRange,
     CompressedEKFSlam,
     EKFSlam,
     EKFSlamBatch,
@@ -31,7 +38,6 @@ from slamlab.slam import (
     GridFastSlam,
     HectorSlam,
     IncrementalGraph,
-    LocalRange,
     ScanGraphSlam,
     WallSlam,
     joint_compatibility,
@@ -66,10 +72,11 @@ def court():
 def office():
     """Chapter 20: a drive through the office, by a robot that knows where it is."""
     lidar = Lidar(90, max_range=8.0, sigma_range=0.01)
-    pilot = RoomDriver(YOUBOT_BODY, lidar, sight=3.0, max_speed=0.6, max_turn=1.0)
+    pilot = CoveragePilot(YOUBOT_BODY, lidar, view_range=3.0, max_speed=0.6, max_turn=1.0)
     return record(
-        rooms.office(), YOUBOT, lidar, pilot, Truth(), rng(20), start=[2.0, 4.0, 0.0], dt=0.2,
-        control_cov=YOUBOT.control_cov(0.4), footprint=YOUBOT_BODY.footprint, max_time=50.0,
+        rooms.office(), YOUBOT, lidar, pilot, PerfectEstimator(), rng(20),
+        start=[2.0, 4.0, 0.0], dt=0.2, control_cov=YOUBOT.control_cov(0.4),
+        footprint=YOUBOT_BODY.footprint, max_time=50.0,
     )  # fmt: skip
 
 
@@ -137,7 +144,7 @@ def batch():
 def local_range():
     log = drives().single(0)
     inner = EKFSlam(YOUBOT, ROOM_SENSOR, log.truth[0])
-    return seen(run(LocalRange(inner, wanted=3, nearest=2.0, furthest=5.0), log))
+    return seen(run(AdaptiveRange(inner, n_target=3, min_range=2.0, max_range=5.0), log))
 
 
 def fast(version, **options):
@@ -226,8 +233,8 @@ def matching():
     log = court()
     points = [log.scan.points(scan) for scan in log.ranges[:2]]
     points = [p[np.isfinite(p).all(-1)] for p in points]
-    base, guess = thin(points[0]), np.array([0.05, 0.02, 0.03])
-    field = PointField(base, 0.1)
+    base, guess = voxel_downsample(points[0]), np.array([0.05, 0.02, 0.03])
+    field = LikelihoodGrid.of_points(base, 0.1)
     found = {"icp": match_icp(base, points[1], guess)}
     found["field"] = match_field(field, points[1], guess)
     found["search"] = match_correlative(field, points[1], guess, 0.5, 0.3)
@@ -241,7 +248,7 @@ def occupancy():
     grid = OccupancyGrid((400, 400), 0.2, origin=(-40.0, -40.0))
     for pose, ranges in zip(log.truth[:60], log.ranges[:60], strict=True):
         grid.insert(pose, ranges, log.scan)
-    field = Field.of_log_odds(grid.log_odds, grid.resolution, grid.origin)
+    field = LikelihoodGrid.of_occupancy(grid.log_odds, grid.resolution, grid.origin)
     points = log.scan.points(log.ranges[10])
     points = points[np.isfinite(points).all(-1)]
     match = match_field(field, points, log.truth[10] + [0.05, -0.05, 0.02])

@@ -115,7 +115,7 @@ def test_a_robot_with_a_lidar_finds_itself_in_the_room():
         mcl = MonteCarloLocalization(
             field, robot, Beams(), 8000, ((-1, 5), (-2, 2)), rng, injection=None
         )
-        assert mcl.measures == "ranges"
+        assert mcl.measures == "scan"
         truth = np.array([2.0, 0.2, 0.3])
         for _ in range(15):
             truth = robot.sample(truth, [0.3, 0.4], 0.5, C, rng)

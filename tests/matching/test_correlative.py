@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slamlab.geometry import compose, rotation
-from slamlab.matching import PointField, match_correlative, thin
+from slamlab.matching import LikelihoodGrid, match_correlative, voxel_downsample
 from slamlab.sensors import Lidar
 from slamlab.worlds import rooms
 
@@ -33,7 +33,7 @@ def all_scores(field, points, guess, reach, angles):
 @pytest.mark.parametrize("seed", range(100))
 def test_branch_and_bound_is_exactly_brute_force(seed):
     rng = np.random.default_rng(seed)
-    field = PointField(rng.uniform(-1, 1, (12, 2)), sigma=0.15, resolution=0.1)
+    field = LikelihoodGrid.of_points(rng.uniform(-1, 1, (12, 2)), sigma=0.15, resolution=0.1)
     points = rng.uniform(-1, 1, (9, 2))
     guess = rng.uniform(-1, 1, 3) * [0.5, 0.5, 3.0]
     reach, side, step = int(rng.integers(0, 13)), int(rng.integers(0, 4)), 0.07
@@ -52,7 +52,7 @@ def test_branch_and_bound_is_exactly_brute_force(seed):
     far = np.hypot(shifts[:, None] - dr, shifts - dc) > 3.5
     second = scores[:, far].max(initial=0.0)
     half = np.floor(found.score * 255 * 9 / 2) / (255 * 9)
-    assert found.rival == pytest.approx(second / found.score if second > half else 0.0)
+    assert found.second_peak == pytest.approx(second / found.score if second > half else 0.0)
 
 
 def test_a_lost_robot_is_found_again():
@@ -61,10 +61,17 @@ def test_a_lost_robot_is_found_again():
     pose, motion = np.array([2.0, 4.0, 0.3]), np.array([1.3, 0.05, 0.5])
     a = lidar.points(lidar.scan(rooms.office(), pose, rng))
     b = lidar.points(lidar.scan(rooms.office(), compose(pose, motion), rng))
-    match = match_correlative(PointField(a), thin(b), np.zeros(3), 2.0, 0.8, rival_distance=0.8)
+    match = match_correlative(
+        LikelihoodGrid.of_points(a),
+        voxel_downsample(b),
+        np.zeros(3),
+        2.0,
+        0.8,
+        second_peak_distance=0.8,
+    )
     assert np.hypot(*(match.pose - motion)[:2]) < 0.1
     assert abs(match.pose[2] - motion[2]) < 0.02
-    assert match.rival < 0.85
+    assert match.second_peak < 0.85
 
 
 def test_a_corridor_has_rivals_and_a_room_has_not():
@@ -73,7 +80,9 @@ def test_a_corridor_has_rivals_and_a_room_has_not():
     along = lidar.points(lidar.scan(rooms.corridor(), [6.0, 1.0, 0.0], rng))
     inside = lidar.points(lidar.scan(rooms.office(), [2.0, 1.8, 0.0], rng))
     rivals = [
-        match_correlative(PointField(p), p, np.zeros(3), 2.0, 0.1, rival_distance=0.8).rival
+        match_correlative(
+            LikelihoodGrid.of_points(p), p, np.zeros(3), 2.0, 0.1, second_peak_distance=0.8
+        ).second_peak
         for p in (along, inside)
     ]
     assert rivals[0] > 0.75
@@ -81,7 +90,7 @@ def test_a_corridor_has_rivals_and_a_room_has_not():
 
 
 def test_nothing_is_found_below_the_least_score():
-    field = PointField([[0.0, 0.0]])
+    field = LikelihoodGrid.of_points([[0.0, 0.0]])
     points = [[0.0, 0.0], [50.0, 0.0]]
     assert match_correlative(field, points, np.zeros(3), 0.5, 0.1, min_score=0.6) is None
     assert match_correlative(field, points, np.zeros(3), 0.5, 0.1, min_score=0.4).score > 0.4
@@ -100,21 +109,25 @@ def test_nothing_is_found_below_the_least_score():
         (lambda f, p: match_correlative(f, p, np.zeros(3), 1.0, 4.0), "angle_window"),
         (lambda f, p: match_correlative(f, p, np.zeros(3), 1.0, 0.1, 0.0), "angle_step"),
         (lambda f, p: match_correlative(f, p, np.zeros(3), 1, 0.1, min_score=2), "min_score"),
-        (lambda f, p: match_correlative(f, p, np.zeros(3), 1, 0.1, rival_distance=-1), "rival"),
+        (
+            lambda f, p: match_correlative(f, p, np.zeros(3), 1, 0.1, second_peak_distance=-1),
+            "second_peak",
+        ),
     ],
 )
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
-        call(PointField([[0.0, 0.0]]), np.zeros((3, 2)))
+        call(LikelihoodGrid.of_points([[0.0, 0.0]]), np.zeros((3, 2)))
 
 
 def test_the_search_gives_the_same_pose_compiled_or_not():
     code = (
         "import numpy as np\n"
-        "from slamlab.matching import PointField, match_correlative\n"
+        "from slamlab.matching import LikelihoodGrid, match_correlative\n"
         "angle = np.linspace(0.0, 5.0, 60)\n"
         "wall = (3.0 + np.sin(3 * angle))[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)\n"
-        "best = match_correlative(PointField(wall, 0.1, 0.1), wall, [0.25, -0.1, 0.0], 0.4, 0.1)\n"
+        "field = LikelihoodGrid.of_points(wall, 0.1, 0.1)\n"
+        "best = match_correlative(field, wall, [0.25, -0.1, 0.0], 0.4, 0.1)\n"
         "print(best.pose.tolist(), float(best.score))\n"
     )
     answers = [

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from slamlab.geometry import between, compose, inverse, rotation, transform
 from slamlab.kernels.icp import _pairs, hashed, icp_equations
-from slamlab.matching import Outline, match_icp, normals, thin
+from slamlab.matching import PointsWithNormals, estimate_normals, match_icp, voxel_downsample
 from slamlab.sensors import Lidar
 from slamlab.worlds import rooms
 
@@ -18,7 +18,7 @@ MOTION = np.array([0.2, 0.05, 0.1])
 
 def scan(pose, rng, lidar=None, room=None):
     lidar = lidar or Lidar(360, max_range=20.0, sigma_range=0.01)
-    return thin(lidar.points(lidar.scan(room or rooms.office(), pose, rng)))
+    return voxel_downsample(lidar.points(lidar.scan(room or rooms.office(), pose, rng)))
 
 
 def pair_of_scans(seed=0):
@@ -61,10 +61,10 @@ def test_the_equations_are_those_of_the_derivatives(metric):
 @pytest.mark.parametrize("metric", ["line", "point"])
 def test_a_scan_on_itself_does_not_move(metric):
     points, _ = pair_of_scans()
-    points = points[np.isfinite(normals(points)[:, 0])]
+    points = points[np.isfinite(estimate_normals(points)[:, 0])]
     match = match_icp(points, points, np.zeros(3), metric)
     np.testing.assert_allclose(match.pose, 0.0, atol=1e-9)
-    assert match.residual < 1e-9
+    assert match.rmse < 1e-9
     if metric == "point":
         assert match.score == pytest.approx(1.0)
 
@@ -91,11 +91,14 @@ def test_the_match_moves_with_the_world():
 def test_an_outline_that_moves_is_the_outline_of_the_moved_points():
     a, _ = pair_of_scans()
     frame = np.array([1.0, -2.0, 0.7])
-    moved, other = Outline.of(a).moved(frame), Outline.of(transform(frame, a))
+    moved, other = (
+        PointsWithNormals.estimate(a).transformed(frame),
+        PointsWithNormals.estimate(transform(frame, a)),
+    )
     same = np.abs((moved.normals * other.normals).sum(-1))
     assert np.array_equal(np.isnan(moved.normals[:, 0]), np.isnan(other.normals[:, 0]))
     np.testing.assert_allclose(same[np.isfinite(same)], 1.0)
-    both = Outline.joined([moved, other])
+    both = PointsWithNormals.concatenated([moved, other])
     assert len(both.points) == 2 * len(a)
 
 
@@ -103,11 +106,11 @@ def test_normals_stand_across_walls_and_corners_have_none():
     x = np.linspace(0, 2, 21)
     wall = np.column_stack([x, np.full(21, 3.0)])
     post = np.array([[10.0, 10.0]])
-    found = normals(np.concatenate([wall, post]))
+    found = estimate_normals(np.concatenate([wall, post]))
     np.testing.assert_allclose(np.abs(found[:21]), np.tile([0.0, 1.0], (21, 1)), atol=1e-12)
     assert np.isnan(found[21]).all()
     cross = np.array([[0, 0], [0.1, 0], [-0.1, 0], [0, 0.1], [0, -0.1]])
-    assert np.isnan(normals(cross)[0]).all()
+    assert np.isnan(estimate_normals(cross)[0]).all()
 
 
 def nees_of(room, lidar, pose, motion, n_runs=150):
@@ -118,7 +121,7 @@ def nees_of(room, lidar, pose, motion, n_runs=150):
         match = match_icp(a, b, motion)
         error = between(motion, match.pose)
         found.append(error @ np.linalg.solve(match.cov, error))
-        weakest.append(match.weakest)
+        weakest.append(match.weakest_direction)
     return np.array(found), np.array(weakest)
 
 
@@ -142,10 +145,10 @@ def test_a_corridor_flags_its_length():
 
 def test_thinning_keeps_one_point_a_square():
     points = np.random.default_rng(0).uniform(-1, 1, (2000, 2))
-    kept = thin(points, 0.25)
+    kept = voxel_downsample(points, 0.25)
     assert len(kept) == 64
     assert len(np.unique(np.floor(kept / 0.25), axis=0)) == 64
-    assert len(thin(np.full((5, 2), np.nan))) == 0
+    assert len(voxel_downsample(np.full((5, 2), np.nan))) == 0
 
 
 def test_no_pairs_is_a_match_that_knows_nothing():
@@ -153,7 +156,7 @@ def test_no_pairs_is_a_match_that_knows_nothing():
     match = match_icp(a, b, [100.0, 0.0, 0.0])
     assert match.score == 0.0
     assert match.n_points == 0
-    assert match.weakest[0] > 5
+    assert match.weakest_direction[0] > 5
     assert match.pose.tolist() == [100.0, 0.0, 0.0]
 
 
@@ -167,8 +170,8 @@ def test_no_pairs_is_a_match_that_knows_nothing():
         (lambda a: match_icp(a, a, np.zeros(3), width=0), "width"),
         (lambda a: match_icp(a, a, np.zeros(3), gate=-1), "gate"),
         (lambda a: match_icp(a, a, np.zeros(3), n_iterations=0), "n_iterations"),
-        (lambda a: normals([[np.nan, 0.0]]), "points"),
-        (lambda a: thin(a, 0.0), "spacing"),
+        (lambda a: estimate_normals([[np.nan, 0.0]]), "points"),
+        (lambda a: voxel_downsample(a, 0.0), "spacing"),
     ],
 )
 def test_bad_input_is_named(call, message):
@@ -182,7 +185,9 @@ def corridor_map(rng, lidar, x, n_scans=20):
         [x - 0.3 * np.arange(n_scans)[::-1], np.ones(n_scans), np.zeros(n_scans)]
     )
     world = rooms.long_corridor()
-    return Outline.joined([Outline.of(scan(p, rng, lidar, world)).moved(p) for p in poses])
+    return PointsWithNormals.concatenated(
+        [PointsWithNormals.estimate(scan(p, rng, lidar, world)).transformed(p) for p in poses]
+    )
 
 
 PLAIN_LIDARS = [
@@ -200,11 +205,13 @@ def test_a_map_of_many_scans_flags_a_plain_corridor_too(lidar):
         walls, now = corridor_map(rng, lidar, x), np.array([x + 0.1, 1.0, 0.0])
         points = scan(now, rng, lidar, rooms.long_corridor())
         match = match_icp(walls, points, now)
-        flagged.append(match.weakest[0] > 0.5)
-        assert match.residual < 0.6 * np.sqrt(2) * lidar.sigma_range
-        share = 0.5 * match.residual**2 / lidar.sigma_range**2
-        wrong = match_icp(replace(walls, turned=share * walls.turned), points, now)
-        missed.append(wrong.weakest[0] < 0.1)
+        flagged.append(match.weakest_direction[0] > 0.5)
+        assert match.rmse < 0.6 * np.sqrt(2) * lidar.sigma_range
+        share = 0.5 * match.rmse**2 / lidar.sigma_range**2
+        wrong = match_icp(
+            replace(walls, normal_variances=share * walls.normal_variances), points, now
+        )
+        missed.append(wrong.weakest_direction[0] < 0.1)
     assert np.mean(flagged) > 0.85
     assert np.mean(missed) > 0.5
 

@@ -6,11 +6,11 @@ import pytest
 from slamlab.evaluation import run
 from slamlab.evaluation.tours import coverage, path_length
 from slamlab.localization import DeadReckoning
-from slamlab.navigation import YOUBOT_BODY, Body, Guard, RoomDriver
-from slamlab.navigation.seen_floor import FREE
+from slamlab.navigation import YOUBOT_BODY, Body, CollisionGuard, CoveragePilot
+from slamlab.navigation.exploration_grid import FREE
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
-from slamlab.simulation import Truth, record
+from slamlab.simulation import PerfectEstimator, record
 from slamlab.slam import WallSlam
 from slamlab.worlds import free_poses, rooms
 
@@ -20,13 +20,13 @@ LIDAR = Lidar(360, offset=0.3, max_range=8.0, sigma_range=0.01)
 def drive_round(world, start, rng, belief=None, *, lidar=LIDAR, sigma_wheel=0.0, dt=0.2,
                 max_time=300.0, **options):  # fmt: skip
     """A drive round a room by a youBot, and its pilot."""
-    pilot = RoomDriver(YOUBOT_BODY, lidar, **options)
+    pilot = CoveragePilot(YOUBOT_BODY, lidar, **options)
     log = record(
         world,
         YOUBOT,
         lidar,
         pilot,
-        Truth() if belief is None else belief,
+        PerfectEstimator() if belief is None else belief,
         rng,
         start=start,
         dt=dt,
@@ -37,7 +37,7 @@ def drive_round(world, start, rng, belief=None, *, lidar=LIDAR, sigma_wheel=0.0,
     return log, pilot
 
 
-QUICK = {"sight": 3.0, "dt": 0.25}
+QUICK = {"view_range": 3.0, "dt": 0.25}
 
 
 def case(seed):
@@ -83,7 +83,7 @@ def test_the_guard_saves_a_robot_that_does_not_know_where_it_is(monkeypatch):
     # Without the guard each of them drives into things within so many seconds.
     seconds = {11: 26.0, 1: 50.0, 9: 65.0, 2: 91.0}
     assert sum(hits(seed, 120.0) for seed in seconds) == 0
-    monkeypatch.setattr(RoomDriver, "_guarded", lambda self, wish, points, dt: wish)
+    monkeypatch.setattr(CoveragePilot, "_guarded", lambda self, wish, points, dt: wish)
     assert all(hits(seed, at_most) > 0 for seed, at_most in seconds.items())
 
 
@@ -109,7 +109,7 @@ def test_it_comes_home_if_it_is_to(tour):
     assert np.hypot(*(away.truth[-1] - away.truth[0])[:2]) > 0.5
 
 
-class Trembling(Truth):
+class Trembling(PerfectEstimator):
     """Knows where it is within a centimetre: walls of its map are smeared by that much."""
 
     def __init__(self, rng):
@@ -137,7 +137,9 @@ def test_a_map_smeared_by_a_centimetre_does_not_close_the_doors_of_the_office(se
 def test_a_shorter_sight_makes_a_longer_drive():
     world, start, _ = case(4)
     lengths = [
-        path_length(drive_round(world, start, np.random.default_rng(0), sight=s, dt=0.25)[0])[-1]
+        path_length(drive_round(world, start, np.random.default_rng(0), view_range=s, dt=0.25)[0])[
+            -1
+        ]
         for s in (2.0, 4.0)
     ]
     assert lengths[0] > 1.2 * lengths[1]
@@ -158,7 +160,7 @@ def test_it_drives_on_its_own_map_of_walls():
     world, start = rooms.box_room(), np.array([1.0, 1.0, 0.5])
     lidar = Lidar(360, offset=0.3, max_range=8.0, sigma_range=0.02)
     slam, rng = WallSlam(YOUBOT, lidar, start), np.random.default_rng(6)
-    log, pilot = drive_round(world, start, rng, slam, lidar=lidar, sigma_wheel=0.4, sight=3.0)
+    log, pilot = drive_round(world, start, rng, slam, lidar=lidar, sigma_wheel=0.4, view_range=3.0)
     assert pilot.finished
     assert not log.notes["hit"].any()
     error = np.hypot(*(log.notes["believed"] - log.truth)[:, :2].T)
@@ -199,7 +201,7 @@ def test_the_clearance_of_a_body_is_the_distance_to_its_rectangle():
 
 
 def test_the_guard_slows_down_turns_less_and_stands_still():
-    pilot = RoomDriver(YOUBOT_BODY, LIDAR)
+    pilot = CoveragePilot(YOUBOT_BODY, LIDAR)
     ahead = np.stack([np.full(41, 0.5), np.linspace(-1, 1, 41)], -1)
     forward = np.array([0.5, 0.0, 0.0])
     assert pilot._guarded(forward, ahead + [2.0, 0.0], 0.2).tolist() == [0.5, 0, 0]
@@ -216,33 +218,33 @@ def test_the_guard_slows_down_turns_less_and_stands_still():
 
 def limits(travel=None):
     """What the guard leaves of 3000 wishes among a few points, and how often it looked closely."""
-    rng, guard, looks = np.random.default_rng(8), Guard(YOUBOT_BODY), []
+    rng, guard, observations = np.random.default_rng(8), CollisionGuard(YOUBOT_BODY), []
     closest = guard._closest
-    guard._closest = lambda u, points, dt: looks.append(1) or closest(u, points, dt)
+    guard._closest = lambda u, points, dt: observations.append(1) or closest(u, points, dt)
     if travel is not None:
         guard._travel = travel
     left = []
     for _ in range(3000):
         wish = rng.uniform(-1, 1, 3) * rng.choice([[0.5, 0.5, 0.8], [0.05, 0.05, 3.0], [0, 0, 0]])
         points = rng.uniform(-1.2, 1.2, (int(rng.integers(0, 6)), 2))
-        left.append(guard.limited(wish, points, 0.25))
-    return np.array(left), len(looks)
+        left.append(guard.safe_velocity(wish, points, 0.25))
+    return np.array(left), len(observations)
 
 
 def test_what_is_too_far_for_the_next_two_steps_is_not_looked_at_closely():
-    left, looks = limits()
+    left, observations = limits()
     due, all_looks = limits(lambda u, dt: np.inf)
     np.testing.assert_array_equal(left, due)
-    assert looks < 0.7 * all_looks
+    assert observations < 0.7 * all_looks
     # Who forgets that a turning corner moves, too, lets it come too near.
     turned = limits(lambda u, dt: 2 * dt * np.hypot(u[0], u[1]))[0]
     assert (turned != due).any()
 
 
-@pytest.mark.parametrize("name", ["sight", "max_speed", "max_turn", "margin"])
+@pytest.mark.parametrize("name", ["view_range", "max_speed", "max_turn", "margin"])
 def test_bad_arguments_are_named(name):
     with pytest.raises(ValueError, match=name):
-        RoomDriver(YOUBOT_BODY, LIDAR, **{name: -0.1})
+        CoveragePilot(YOUBOT_BODY, LIDAR, **{name: -0.1})
 
 
 def test_a_body_has_a_size():

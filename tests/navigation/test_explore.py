@@ -10,19 +10,19 @@ from scipy.spatial import KDTree
 from slamlab.evaluation.tours import collisions, coverage, path_length, revisits
 from slamlab.geometry import compose
 from slamlab.navigation import (
+    ExplorationGrid,
     Explorer,
     InformationGain,
     LongestBeam,
     NearestFrontier,
     Quadrants,
     RandomFraction,
-    SeenFloor,
     Situation,
 )
 from slamlab.printed.p5 import forward_is_open_as_printed
 from slamlab.robots import SquareRobot, Unicycle
 from slamlab.sensors import Lidar
-from slamlab.simulation import Truth, record
+from slamlab.simulation import PerfectEstimator, record
 from slamlab.worlds import free_poses, rooms
 
 ROBOT, LIDAR = SquareRobot(0.30), Lidar(120)
@@ -55,7 +55,7 @@ def explore(world, robot, lidar, strategy, start, rng, belief=None, **settings):
         Unicycle(),
         lidar,
         pilot,
-        Truth() if belief is None else belief,
+        PerfectEstimator() if belief is None else belief,
         rng,
         start=start,
         dt=1.0,
@@ -85,7 +85,7 @@ def runs(world, strategy, n=6, **settings):
 
 
 def view_of(ranges, **more):
-    floor = SeenFloor([-5, -5, 5, 5])
+    floor = ExplorationGrid([-5, -5, 5, 5])
     lidar, body = Lidar(len(ranges)), (ROBOT.side, ROBOT.circumradius + 0.02)
     return Situation(np.zeros(3), np.asarray(ranges, float), lidar, floor, *body, **more)
 
@@ -288,7 +288,7 @@ def test_any_object_with_choose_is_a_strategy_and_can_come_home():
 
         def choose(self, view, rng):
             if view.floor.state.any() and np.hypot(*(view.pose[:2] - self.home)) > 1.0:
-                return view.floor.route(view.pose[:2], self.home, view.body_radius)
+                return view.floor.plan(view.pose[:2], self.home, view.body_radius)
             return None if self.gone else self.go(view)
 
         gone = False
@@ -315,7 +315,7 @@ def test_the_map_grows_with_what_is_seen_and_gives_the_same_tour():
         assert bottom < 0 < 4 < top
 
 
-class Lost(Truth):
+class Lost(PerfectEstimator):
     """Believes to be somewhere else: everything moved and turned, and noise on top."""
 
     def __init__(self, frame, sigma):
@@ -332,7 +332,7 @@ def test_the_pilot_sees_the_belief_only_so_a_moved_frame_changes_nothing():
     start, frame = [2.0, 2.0, 0.0], np.array([30.0, -20.0, np.pi / 2])
     here, there = (
         explore(ROOM, ROBOT, LIDAR, NearestFrontier(), start, np.random.default_rng(0), belief)
-        for belief in (Truth(), Lost(frame, 0.0))
+        for belief in (PerfectEstimator(), Lost(frame, 0.0))
     )
     believed = there.log.notes["believed"]
     np.testing.assert_allclose(believed[:, :2], compose(frame, there.poses)[:, :2], atol=1e-9)
@@ -399,11 +399,11 @@ def test_the_nearest_frontier_does_not_hang_on_the_size_of_the_sheet():
     for pose in starts(ROOM, 8, seed=5):
         ranges, ways, shut = lidar.scan(ROOM, pose), [], []
         for bounds, corner in (([0, 0, 4, 4], (0, 0)), ([-2, -1, 7, 5], (20, 40))):
-            floor = SeenFloor(bounds)
+            floor = ExplorationGrid(bounds)
             floor.insert(pose, ranges, lidar)
             now = Situation(pose, ranges, lidar, floor, ROBOT.side, ROBOT.circumradius + 0.02)
             ways.append(NearestFrontier().choose(now, np.random.default_rng(0)))
-            shut.append(floor.shut[corner[0] :, corner[1] :][:80, :80])
+            shut.append(floor.blacklisted[corner[0] :, corner[1] :][:80, :80])
         np.testing.assert_allclose(*ways, atol=1e-12)
         np.testing.assert_array_equal(*shut)
         assert shut[0].any()

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from slamlab.localization import DeadReckoning
-from slamlab.navigation import Homer, PathMemory, RegulatedPurePursuit, ReturnLaw
+from slamlab.navigation import PathFollower, PathMemory, RegulatedPurePursuit, ReturnLaw
 from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.sensors.visual_odometer import VisualOdometer
 from slamlab.simulation import record
@@ -21,7 +21,7 @@ def rng(seed=0):
 def go_home(path, pose, law, motion, odometer, rng, *, estimate=None, turn_first=False, stop=0.02,
             **options):  # fmt: skip
     """Home by odometry alone: the log, the pilot; `s` is how far it still was at each step."""
-    pilot = Homer(path, law, turn_first=turn_first, stop=stop)
+    pilot = PathFollower(path, law, turn_first=turn_first, stop=stop)
     believed = DeadReckoning(RelativePose(), pose if estimate is None else estimate)
     log = record(
         None, motion, None, pilot, believed, rng, start=pose, odometer=odometer, **options
@@ -224,22 +224,22 @@ def test_bad_laws_are_named(make, message):
 
 def test_a_pilot_names_a_stop_that_is_none():
     with pytest.raises(ValueError, match="stop"):
-        Homer(STAIRS, ReturnLaw(), stop=0.0)
+        PathFollower(STAIRS, ReturnLaw(), stop=0.0)
 
 
 def test_the_pilot_says_who_it_is():
-    assert "ReturnLaw" in repr(Homer(STAIRS, ReturnLaw()))
+    assert "ReturnLaw" in repr(PathFollower(STAIRS, ReturnLaw()))
     assert repr(STAIRS).startswith("PathMemory(2.0")
 
 
 def test_it_turns_on_the_spot_as_fast_as_it_is_told():
     pose = far_end(STAIRS)
     for rate, most in ((None, 1.5), (0.4, 0.4)):
-        pilot = Homer(STAIRS, ReturnLaw(), turn_first=True, turn_rate=rate)
+        pilot = PathFollower(STAIRS, ReturnLaw(), turn_first=True, turn_rate=rate)
         believed = DeadReckoning(RelativePose(), pose)
         log = record(None, Unicycle(), None, pilot, believed, rng(), start=pose, odometer=EXACT)
         on_the_spot = log.notes["command"][:, 0] == 0
         assert abs(log.notes["command"][on_the_spot, 1]).max() == pytest.approx(most)
         assert pilot.arrived
     with pytest.raises(ValueError, match="turn_rate"):
-        Homer(STAIRS, ReturnLaw(), turn_rate=0.0)
+        PathFollower(STAIRS, ReturnLaw(), turn_rate=0.0)

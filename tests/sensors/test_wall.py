@@ -198,21 +198,21 @@ def test_misses_and_clutter_come_at_the_stated_rates(kind):
         [0, 0, 0], np.column_stack([np.full(50, 3.0), np.linspace(-1, 1, 50)])
     )
     random = np.random.default_rng(3)
-    looks = [
+    observations = [
         sensor.measure([0, 0, 0], landmarks, random, p_detect=0.8, clutter_rate=5)
         for _ in range(400)
     ]
-    seen = np.concatenate([ids[ids >= 0] for _, ids in looks])
+    seen = np.concatenate([ids[ids >= 0] for _, ids in observations])
     assert np.bincount(seen, minlength=50).min() > 280
     assert len(seen) / 20_000 == pytest.approx(0.8, abs=0.01)
-    false = np.concatenate([z[ids == -1] for z, ids in looks])
-    numbers = [np.sum(ids == -1) for _, ids in looks]
+    false = np.concatenate([z[ids == -1] for z, ids in observations])
+    numbers = [np.sum(ids == -1) for _, ids in observations]
     assert np.mean(numbers) == pytest.approx(5, abs=0.35)
     assert np.var(numbers) == pytest.approx(5, abs=1.2)
     # Uniform over the view: means and variances of both coordinates.
     np.testing.assert_allclose(false.mean(0), [4, 0], atol=0.2)
     np.testing.assert_allclose(false.var(0), [64 / 12, np.pi**2 / 12], rtol=0.08)
-    for z, ids in looks[:20]:
+    for z, ids in observations[:20]:
         real = ids >= 0
         assert (np.diff(ids[real]) > 0).all()
         due = sensor.observe([0, 0, 0], landmarks[ids[real]])

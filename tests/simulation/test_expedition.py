@@ -6,16 +6,16 @@ import pytest
 from slamlab.evaluation import check_motion_model
 from slamlab.evaluation.tours import path_length
 from slamlab.localization import DeadReckoning
-from slamlab.navigation import YOUBOT_BODY, Guard, Retracer, RoomDriver
+from slamlab.navigation import YOUBOT_BODY, CollisionGuard, CoveragePilot, ReturnPilot
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
-from slamlab.simulation import Truth, record
+from slamlab.simulation import PerfectEstimator, record
 from slamlab.simulation.expedition import (
-    BELIEFS,
-    BUILDINGS,
-    NEAR,
-    WAYS,
-    WornWheels,
+    ENVIRONMENTS,
+    ESTIMATORS,
+    HOME_RADIUS,
+    RETURN_METHODS,
+    MiscalibratedOdometry,
     come_home,
     explore,
     results,
@@ -26,7 +26,7 @@ LIDAR = Lidar(120, max_range=5.0, offset=0.3)
 HALL = BitmapWorld(np.pad(np.zeros((60, 160), bool), 2, constant_values=True), 0.1)
 
 
-class Revised(Truth):
+class Revised(PerfectEstimator):
     """Knows where it is, and takes all its past to lie 0.4 m to the left from some step on."""
 
     def __init__(self, at):
@@ -49,15 +49,15 @@ def drive(pilot, belief, start, max_time=60.0):
 
 
 def test_worn_wheels_keep_the_contract_and_drive_farther():
-    worn = WornWheels(1.02, 0.01)
+    worn = MiscalibratedOdometry(1.02, 0.01)
     assert check_motion_model(worn, [0.5, 0.1, 0.2])
     np.testing.assert_allclose(worn.step([0, 0, 0], [1, 0, 0], 1.0)[2], 0.01)
-    np.testing.assert_allclose(WornWheels().step([0, 0, 0], [1, 0, 0], 1.0), [1, 0, 0])
+    np.testing.assert_allclose(MiscalibratedOdometry().step([0, 0, 0], [1, 0, 0], 1.0), [1, 0, 0])
 
 
 @pytest.mark.parametrize("world", [rooms.ring(), rooms.long_corridor()])
 def test_the_marks_stand_on_free_floor(world):
-    building = next(b for b in BUILDINGS.values() if b.world().bounds == world.bounds)
+    building = next(b for b in ENVIRONMENTS.values() if b.world().bounds == world.bounds)
     assert world.clearance(np.array(building.start[:2])) > YOUBOT_BODY.circumradius
 
 
@@ -69,8 +69,8 @@ def test_the_block_of_the_ring_hides_one_side_from_the_other():
 
 def test_who_retraces_comes_home_tail_first_and_touches_nothing():
     way = np.stack([np.linspace(2, 12, 80), 3 + np.sin(np.linspace(0, 3, 80))], -1)
-    pilot = Retracer(way, Guard(YOUBOT_BODY), LIDAR)
-    log = drive(pilot, Truth(), [*way[-1], 0.0])
+    pilot = ReturnPilot(way, CollisionGuard(YOUBOT_BODY), LIDAR)
+    log = drive(pilot, PerfectEstimator(), [*way[-1], 0.0])
     assert not pilot.stuck
     assert not log.notes["hit"].any()
     assert np.hypot(*(log.truth[-1, :2] - way[0])) < 0.04
@@ -81,29 +81,30 @@ class Pusher:
     """Wants along a wall, back and forth, and knows nothing but its scan."""
 
     def __init__(self, lidar):
-        self.guard, self.lidar = Guard(YOUBOT_BODY, 0.12), lidar
+        self.guard, self.lidar = CollisionGuard(YOUBOT_BODY, 0.12), lidar
 
     def command(self, view):
         points = self.lidar.points(view.measurement)
         points = points[np.isfinite(points).all(-1)]
         along = 0.6 if int(view.time) % 40 < 20 else -0.6
-        return self.guard.limited(np.array([along, 0.0, 0.0]), points, view.dt)
+        return self.guard.safe_velocity(np.array([along, 0.0, 0.0]), points, view.dt)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_who_drives_along_a_wall_for_minutes_is_not_brought_to_it_by_noise(seed):
     lidar = Lidar(180, max_range=5.0, offset=0.3, sigma_range=0.01)
-    log = record(HALL, YOUBOT, lidar, Pusher(lidar), Truth(), np.random.default_rng(seed),
-                 start=[2.0, 0.42, 0.0], dt=0.2, footprint=YOUBOT_BODY.footprint,
-                 control_cov=YOUBOT.control_cov(0.3), max_time=120.0)  # fmt: skip
+    log = record(HALL, YOUBOT, lidar, Pusher(lidar), PerfectEstimator(),
+                 np.random.default_rng(seed), start=[2.0, 0.42, 0.0], dt=0.2,
+                 footprint=YOUBOT_BODY.footprint, control_cov=YOUBOT.control_cov(0.3),
+                 max_time=120.0)  # fmt: skip
     assert not log.notes["hit"].any()
     assert HALL.clearance(log.truth[-50:, :2]).min() > 0.24  # 5 cm from its side
 
 
 def test_a_wall_across_the_path_makes_it_give_up():
     way = np.stack([np.linspace(-3, 12, 80), np.full(80, 3.0)], -1)
-    pilot = Retracer(way, Guard(YOUBOT_BODY), LIDAR)
-    log = drive(pilot, Truth(), [12, 3, 0])
+    pilot = ReturnPilot(way, CollisionGuard(YOUBOT_BODY), LIDAR)
+    log = drive(pilot, PerfectEstimator(), [12, 3, 0])
     assert pilot.stuck
     assert not log.notes["hit"].any()
 
@@ -112,15 +113,15 @@ def test_the_path_is_laid_anew_when_the_past_moves():
     way = np.stack([np.linspace(2, 12, 80), np.full(80, 3.0)], -1)
     belief = Revised(at=100)
     belief.rows = [np.append(p, 0.0) for p in way]
-    pilot = Retracer(way, Guard(YOUBOT_BODY), LIDAR, past=belief)
+    pilot = ReturnPilot(way, CollisionGuard(YOUBOT_BODY), LIDAR, smoother=belief)
     log = drive(pilot, belief, [12, 3, 0])
-    assert pilot.relaid == 1
+    assert pilot.n_replans == 1
     np.testing.assert_allclose(log.truth[-1, :2], [2, 3.4], atol=0.05)
 
 
 def test_the_floor_is_drawn_anew_when_the_past_moves():
     belief = Revised(at=30)
-    pilot = RoomDriver(YOUBOT_BODY, LIDAR, sight=1.5, home=False, past=belief)
+    pilot = CoveragePilot(YOUBOT_BODY, LIDAR, view_range=1.5, home=False, smoother=belief)
     drive(pilot, belief, [2, 3, 0], max_time=5.0)
     before = pilot.floor
     drive(pilot, belief, [3, 3, 0], max_time=5.0)
@@ -131,9 +132,11 @@ def test_near_its_start_again_it_drives_its_first_metres_once_more():
     world, start = rooms.long_corridor(), [20.0, 1.0, 0.0]
     driven = []
     for again in (0.0, 8.0):
-        pilot = RoomDriver(YOUBOT_BODY, LIDAR, sight=2.5, max_speed=0.8, home=False, again=again)
-        log = record(world, YOUBOT, LIDAR, pilot, Truth(), np.random.default_rng(0), start=start,
-                     dt=0.4, max_time=180.0)  # fmt: skip
+        pilot = CoveragePilot(
+            YOUBOT_BODY, LIDAR, view_range=2.5, max_speed=0.8, home=False, revisit_after=again
+        )
+        log = record(world, YOUBOT, LIDAR, pilot, PerfectEstimator(), np.random.default_rng(0),
+                     start=start, dt=0.4, max_time=180.0)  # fmt: skip
         assert pilot.finished
         driven.append(path_length(log)[-1])
     # From 5 m ahead of the start to 8 m ahead of it, and back again.
@@ -147,10 +150,10 @@ def test_a_way_that_is_none_is_refused():
 
 def test_a_stored_run_can_be_had_again():
     stored = results()["corridor"]["dead reckoning"]
-    out = explore(BUILDINGS["corridor"], BELIEFS["dead reckoning"], 0)
+    out = explore(ENVIRONMENTS["corridor"], ESTIMATORS["dead reckoning"], 0)
     assert out.coverage == pytest.approx(stored["coverage"][0], abs=1e-3)
     back = come_home(out, "path by wheels")
-    k = WAYS.index("path by wheels")
+    k = RETURN_METHODS.index("path by wheels")
     assert back.error == pytest.approx(stored["error"][0, k], abs=0.01)
     assert back.nees == pytest.approx(stored["nees"][0, k], rel=0.1)
     assert back.touched == stored["touched"][0, k]
@@ -159,17 +162,17 @@ def test_a_stored_run_can_be_had_again():
 
 def test_every_belief_went_out_thirty_times_into_every_building_and_touched_nothing():
     stored = results()
-    assert set(stored) == set(BUILDINGS)
+    assert set(stored) == set(ENVIRONMENTS)
     for beliefs in stored.values():
-        assert set(beliefs) == set(BELIEFS)
+        assert set(beliefs) == set(ESTIMATORS)
         for cell in beliefs.values():
             assert len(cell["error"]) == 30
             assert not cell["touched"].any()
 
 
 def test_in_the_corridor_walls_as_landmarks_come_home_and_scan_on_scan_comes_near():
-    hall, k = results()["corridor"], WAYS.index("map")
-    home = {name: int((cell["error"][:, k] <= NEAR).sum()) for name, cell in hall.items()}
+    hall, k = results()["corridor"], RETURN_METHODS.index("map")
+    home = {name: int((cell["error"][:, k] <= HOME_RADIUS).sum()) for name, cell in hall.items()}
     assert home["EKF-SLAM, walls"] >= 29
     assert home["grid FastSLAM"] >= 20
     assert 8 < home["scan graph"] == home["scan matching"] < 15
@@ -179,8 +182,8 @@ def test_in_the_corridor_walls_as_landmarks_come_home_and_scan_on_scan_comes_nea
 
 def test_closures_bring_the_robot_home_and_scan_on_scan_alone_does_not():
     """Of thirty in the ring: with closures at least 29, by wheels at most 5, matching between."""
-    ring, k = results()["ring"], WAYS.index("map")
-    home = {name: int((ring[name]["error"][:, k] <= NEAR).sum()) for name in
+    ring, k = results()["ring"], RETURN_METHODS.index("map")
+    home = {name: int((ring[name]["error"][:, k] <= HOME_RADIUS).sum()) for name in
             ("scan graph", "dead reckoning", "scan matching")}  # fmt: skip
     assert home["scan graph"] >= 29
     assert home["dead reckoning"] <= 5

@@ -14,7 +14,7 @@ from slamlab.simulation import landmark_drives, orchard_loop, room_drives
 def test_a_batch_of_drives_starts_where_it_is_told_and_sees_nothing_before_it_moves():
     log = room_drives(4, np.random.default_rng(1), n_steps=20)
     assert (len(log), log.n_runs, log.landmarks.shape) == (21, 4, (24, 2))
-    assert np.isnan(log.looks[0]).all()
+    assert np.isnan(log.landmark_measurements[0]).all()
     np.testing.assert_array_equal(log.truth[0], np.tile([0.0, -2.4, 0.0], (4, 1)))
     assert len({tuple(pose) for pose in log.truth[-1].tolist()}) == 4
     again = room_drives(4, np.random.default_rng(1), n_steps=20)
@@ -29,7 +29,7 @@ def test_starts_are_drawn_from_the_prior():
 
 def test_the_orchard_is_not_seen_on_the_way_and_the_drift_is_as_its_odometry_says():
     log = orchard_loop(np.random.default_rng(3), clutter_rate=1.0)
-    seen = np.array([len(z) for z in log.looks])
+    seen = np.array([len(z) for z in log.landmark_measurements])
     assert (seen[11:98] == 0).all()
     assert (seen[1:11] > 0).all()
     wheels = run(DeadReckoning(Unicycle(), log.truth[0]), log)
@@ -46,7 +46,7 @@ def test_only_an_angle_is_wrapped(sensor):
     trees, rng = np.array([[-9.0, 0.01], [1.0, 9.0]]), np.random.default_rng(4)
     drive = np.zeros((200, 2)), 0.1, np.zeros((2, 2))
     log = landmark_drives(Unicycle(), sensor, trees, *drive, 1, rng)
-    z = np.stack(log.looks[1:])[:, 0]
+    z = np.stack(log.landmark_measurements[1:])[:, 0]
     error = sensor.residual(z, sensor.observe(log.truth[1:], trees))
     assert error.std() == pytest.approx(0.01, rel=0.2)
     assert np.abs(sensor.locate(log.truth[1:], z) - trees).max() < 0.5

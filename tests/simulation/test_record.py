@@ -8,7 +8,7 @@ from slamlab.evaluation import run
 from slamlab.localization import DeadReckoning
 from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.sensors import Lidar, RangeBearing, VisualOdometer
-from slamlab.simulation import Script, Truth, record
+from slamlab.simulation import PerfectEstimator, Script, record
 from slamlab.simulation.record import _Scene
 from slamlab.slam import EKFSlam
 from slamlab.worlds import BitmapWorld, LandmarkWorld, WallWorld, rooms
@@ -75,7 +75,7 @@ def test_the_pilot_is_shown_the_belief_and_the_newest_scan_never_the_truth():
         assert_array_equal(view.measurement, ranges)
         assert np.abs(view.pose - log.truth).min(0)[:2].max() > 0.5
     told = Witness([0.2, 0.0, 0.0], 5)
-    log = a_drive(told, Truth())
+    log = a_drive(told, PerfectEstimator())
     assert_array_equal([view.pose for view in told.views], log.truth)
 
 
@@ -106,8 +106,8 @@ def test_a_body_stops_at_the_contact_is_counted_and_may_back_off(u):
     wall = WallWorld([[[1.0, -5], [1.0, 5]], [[-5, -5], [-5, 5]]])
     back = [-0.3, 0.0, 0.0]
     log = record(
-        wall, YOUBOT, None, Script([u] * 3 + [back] * 2), Truth(), rng(), start=[0, 0, 0],
-        dt=0.5, footprint=SQUARE,
+        wall, YOUBOT, None, Script([u] * 3 + [back] * 2), PerfectEstimator(), rng(),
+        start=[0, 0, 0], dt=0.5, footprint=SQUARE,
     )  # fmt: skip
     hits = log.notes["hit"].tolist()
     first = hits.index(True)
@@ -179,12 +179,16 @@ def test_the_end_of_a_bitmap_is_no_way_out():
 def test_a_post_between_two_poses_is_met():
     post = WallWorld([[[0.5, -0.01], [0.5, 0.01]], [[9, -9], [9, 9]]])
     options = {"start": [0, 0, 0], "dt": 1.0, "footprint": SQUARE}
-    log = record(post, Unicycle(), None, Script([[1.0, 0.0]]), Truth(), rng(), **options)
+    log = record(
+        post, Unicycle(), None, Script([[1.0, 0.0]]), PerfectEstimator(), rng(), **options
+    )
     assert log.notes["hit"].tolist() == [False, True]
     assert log.truth[-1, 0] == pytest.approx(0.35, abs=1e-3)
     # Looking at both ends only would have missed it; and a point passes through everything.
     assert not post.collides(SQUARE, [[0, 0, 0], [1, 0, 0]]).any()
-    free = record(post, Unicycle(), None, Script([[1.0, 0.0]]), Truth(), rng(), start=[0, 0, 0])
+    free = record(
+        post, Unicycle(), None, Script([[1.0, 0.0]]), PerfectEstimator(), rng(), start=[0, 0, 0]
+    )
     assert not free.notes["hit"].any()
 
 
@@ -250,7 +254,7 @@ def test_time_runs_out_and_a_pilot_may_not_even_begin():
         ({"control_cov": np.eye(2)}, "control_cov"),
         ({"footprint": [1, 2]}, "footprint"),
         ({"pilot": Witness([np.nan, 0, 0], 2)}, "command"),
-        ({"belief": Truth}, "belief: expected an estimator"),
+        ({"belief": PerfectEstimator}, "belief: expected an estimator"),
         ({"belief": EKFSlam(YOUBOT, RangeBearing(1, 1), [0, 0, 0])}, "belief: expected one that"),
     ],
 )
@@ -260,7 +264,7 @@ def test_bad_input_is_named(change, message):
 
 
 def test_models_and_generator_are_checked():
-    belief, script = Truth(), Script([[0.1, 0.0]])
+    belief, script = PerfectEstimator(), Script([[0.1, 0.0]])
     with pytest.raises(ValueError, match="robot: expected a motion model"):
         record(None, Unicycle, None, script, belief, rng(), start=[0, 0, 0])
     with pytest.raises(ValueError, match="rng"):
@@ -272,4 +276,4 @@ def test_models_and_generator_are_checked():
     with pytest.raises(ValueError, match="controls"):
         Script([1.0, 2.0])
     assert repr(script) == "Script(1 controls to go)"
-    assert repr(belief) == "Truth([0.0, 0.0, 0.0])"
+    assert repr(belief) == "PerfectEstimator([0.0, 0.0, 0.0])"

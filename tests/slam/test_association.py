@@ -371,7 +371,7 @@ def test_the_filter_asks_the_nearest_neighbour_if_nobody_else_is_named():
 def test_a_landmark_is_started_at_its_third_sighting_and_clutter_never():
     rng = np.random.default_rng(3)
     landmarks = rng.uniform(-4, 4, (5, 2))
-    careful = Confirmation(sightings=3)
+    careful = Confirmation(n_observations=3)
     slam = EKFSlam(Unicycle(), SENSOR, np.zeros(3), associate=careful)
     eager = EKFSlam(Unicycle(), SENSOR, np.zeros(3))
     for k in range(12):
@@ -388,7 +388,7 @@ def test_a_landmark_is_started_at_its_third_sighting_and_clutter_never():
 
 def test_a_tentative_place_is_forgotten_after_its_patience():
     slam = EKFSlam(Unicycle(), SENSOR, np.zeros(3))
-    careful, z = Confirmation(sightings=2, patience=3), [[3.0, 0.0]]
+    careful, z = Confirmation(n_observations=2, patience=3), [[3.0, 0.0]]
     assert careful(slam, z).tolist() == [IGNORED]
     for _ in range(3):
         careful(slam, np.empty((0, 2)))
@@ -405,15 +405,15 @@ def test_confirmation_wraps_any_association_and_one_sighting_changes_nothing():
     slam, z, _ = scene(9, doubt=(0.1, 0.1, 0.02))
     z = np.concatenate([z, [[9.0, 0.0], [9.0, 1.0]]])
     for associate in METHODS:
-        once = Confirmation(associate, sightings=1)
+        once = Confirmation(associate, n_observations=1)
         np.testing.assert_array_equal(once(slam, z), associate(slam, z))
-        twice = Confirmation(partial(associate), sightings=2, probability=0.99)
+        twice = Confirmation(partial(associate), n_observations=2, probability=0.99)
         expected = associate(slam, z)
         np.testing.assert_array_equal(twice(slam, z), np.where(expected == NEW, IGNORED, expected))
 
 
 def test_two_new_measurements_side_by_side_are_two_places():
-    slam, careful = EKFSlam(Unicycle(), SENSOR, np.zeros(3)), Confirmation(sightings=2)
+    slam, careful = EKFSlam(Unicycle(), SENSOR, np.zeros(3)), Confirmation(n_observations=2)
     z = [[3.0, 0.0], [3.0, 0.02]]
     assert careful(slam, z).tolist() == [IGNORED, IGNORED]
     assert len(careful.tentative) == 2
@@ -469,7 +469,7 @@ def test_joint_search_weighs_each_pair_with_its_own_covariance():
 def test_a_coarse_measurement_returns_to_its_tentative_place():
     slam, coarse = EKFSlam(Unicycle(), SENSOR, np.zeros(3)), np.array([100 * SENSOR.cov])
     for covs, due in ((coarse, NEW), (None, IGNORED)):
-        careful = Confirmation(sightings=2)
+        careful = Confirmation(n_observations=2)
         more = {} if covs is None else {"covs": covs}
         assert careful(slam, [[3.0, 0.0]], **more).tolist() == [IGNORED]
         assert careful(slam, [[4.0, 0.1]], **more).tolist() == [due]
@@ -548,7 +548,7 @@ def test_bad_options_are_named(associate):
         (lambda s: nearest_euclidean(s, [[1.0, np.inf]]), "z: expected finite"),
         (lambda s: joint_compatibility(s, [[1.0, 0.0]], max_nodes=0), "max_nodes"),
         (lambda s: joint_search(s, [[1.0, 0.0]], max_nodes=1.5), "max_nodes"),
-        (lambda s: Confirmation(sightings=0), "sightings"),
+        (lambda s: Confirmation(n_observations=0), "n_observations"),
         (lambda s: Confirmation(patience=-1), "patience"),
         (lambda s: Confirmation(probability=2), "probability"),
         (lambda s: Confirmation()(s, [1.0, 0.0]), "z: expected shape"),

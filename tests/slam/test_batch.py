@@ -65,7 +65,7 @@ def test_each_run_is_ekf_slam_number_for_number(sensor, landmarks):
         assert np.flatnonzero(batch.known[k]).tolist() == sorted(rows)
         nis = [report.nis for report in alone.reports]
         np.testing.assert_allclose([r.nis[k] for r in together.reports], nis, atol=1e-6)
-        dof = [len(report.residual) for report in alone.reports]
+        dof = [len(report.innovation) for report in alone.reports]
         assert [r.dof[k] for r in together.reports] == dof
 
 

@@ -33,12 +33,12 @@ def drive(n_steps, seed=1, n=80):
 
 
 def assert_same(compressed, full):
-    settled = compressed.settle()
+    settled = compressed.global_update()
     assert settled.ids == full.ids
     np.testing.assert_allclose(settled.mean, full.mean, atol=1e-9)
     np.testing.assert_allclose(settled.cov, full.cov, atol=1e-9)
-    np.testing.assert_array_equal(settled.sightings, full.sightings)
-    np.testing.assert_array_equal(settled.unseen_for, full.unseen_for)
+    np.testing.assert_array_equal(settled.n_observations, full.n_observations)
+    np.testing.assert_array_equal(settled.steps_since_observed, full.steps_since_observed)
 
 
 def test_compressed_equals_full_over_2000_steps_and_many_regions():
@@ -48,7 +48,7 @@ def test_compressed_equals_full_over_2000_steps_and_many_regions():
     for k, (u, z, ids) in enumerate(drive(2000)):
         known = [name for name in ids.tolist() if name in compressed.ids]
         if k % 100 == 0 or not set(known) <= set(compressed.local.ids):
-            compressed.enter({*compressed.near(7.0), *known})
+            compressed.set_region({*compressed.landmarks_within(7.0), *known})
             regions += 1
         for one in (full, compressed):
             one.predict(u, DT, V)
@@ -73,7 +73,7 @@ def small(seed=3, n=6):
 
 def test_new_landmarks_and_known_ones_in_one_look():
     compressed, full = small()
-    compressed.enter([4, 1])
+    compressed.set_region([4, 1])
     z = full.sensor.observe(full.pose, full.landmarks[[1, 4]]) + 0.03
     for one in (compressed, full):
         one.update(np.vstack([z, [[2.0, 1.0], [3.0, -1.0]]]), [1, 4, "a", "b"])
@@ -88,14 +88,14 @@ def test_each_forgotten_account_is_noticed():
     """The recursions, mutated: without Phi, Psi or theta the landmarks outside go wrong."""
     for name in ("Phi", "Psi", "theta"):
         compressed, full = small()
-        compressed.enter([4, 1])
+        compressed.set_region([4, 1])
         z = full.sensor.observe(full.pose, full.landmarks[[1, 4]]) + 0.03
         for one in (compressed, full):
             one.predict([0.1, 0.2, 0.3], DT, V)
             one.update(z, [1, 4])
         account = getattr(compressed, f"_{name}")
         account[...] = np.eye(7) if name == "Phi" else 0.0
-        settled = compressed.settle()
+        settled = compressed.global_update()
         off = max(np.abs(settled.mean - full.mean).max(), np.abs(settled.cov - full.cov).max())
         assert off > 1e-5, name
 
@@ -103,21 +103,21 @@ def test_each_forgotten_account_is_noticed():
 def test_a_landmark_outside_the_region_opens_a_new_one():
     compressed, full = small()
     compressed.radius = 1.0
-    compressed.enter([4, 1])
+    compressed.set_region([4, 1])
     z = full.sensor.observe(full.pose, full.landmarks[[1, 2]]) + 0.03
     for one in (compressed, full):
         one.update(z[:1], [1])
         one.update(z, [1, 2])
     assert 2 in compressed.local.ids
     assert 0 not in compressed.local.ids
-    assert compressed.regions == 3
+    assert compressed.n_regions == 3
     assert_same(compressed, full)
 
 
 def test_a_landmark_met_in_the_old_region_and_far_away_comes_along():
     compressed, full = small()
     compressed.radius = 1.0
-    compressed.enter([4, 1])
+    compressed.set_region([4, 1])
     z = full.sensor.observe(full.pose, full.landmarks[[1, 2]]) + 0.03
     for one in (compressed, full):
         one.update([[30.0, 0.5]], ["far"])
@@ -129,50 +129,50 @@ def test_a_landmark_met_in_the_old_region_and_far_away_comes_along():
 def test_a_robot_that_has_driven_on_opens_a_new_region():
     compressed, full = small()
     compressed.radius = 6.0
-    compressed.enter([0])
+    compressed.set_region([0])
     compressed.predict([3.1, 0, 0], 1.0, V)
     compressed.update(np.empty((0, 2)), [])
-    assert compressed.regions == 3
-    assert compressed.local.ids == compressed.near(6.0)
+    assert compressed.n_regions == 3
+    assert compressed.local.ids == compressed.landmarks_within(6.0)
     assert 0 < len(compressed.local.ids) < 6
 
 
 def test_regions_refuse_unknown_names():
     compressed, _ = small()
     with pytest.raises(ValueError, match="expected landmarks of the map, got \\[9\\]"):
-        compressed.enter([9])
+        compressed.set_region([9])
     with pytest.raises(ValueError, match="every landmark once"):
-        compressed.enter([1, 1])
+        compressed.set_region([1, 1])
     for ids in (5, [[1]]):
         with pytest.raises(ValueError, match="ids: expected a sequence of names"):
-            compressed.enter(ids)
+            compressed.set_region(ids)
     with pytest.raises(ValueError, match="radius"):
-        compressed.near(-1.0)
+        compressed.landmarks_within(-1.0)
 
 
 def test_fresh_names_do_not_collide_with_landmarks_outside():
     compressed, _ = small()
     compressed._full.associate = lambda slam, z: [-1]
-    compressed.enter([0])
+    compressed.set_region([0])
     assert compressed.update([[2.0, 1.0]]).ids == (6,)
-    assert compressed.settle().ids == (0, 1, 2, 3, 4, 5, 6)
+    assert compressed.global_update().ids == (0, 1, 2, 3, 4, 5, 6)
 
 
 def test_settling_twice_changes_nothing():
     compressed, _ = small()
-    compressed.enter([4, 1])
+    compressed.set_region([4, 1])
     compressed.predict([0.1, 0, 0], DT, V)
-    first = compressed.settle().cov.copy()
-    np.testing.assert_array_equal(compressed.settle().cov, first)
+    first = compressed.global_update().cov.copy()
+    np.testing.assert_array_equal(compressed.global_update().cov, first)
     assert compressed.local.ids == (4, 1)
 
 
 def test_first_region_is_the_whole_map():
     slam = CompressedEKFSlam(Unicycle(), SENSOR, [0, 0, 0])
     slam.update([[2.0, 0.1]], [5])
-    assert slam.local.ids == slam.ids == slam.settle().ids == (5,)
-    assert slam.near(3.0) == (5,)
-    assert slam.near(1.0) == ()
+    assert slam.local.ids == slam.ids == slam.global_update().ids == (5,)
+    assert slam.landmarks_within(3.0) == (5,)
+    assert slam.landmarks_within(1.0) == ()
 
 
 def test_updating_the_local_block_alone_gives_no_covariance_in_any_of_200_trials():
@@ -195,16 +195,16 @@ def test_updating_the_local_block_alone_gives_no_covariance_in_any_of_200_trials
 def test_a_region_that_knows_its_reach_lasts_until_it_could_see_out():
     compressed, full = small()
     compressed.radius, compressed._reach = 6.0, 1.0
-    compressed.enter([0])
+    compressed.set_region([0])
     for _ in range(5):
         compressed.predict([0.9, 0, 0], 1.0, V)
         full.predict([0.9, 0, 0], 1.0, V)
         compressed.update(np.empty((0, 2)), [])
-    assert compressed.regions == 2  # 4.5 m driven, 5 m allowed; half the radius would be 3 m
+    assert compressed.n_regions == 2  # 4.5 m driven, 5 m allowed; half the radius would be 3 m
     compressed.predict([0.9, 0, 0], 1.0, V)
     full.predict([0.9, 0, 0], 1.0, V)
     compressed.update(np.empty((0, 2)), [])
-    assert compressed.regions == 3
+    assert compressed.n_regions == 3
     assert_same(compressed, full)
 
 
@@ -223,7 +223,7 @@ def test_settling_a_large_map_is_exact_too():
     full = run(EKFSlam(*arguments), log)
     local = run(CompressedEKFSlam(*arguments, radius=40.0, reach=20.0), log)
     assert len(full.system.mean) > 400
-    assert local.system.regions > 20
+    assert local.system.n_regions > 20
     np.testing.assert_allclose(local.poses, full.poses, atol=1e-8)
     np.testing.assert_allclose(local.covs, full.covs, atol=1e-8)
     assert_same(local.system, full.system)
@@ -240,5 +240,5 @@ def test_the_local_block_alone_ends_a_flight_early():
         if step.dt:
             slam.predict(step.u, step.dt, step.control_cov)
         slam.update(step.z, step.ids)
-        smallest.append(np.linalg.eigvalsh(slam.settle().cov)[0])
+        smallest.append(np.linalg.eigvalsh(slam.global_update().cov)[0])
     assert min(smallest) < -1e-3

@@ -46,8 +46,8 @@ def state(slam):
         slam.mean.copy(),
         slam.cov.copy(),
         slam.ids,
-        slam.sightings.copy(),
-        slam.unseen_for.copy(),
+        slam.n_observations.copy(),
+        slam.steps_since_observed.copy(),
     )
 
 
@@ -82,8 +82,8 @@ def test_update_is_one_dense_kalman_update(rows):
     ours = slam.update(z, rows)
     np.testing.assert_allclose(slam.mean, due.mean, atol=1e-13)
     np.testing.assert_allclose(slam.cov, due.cov, atol=1e-14)
-    np.testing.assert_allclose(ours.residual, innovation.residual, atol=1e-13)
-    np.testing.assert_allclose(ours.cov, innovation.cov, atol=1e-14)
+    np.testing.assert_allclose(ours.innovation, innovation.innovation, atol=1e-13)
+    np.testing.assert_allclose(ours.S, innovation.S, atol=1e-14)
     np.testing.assert_allclose(ours.gain, innovation.gain, atol=1e-12)
     assert ours.nis == pytest.approx(innovation.nis, rel=1e-9)
     assert ours.log_likelihood == pytest.approx(innovation.log_likelihood, rel=1e-9)
@@ -170,7 +170,7 @@ def test_removed_landmark_is_marginalised():
     np.testing.assert_array_equal(slam.mean, mean[keep])
     np.testing.assert_array_equal(slam.cov, cov[np.ix_(keep, keep)])
     slam.update(look(slam, [1]), [2])
-    assert slam.sightings.tolist() == [1, 2, 1, 1]
+    assert slam.n_observations.tolist() == [1, 2, 1, 1]
     assert slam.landmark_cov(2)[0, 0] < cov[7, 7]
 
 
@@ -180,10 +180,10 @@ def test_landmarks_hardly_seen_are_removed():
     for _ in range(10):
         slam.predict([0.0, 0.0], DT, V)
         slam.update(look(slam, [0]), ["tree"])
-    assert slam.unseen_for.tolist() == [0, 10]
-    assert slam.remove_unseen(steps=11) == ()
-    assert slam.remove_unseen(steps=10) == ("ghost",)
-    assert slam.remove_unseen(steps=0, sightings=10) == ()
+    assert slam.steps_since_observed.tolist() == [0, 10]
+    assert slam.prune(steps=11) == ()
+    assert slam.prune(steps=10) == ("ghost",)
+    assert slam.prune(steps=0, n_observations=10) == ()
     assert slam.ids == ("tree",)
 
 
@@ -310,8 +310,8 @@ def test_bad_motion_and_unknown_names_are_named():
             call(77)
     with pytest.raises(ValueError, match="ids: .* 0 twice"):
         slam.remove([0, 0])
-    with pytest.raises(ValueError, match="sightings: expected at least 1"):
-        slam.remove_unseen(3, 0)
+    with pytest.raises(ValueError, match="n_observations: expected at least 1"):
+        slam.prune(3, 0)
     assert_same_state(slam, before)
 
 
@@ -319,7 +319,7 @@ def test_empty_look_changes_nothing():
     slam = some_slam()
     before = state(slam)
     innovation = slam.update(np.empty((0, 2)), [])
-    assert innovation.residual.shape == (0,)
+    assert innovation.innovation.shape == (0,)
     assert innovation.gain.shape == (15, 0)
     assert innovation.nis == 0.0
     assert_same_state(slam, before)
@@ -364,7 +364,7 @@ def test_random_life_keeps_rows_names_and_symmetry(seed):
         if slam.n_landmarks > 4 and rng.random() < 0.2:
             slam.remove([slam.ids[int(rng.integers(slam.n_landmarks))]])
         assert len(slam.mean) == 3 + 2 * slam.n_landmarks == len(slam.cov)
-        assert len(slam.sightings) == len(slam.unseen_for) == len(set(slam.ids))
+        assert len(slam.n_observations) == len(slam.steps_since_observed) == len(set(slam.ids))
         np.testing.assert_array_equal(slam.cov, slam.cov.T)
     assert np.linalg.eigvalsh(slam.cov)[0] > -1e-12
 
@@ -381,9 +381,9 @@ def test_ten_thousand_steps_with_200_landmarks_stay_symmetric_and_psd():
     V_small = np.diag([0.05**2, 0.02**2])
     for _ in range(20):
         path = np.array([pose := MOTION.sample(pose, u, DT, V_small, rng) for _ in range(500)])
-        looks = sensor.observe(path[:, None], landmarks)
-        looks += rng.standard_normal(looks.shape) * [0.05, 0.02]
-        for z in looks:
+        observations = sensor.observe(path[:, None], landmarks)
+        observations += rng.standard_normal(observations.shape) * [0.05, 0.02]
+        for z in observations:
             nearest = np.argsort(z[:, 0])[:10]
             slam.predict(u, DT, V_small)
             slam.update(z[nearest], nearest)
@@ -394,7 +394,7 @@ def test_ten_thousand_steps_with_200_landmarks_stay_symmetric_and_psd():
     assert np.linalg.norm(slam.pose[:2] - pose[:2]) < 1.0
 
 
-@pytest.mark.parametrize("linearisation", ["latest", "first-estimates", "invariant"])
+@pytest.mark.parametrize("linearisation", ["standard", "first-estimates", "invariant"])
 def test_the_heading_stays_wrapped_at_the_start_and_through_a_correction(linearisation):
     # Just short of half a turn; the landmark says that the robot has turned further, beyond it.
     start = [0.0, 0.0, np.pi - 0.01 + 2 * np.pi]

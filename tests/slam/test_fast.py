@@ -25,14 +25,14 @@ def world(seed=1, steps=60, n=25, sensor=SENSOR):
     """Landmarks, true poses and measurements of a robot that looks, then drives in a circle."""
     rng = rng_of(seed)
     landmarks = rng.uniform(-6, 6, (n, 2)) + [0, 3]
-    pose, poses, looks = np.zeros(3), [], []
+    pose, poses, observations = np.zeros(3), [], []
     for k in range(steps):
         pose = MOTION.sample(pose, U, DT, V, rng) if k else pose
         z, ids = sensor.measure(pose, landmarks, rng)
         keep = z[:, 0] > 0
         poses.append(pose)
-        looks.append((z[keep], ids[keep].tolist()))
-    return landmarks, np.array(poses), looks
+        observations.append((z[keep], ids[keep].tolist()))
+    return landmarks, np.array(poses), observations
 
 
 def step(slam, z, ids=None):
@@ -40,9 +40,9 @@ def step(slam, z, ids=None):
     return slam.update(z, ids)
 
 
-def run(looks, version=1, n_particles=100, seed=2, named=True, **options):
+def run(observations, version=1, n_particles=100, seed=2, named=True, **options):
     slam = FastSlam(MOTION, SENSOR, [0, 0, 0], n_particles, version, rng=rng_of(seed), **options)
-    for k, (z, ids) in enumerate(looks):
+    for k, (z, ids) in enumerate(observations):
         if k:
             slam.predict(U, DT, V)
         slam.update(z, ids if named else None)
@@ -117,10 +117,10 @@ def test_a_landmark_is_corrected_by_the_kalman_filter_of_a_robot_that_knows_wher
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_the_log_weight_is_the_log_likelihood_of_each_particle(version):
-    landmarks, _, looks = world()
-    slam = run(looks[:5], version, threshold=0.0)
+    landmarks, _, observations = world()
+    slam = run(observations[:5], version, threshold=0.0)
     before, views = slam.log_weights, [slam.particle(i) for i in range(4)]
-    z, ids = looks[4]
+    z, ids = observations[4]
     rows = [slam.ids.index(i) for i in ids]
     slam.update(z, ids)  # no motion in between: both versions weigh where they stand
     gain = (slam.log_weights - before)[:4]
@@ -142,10 +142,10 @@ def test_the_log_weight_is_the_log_likelihood_of_each_particle(version):
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_it_finds_robot_and_map_where_odometry_is_lost(version):
-    landmarks, poses, looks = world(steps=120)
-    slam = run(looks, version)
+    landmarks, poses, observations = world(steps=120)
+    slam = run(observations, version)
     dead = np.zeros(3)
-    for _ in looks[1:]:
+    for _ in observations[1:]:
         dead = MOTION.step(dead, U, DT)
     error = np.linalg.norm(slam.pose[:2] - poses[-1, :2])
     assert error < 0.3 < np.linalg.norm(dead[:2] - poses[-1, :2])
@@ -155,19 +155,19 @@ def test_it_finds_robot_and_map_where_odometry_is_lost(version):
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_the_same_seed_gives_the_same_numbers(version):
-    _, _, looks = world(steps=20)
-    one, other = run(looks, version), run(looks, version)
+    _, _, observations = world(steps=20)
+    one, other = run(observations, version), run(observations, version)
     assert same(state_of(one), state_of(other))
-    assert not np.array_equal(one.poses, run(looks, version, seed=3).poses)
+    assert not np.array_equal(one.poses, run(observations, version, seed=3).poses)
 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_moving_the_world_moves_everything_with_it(version):
-    _, _, looks = world(steps=25)
+    _, _, observations = world(steps=25)
     start = np.array([5.0, -2.0, 2.5])
-    here = run(looks, version)
+    here = run(observations, version)
     there = FastSlam(MOTION, SENSOR, start, 100, version, rng=rng_of(2))
-    for k, (z, ids) in enumerate(looks):
+    for k, (z, ids) in enumerate(observations):
         if k:
             there.predict(U, DT, V)
         there.update(z, ids)
@@ -177,9 +177,9 @@ def test_moving_the_world_moves_everything_with_it(version):
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_the_order_of_the_measurements_does_not_matter(version):
-    _, _, looks = world(steps=15)
-    turned = [(z[::-1], ids[::-1]) for z, ids in looks]
-    one, other = run(looks, version), run(turned, version)
+    _, _, observations = world(steps=15)
+    turned = [(z[::-1], ids[::-1]) for z, ids in observations]
+    one, other = run(observations, version), run(turned, version)
     rows = [other.ids.index(i) for i in one.ids]
     np.testing.assert_allclose(one.poses, other.poses, atol=1e-9)
     np.testing.assert_allclose(one.landmarks, other.landmarks[rows], atol=1e-9)
@@ -187,17 +187,19 @@ def test_the_order_of_the_measurements_does_not_matter(version):
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_full_turn_of_the_bearings_changes_nothing(version):
-    _, _, looks = world(steps=15)
-    turned = [(z + [0, 2 * np.pi], ids) for z, ids in looks]
-    np.testing.assert_allclose(run(looks, version).poses, run(turned, version).poses, atol=1e-9)
+    _, _, observations = world(steps=15)
+    turned = [(z + [0, 2 * np.pi], ids) for z, ids in observations]
+    np.testing.assert_allclose(
+        run(observations, version).poses, run(turned, version).poses, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_covariances_stay_covariances(version):
     sharp = RangeBearing(1e-4, 1e-5, max_range=20.0)
-    landmarks, _, looks = world(steps=700, n=3, sensor=sharp)
+    landmarks, _, observations = world(steps=700, n=3, sensor=sharp)
     slam = FastSlam(MOTION, sharp, [0, 0, 0], 4, version, rng=rng_of(1))
-    for k, (z, ids) in enumerate(looks):
+    for k, (z, ids) in enumerate(observations):
         if k:
             slam.predict(U, DT, V)
         slam.update(z, ids)
@@ -264,9 +266,9 @@ def test_predictions_beyond_the_look_back_keep_their_noise():
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_without_noise_in_the_odometry_nothing_is_drawn(version):
-    _, _, looks = world(steps=5)
+    _, _, observations = world(steps=5)
     slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 10, version, rng=rng_of(1))
-    for k, (z, ids) in enumerate(looks):
+    for k, (z, ids) in enumerate(observations):
         if k:
             slam.predict(U, DT, np.zeros((2, 2)))
         slam.update(z, ids)
@@ -275,8 +277,8 @@ def test_without_noise_in_the_odometry_nothing_is_drawn(version):
 
 
 def test_a_look_at_nothing_changes_nothing_but_the_ancestors():
-    _, _, looks = world(steps=10)
-    slam = run(looks)
+    _, _, observations = world(steps=10)
+    slam = run(observations)
     slam.predict(U, DT, V)
     poses, weights = slam.poses, slam.log_weights
     assert slam.update(np.zeros((0, 2)), ids=[]) == pytest.approx(0.0, abs=1e-12)
@@ -288,10 +290,10 @@ def test_a_look_at_nothing_changes_nothing_but_the_ancestors():
 
 
 def test_paths_follow_the_ancestors():
-    _, _, looks = world(steps=40)
+    _, _, observations = world(steps=40)
     slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 50, rng=rng_of(2))
     paths, rows, poses, ancestors = np.zeros((50, 0, 3)), [], [], []
-    for k, (z, ids) in enumerate(looks):
+    for k, (z, ids) in enumerate(observations):
         if k:
             slam.predict(U, DT, V)
         before = slam.poses
@@ -314,9 +316,9 @@ def test_paths_follow_the_ancestors():
 
 
 def test_ancestors_are_the_rows_that_systematic_resampling_drew():
-    _, _, looks = world(steps=40)
+    _, _, observations = world(steps=40)
     slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 50, rng=rng_of(2), threshold=1.0)
-    for k, (z, ids) in enumerate(looks):
+    for k, (z, ids) in enumerate(observations):
         if k:
             slam.predict(U, DT, V)
         poses = slam.poses
@@ -324,7 +326,7 @@ def test_ancestors_are_the_rows_that_systematic_resampling_drew():
         np.testing.assert_array_equal(slam.poses, poses[slam.ancestors])
     assert slam.resampled
     assert slam.weights == pytest.approx(1 / 50)
-    assert not run(looks, threshold=0.0).resampled
+    assert not run(observations, threshold=0.0).resampled
 
 
 # Shared maps.
@@ -355,8 +357,8 @@ def test_shared_maps_equal_maps_that_are_copied():
 
 
 def test_copying_a_particle_copies_no_landmark():
-    _, _, looks = world(steps=10, n=200)
-    slam = run(looks, n_particles=40, threshold=0.0)
+    _, _, observations = world(steps=10, n=200)
+    slam = run(observations, n_particles=40, threshold=0.0)
     shared = slam._maps.shared
     pages = shared.in_use
     assert slam.stored_landmarks == pages * PAGE >= 40 * slam.n_landmarks
@@ -368,10 +370,10 @@ def test_copying_a_particle_copies_no_landmark():
 
 
 def test_memory_does_not_grow_with_the_length_of_the_run():
-    _, _, looks = world(steps=200)
-    slam = run(looks[:50])
+    _, _, observations = world(steps=200)
+    slam = run(observations[:50])
     size = len(slam._maps.shared.pages)
-    for z, ids in looks[50:]:
+    for z, ids in observations[50:]:
         step(slam, z, ids)
     assert len(slam._maps.shared.pages) <= 2 * size
 
@@ -402,20 +404,22 @@ def nearest(view, z):
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_the_built_in_association_is_maximum_likelihood_with_a_gate(version):
-    _, _, looks = world(steps=25, n=12)
-    built_in = run(looks, version, 15, named=False)
-    asked = run(looks, version, 15, named=False, associate=nearest)
+    _, _, observations = world(steps=25, n=12)
+    built_in = run(observations, version, 15, named=False)
+    asked = run(observations, version, 15, named=False, associate=nearest)
     np.testing.assert_allclose(built_in.poses, asked.poses, atol=1e-9)
     np.testing.assert_allclose(built_in.landmarks, asked.landmarks, atol=1e-9)
     # The gate matters: a narrow one starts the same landmark again and again.
-    assert run(looks, version, 15, named=False, gate=0.3).n_landmarks > asked.n_landmarks + 5
+    assert (
+        run(observations, version, 15, named=False, gate=0.3).n_landmarks > asked.n_landmarks + 5
+    )
 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_passing_over_what_is_out_of_reach_changes_nothing(version, monkeypatch):
     near = RangeBearing(0.1, 0.03, offset=0.2, max_range=3.0)
-    _, _, looks = world(steps=40, n=60, sensor=near)
-    quick = run(looks, version, 15, named=False)
+    _, _, observations = world(steps=40, n=60, sensor=near)
+    quick = run(observations, version, 15, named=False)
     skipped = []
     reach = _particle_association._in_reach
 
@@ -426,7 +430,7 @@ def test_passing_over_what_is_out_of_reach_changes_nothing(version, monkeypatch)
 
     monkeypatch.setattr(_landmark_maps, "BLOCKS", 1)
     monkeypatch.setattr(_particle_association, "_in_reach", everything)
-    slow = run(looks, version, 15, named=False)
+    slow = run(observations, version, 15, named=False)
     assert sum(skipped) > 100
     np.testing.assert_allclose(quick.poses, slow.poses, atol=1e-12)
     np.testing.assert_allclose(quick.landmarks, slow.landmarks, atol=1e-12)
@@ -436,16 +440,16 @@ def test_passing_over_what_is_out_of_reach_changes_nothing(version, monkeypatch)
         "_in_reach",
         lambda seen, landmarks, gate: reach(seen._replace(z=0.6 * seen.z), landmarks, gate),
     )
-    tight = run(looks, version, 15, named=False)
+    tight = run(observations, version, 15, named=False)
     assert tight.n_landmarks > quick.n_landmarks
 
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_unnamed_landmarks_are_found_and_told_apart(version):
-    landmarks, poses, looks = world(seed=4, steps=80, n=15)
-    slam = run(looks, version, 60, named=False)
+    landmarks, poses, observations = world(seed=4, steps=80, n=15)
+    slam = run(observations, version, 60, named=False)
     distance = np.linalg.norm(slam.landmarks[:, None] - landmarks, axis=-1)
-    met = {i for _, ids in looks for i in ids}
+    met = {i for _, ids in observations for i in ids}
     assert len(met) <= slam.n_landmarks <= len(met) + 1
     assert np.median(distance.min(1)) < 0.2
     assert np.linalg.norm(slam.pose[:2] - poses[-1, :2]) < 0.4
@@ -453,15 +457,15 @@ def test_unnamed_landmarks_are_found_and_told_apart(version):
 
 
 def test_clutter_is_forgotten_when_it_is_not_seen_again():
-    landmarks, _, looks = world(seed=4, steps=60, n=12)
+    landmarks, _, observations = world(seed=4, steps=60, n=12)
     rng = rng_of(9)
     dirty = []
-    for z, ids in looks:
+    for z, ids in observations:
         false = rng.uniform([0.5, -np.pi], [7.5, np.pi], (1, 2))
         z = np.concatenate([z, false]) if rng.random() < 0.5 else z
         dirty.append((z, ids))
     kept = run(dirty, 2, 40, named=False)
-    cleaned = run(dirty, 2, 40, named=False, detection=(0.9, 0.05))
+    cleaned = run(dirty, 2, 40, named=False, detection_probabilities=(0.9, 0.05))
     assert kept.n_landmarks > 1.5 * len(landmarks)
     away = np.linalg.norm(cleaned.landmarks[:, None] - landmarks, axis=-1).min(1)
     sure = cleaned.particle(0).existence > 0.99
@@ -470,7 +474,9 @@ def test_clutter_is_forgotten_when_it_is_not_seen_again():
 
 
 def test_evidence_counts_sightings_and_their_absence():
-    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 1, rng=rng_of(1), detection=(0.8, 0.1))
+    slam = FastSlam(
+        MOTION, SENSOR, [0, 0, 0], 1, rng=rng_of(1), detection_probabilities=(0.8, 0.1)
+    )
     both, one = [[2.0, 0.5], [2.0, -0.5]], [[2.0, 0.5]]
     odds = lambda: np.log(1 / (1 / slam.particle(0).existence - 1))  # noqa: E731
     slam.update(both)
@@ -498,8 +504,8 @@ def test_an_association_may_ignore_and_start_what_it_likes():
 
 
 def test_the_view_of_a_particle_has_what_an_association_asks_for():
-    _, _, looks = world(steps=20)
-    slam = run(looks, 2)
+    _, _, observations = world(steps=20)
+    slam = run(observations, 2)
     view = slam.particle(3)
     np.testing.assert_array_equal(view.pose, slam.poses[3])
     assert (view.pose_cov == 0).all()
@@ -541,12 +547,12 @@ def test_version_2_asks_with_the_uncertainty_of_the_odometry():
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("named", [True, False])
 def test_covs_of_the_sensor_change_nothing_and_those_of_a_better_one_are_its_own(version, named):
-    _, _, looks = world(steps=12)
+    _, _, observations = world(steps=12)
     sharper = RangeBearing(0.05, 0.015, offset=0.2, max_range=8.0)
 
     def final(sensor, R):
         slam = FastSlam(MOTION, sensor, [0, 0, 0], 30, version, rng=rng_of(2))
-        for k, (z, ids) in enumerate(looks):
+        for k, (z, ids) in enumerate(observations):
             if k:
                 slam.predict(U, DT, V)
             covs = None if R is None else np.tile(R, (len(z), 1, 1))
@@ -575,8 +581,8 @@ def test_each_measurement_has_its_own_covariance():
 
 
 def test_what_it_gives_is_a_copy_and_what_it_takes_is_copied():
-    _, _, looks = world(steps=8)
-    slam, u = run(looks, 2), U.copy()
+    _, _, observations = world(steps=8)
+    slam, u = run(observations, 2), U.copy()
     slam.predict(u, DT, V)
     before = state_of(slam)
     for name in ("poses", "log_weights", "weights", "pose", "pose_cov", "ancestors", "mean"):
@@ -595,8 +601,8 @@ def test_what_it_gives_is_a_copy_and_what_it_takes_is_copied():
 
 
 def test_moments_of_the_mixture_equal_a_plain_sum_over_particles():
-    _, _, looks = world(steps=30, n=70)
-    slam = run(looks, threshold=0.0)
+    _, _, observations = world(steps=30, n=70)
+    slam = run(observations, threshold=0.0)
     w, n = slam.weights, len(slam.ids)
     views = [slam.particle(i) for i in range(100)]
     mean = sum(wi * v.landmarks for wi, v in zip(w, views, strict=True))
@@ -643,8 +649,8 @@ BAD_UPDATES = [
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize(("message", "z", "options"), BAD_UPDATES)
 def test_a_bad_update_is_named_and_harmless(version, message, z, options):
-    _, _, looks = world(steps=6)
-    slam = run(looks, version)
+    _, _, observations = world(steps=6)
+    slam = run(observations, version)
     slam.predict(U, DT, V)
     before = state_of(slam)
     if options.get("ids") == ["met"]:
@@ -653,9 +659,9 @@ def test_a_bad_update_is_named_and_harmless(version, message, z, options):
         slam.update(z, **options)
     assert same(state_of(slam), before)
     # It goes on as if nothing had happened.
-    twin = run(looks, version)
+    twin = run(observations, version)
     twin.predict(U, DT, V)
-    assert slam.update(*looks[5]) == twin.update(*looks[5])
+    assert slam.update(*observations[5]) == twin.update(*observations[5])
     assert same(state_of(slam), state_of(twin))
 
 
@@ -698,9 +704,9 @@ def test_a_bad_association_is_named_and_harmless(version, message, answer):
         ("rng", ([0, 0, 0], 5), dict(rng=1)),
         ("threshold", ([0, 0, 0], 5), dict(threshold=2)),
         ("gate", ([0, 0, 0], 5), dict(gate=1.0)),
-        ("detection", ([0, 0, 0], 5), dict(detection=(0.1, 0.8))),
-        ("detection", ([0, 0, 0], 5), dict(detection=(0.0, 0.8))),
-        ("detection", ([0, 0, 0], 5), dict(detection=0.8)),
+        ("detection_probabilities", ([0, 0, 0], 5), dict(detection_probabilities=(0.1, 0.8))),
+        ("detection_probabilities", ([0, 0, 0], 5), dict(detection_probabilities=(0.0, 0.8))),
+        ("detection_probabilities", ([0, 0, 0], 5), dict(detection_probabilities=0.8)),
     ],
 )
 def test_bad_construction_is_named(message, arguments, options):
@@ -778,15 +784,17 @@ def test_it_takes_a_mecanum_platform_and_a_sensor_of_walls(version):
     "associate", [association.maximum_likelihood, association.joint_compatibility]
 )
 def test_each_particle_may_ask_the_associations_of_ekf_slam(version, associate):
-    landmarks, poses, looks = world(seed=4, steps=25, n=10)
-    slam = run(looks, version, 12, named=False, associate=associate)
-    met = {i for _, ids in looks for i in ids}
+    landmarks, poses, observations = world(seed=4, steps=25, n=10)
+    slam = run(observations, version, 12, named=False, associate=associate)
+    met = {i for _, ids in observations for i in ids}
     assert len(met) <= slam.n_landmarks <= len(met) + 1
     assert np.linalg.norm(slam.pose[:2] - poses[-1, :2]) < 0.3
 
 
 def test_an_empty_look_counts_against_what_stands_in_view():
-    slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 3, 2, rng=rng_of(1), detection=(0.8, 0.1))
+    slam = FastSlam(
+        MOTION, SENSOR, [0, 0, 0], 3, 2, rng=rng_of(1), detection_probabilities=(0.8, 0.1)
+    )
     slam.update(np.zeros((0, 2)))
     slam.update([[2.0, 0.3]])
     slam.update(np.zeros((0, 2)))

@@ -614,7 +614,7 @@ def test_fifty_thousand_poses_take_memory_in_proportion():
     for n in (5_000, 50_000):
         graph = manhattan_graph(n, 3 * n, np.random.default_rng(0)).graph
         tracemalloc.start()
-        result = graph.initial_guess().optimize()
+        result = graph.chordal_initialisation().optimize()
         peaks.append(tracemalloc.get_traced_memory()[1] / n)
         tracemalloc.stop()
         dof = 3 * (2 * n + 1)

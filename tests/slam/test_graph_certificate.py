@@ -50,13 +50,13 @@ def test_a_ring_with_one_turn_too_many_converges_and_is_not_certified():
 
 def test_the_guess_turns_once_from_any_start():
     for winding in (0, 1, 2, 5):
-        assert ring(winding=winding).initial_guess().chi2() < 1e-9
+        assert ring(winding=winding).chordal_initialisation().chi2() < 1e-9
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_the_bound_lies_below_every_cost(seed):
     graph = town(seed, 40, 60)
-    best = graph.initial_guess().optimize(tolerance=1e-12)
+    best = graph.chordal_initialisation().optimize(tolerance=1e-12)
     rng = np.random.default_rng(seed)
     bounds = [best.certificate.bound]
     for size in (0.01, 0.1, 1.0):
@@ -67,7 +67,7 @@ def test_the_bound_lies_below_every_cost(seed):
 @pytest.mark.parametrize("seed", [2, 5, 6])
 def test_where_dead_reckoning_ends_in_a_local_minimum_the_guess_is_certified(seed):
     graph = town(seed, 800, 1100, 0.1, 0.1)
-    stuck, best = graph.optimize(), graph.initial_guess().optimize()
+    stuck, best = graph.optimize(), graph.chordal_initialisation().optimize()
     assert stuck.converged
     assert stuck.chi2 > 2 * best.chi2
     assert not stuck.certified
@@ -77,7 +77,7 @@ def test_where_dead_reckoning_ends_in_a_local_minimum_the_guess_is_certified(see
 
 
 def test_a_gap_that_cannot_be_closed_is_not_called_certified():
-    best = town(7).initial_guess().optimize()
+    best = town(7).chordal_initialisation().optimize()
     assert best.converged
     assert not best.certified
     assert 0.97 < best.certificate.bound / best.chi2 < 0.99
@@ -134,14 +134,14 @@ def test_maps_are_certified_whose_information_is_far_from_isotropic():
     omega = np.linalg.inv(np.diag(np.square([0.1, 0.01, 0.02])))
     i, j = plain.edges.T
     z = between(truth[i], truth[j]) + rng.normal(size=(len(i), 3)) * [0.1, 0.01, 0.02]
-    best = PoseGraph(plain.poses, plain.edges, z, omega).initial_guess().optimize()
+    best = PoseGraph(plain.poses, plain.edges, z, omega).chordal_initialisation().optimize()
     assert best.certified
     assert best.certificate.bound == pytest.approx(best.chi2, rel=1e-6)
 
 
 def test_the_form_costs_what_the_graph_costs_but_for_the_chord():
     graph = town(4, 60, 100, heading=0.01)
-    poses = graph.initial_guess().optimize().poses
+    poses = graph.chordal_initialisation().optimize().poses
     tau, kappa = isotropic(graph.information)
     form = Relaxation(graph.edges, graph.measurements, tau, kappa, 60, 0)
     x = np.r_[poses[:, 0] + 1j * poses[:, 1], np.exp(1j * poses[:, 2])]
@@ -176,7 +176,7 @@ def real_graphs():
 
 def test_on_every_real_graph_the_best_known_map_is_found_and_proved_to_be_the_best():
     for name, graph, least in real_graphs():
-        best = graph.initial_guess().optimize()
+        best = graph.chordal_initialisation().optimize()
         print(f"{name}: chi2 {best.chi2:.4f}, bound {best.certificate.bound:.4f}")
         assert best.converged, name
         assert best.certified, name
@@ -190,12 +190,12 @@ def test_small_graphs_have_certificates_too():
     pair = PoseGraph([[0, 0, 0], [5, 5, 2.0]], [[0, 1]], [[1, 0, 0]], np.eye(3))
     assert pair.optimize().certified
     assert not pair.certificate().certified
-    assert pair.initial_guess().chi2() < 1e-20
+    assert pair.chordal_initialisation().chi2() < 1e-20
 
 
 def test_a_guess_of_a_broken_graph_names_what_is_adrift():
     graph = PoseGraph(np.zeros((3, 3)), [[0, 1]], [[1, 0, 0]], np.eye(3))
-    for call in (graph.initial_guess, graph.certificate):
+    for call in (graph.chordal_initialisation, graph.certificate):
         with pytest.raises(ValueError, match="not joined: pose 2"):
             call()
 
@@ -203,7 +203,7 @@ def test_a_guess_of_a_broken_graph_names_what_is_adrift():
 @pytest.mark.parametrize("seed", [1, 3, 4])
 def test_levenberg_marquardt_arrives_where_gauss_newton_does(seed):
     graph = town(seed, 800, 1100, 0.1, 0.1)
-    for start in (graph, graph.initial_guess()):
+    for start in (graph, graph.chordal_initialisation()):
         levenberg = start.optimize("levenberg-marquardt")
         assert levenberg.converged
         assert levenberg.certified

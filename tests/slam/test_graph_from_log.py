@@ -20,11 +20,18 @@ def log_of(n=6, names=False):
     truth = [np.array([1.0, 2.0, 0.3])]
     for k in range(1, n):
         truth.append(RelativePose().step(truth[-1], u[k], 1))
-    looks = [SENSOR.observe(x, POINTS) for x in truth]
-    looks[3] = np.vstack([looks[3], [[1.0, 0.0]]])
+    observations = [SENSOR.observe(x, POINTS) for x in truth]
+    observations[3] = np.vstack([observations[3], [[1.0, 0.0]]])
     ids = [["a", "b"] if names else [5, 2]] * n
     ids[3] = [*ids[3], "c" if names else -1]
-    return Log(np.arange(n), u, dt, np.diag([0.01, 0.02, 0.003]), looks=looks, ids=ids), truth
+    return Log(
+        np.arange(n),
+        u,
+        dt,
+        np.diag([0.01, 0.02, 0.003]),
+        landmark_measurements=observations,
+        ids=ids,
+    ), truth
 
 
 def test_a_log_without_noise_is_a_graph_without_error():
@@ -75,7 +82,7 @@ def test_steps_of_many_lengths_and_noises_each_become_their_own_edge():
 def test_the_noise_of_a_measurement_is_turned_into_metres():
     log, _ = log_of()
     graph = PoseGraph.from_log(log, RelativePose(), SENSOR)
-    z = log.looks[0][0]
+    z = log.landmark_measurements[0][0]
     rng = np.random.default_rng(1)
     noisy = z + rng.normal(size=(20000, 2)) * [0.1, 0.02]
     sampled = np.cov(SENSOR.locate(np.zeros(3), noisy).T)
@@ -92,8 +99,15 @@ def test_the_optimum_is_that_of_an_ekf_where_all_is_linear():
     truth = np.cumsum(u, 0)
     sensor, Q = PointSensor(0.01 * np.eye(2)), np.diag([0.01, 0.01, 1e-13])
     noisy = u + rng.normal(size=u.shape) * [0.1, 0.1, 0] * (np.arange(n) > 0)[:, None]
-    looks = [sensor.observe(x, POINTS) + 0.1 * rng.normal(size=(2, 2)) for x in truth]
-    log = Log(np.arange(n), noisy, np.r_[0, np.ones(n - 1)], Q, looks=looks, ids=[[0, 1]] * n)
+    observations = [sensor.observe(x, POINTS) + 0.1 * rng.normal(size=(2, 2)) for x in truth]
+    log = Log(
+        np.arange(n),
+        noisy,
+        np.r_[0, np.ones(n - 1)],
+        Q,
+        landmark_measurements=observations,
+        ids=[[0, 1]] * n,
+    )
     filtered = run(EKFSlam(RelativePose(), sensor, np.zeros(3)), log)
     smoothed = PoseGraph.from_log(log, RelativePose(), sensor).optimize(tolerance=1e-12)
     assert np.allclose(filtered.poses[-1], smoothed.poses[-1], atol=1e-5)

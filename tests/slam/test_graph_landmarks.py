@@ -139,7 +139,7 @@ def test_the_first_guess_needs_no_start(odometry):
     best = graph.optimize().chi2
     lost = np.random.default_rng(0).uniform(-50, 50, (len(graph.poses), 3))
     lost[0] = graph.poses[0]
-    guess = graph.with_poses(lost, 50 * np.ones_like(graph.landmarks)).initial_guess()
+    guess = graph.with_poses(lost, 50 * np.ones_like(graph.landmarks)).chordal_initialisation()
     assert np.array_equal(guess.poses[0], graph.poses[0])
     assert guess.chi2() < 20 * best
     assert guess.optimize().chi2 == pytest.approx(best, rel=1e-6)
@@ -156,7 +156,7 @@ def test_a_kernel_takes_the_force_from_a_landmark_mistaken_for_another():
         landmark_information=graph.landmark_information,
     )  # fmt: skip
     good = graph.optimize()
-    plain = mistaken.initial_guess().optimize()
+    plain = mistaken.chordal_initialisation().optimize()
     robust = mistaken.optimize(kernel="dcs", kernel_width=(30, 10, 3), max_iterations=100)
     assert robust.landmark_weights[40] < 0.01 < 0.5 < np.median(robust.landmark_weights)
     off = [np.abs(between(good.poses, r.poses)[:, :2]).max() for r in (plain, robust)]

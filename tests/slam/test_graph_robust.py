@@ -24,20 +24,20 @@ def lied_to(seed=0, n=300, m=400, lies=8):
         np.vstack([graph.measurements, false]),
         graph.information[0],
     )
-    return lied, graph.initial_guess().optimize()
+    return lied, graph.chordal_initialisation().optimize()
 
 
 def test_dcs_at_once_rejects_true_closures_and_says_so():
     lied, best = lied_to()
     with pytest.warns(UserWarning, match=r"rejected \d+ of 109 closures"):
         strict = lied.optimize(kernel="dcs", kernel_width=1.0, max_iterations=200)
-    assert strict.rejected > 55
-    assert f"{strict.rejected} of 109 closures rejected" in strict.message
+    assert strict.n_rejected > 55
+    assert f"{strict.n_rejected} of 109 closures rejected" in strict.message
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         patient = lied.optimize(kernel="dcs", kernel_width=(30, 10, 3))
     assert patient.converged
-    assert patient.rejected == (patient.weights[lied.closures] < 0.1).sum()
+    assert patient.n_rejected == (patient.weights[lied.closures] < 0.1).sum()
     assert (patient.weights[-8:] < 0.1).all()
     assert (patient.weights[:-8] > 0.1).all()
     error = [np.hypot(*between(best.poses, r.poses)[:, :2].T).max() for r in (strict, patient)]
@@ -87,7 +87,7 @@ def two_places():
 def test_of_alternatives_only_the_likeliest_counts(order):
     start, edges, measured = two_places()
     graph = PoseGraph(start, edges, measured, 100 * np.eye(3))
-    both, one = graph.optimize(), graph.optimize(alternatives=[order])
+    both, one = graph.optimize(), graph.optimize(hypotheses=[order])
     assert both.chi2 > 20
     assert one.weights.tolist() == [1, 1, 1, 1, 1, 0]
     assert one.history[-1] < 0.2
@@ -100,7 +100,7 @@ def test_a_vague_alternative_does_not_win_by_its_vagueness():
     information = np.tile(100 * np.eye(3), (6, 1, 1))
     information[5] *= 1e-9  # says next to nothing, and so costs next to nothing
     graph = PoseGraph(start, edges, measured, information)
-    assert graph.optimize(alternatives=[[4, 5]]).weights[4] == 1
+    assert graph.optimize(hypotheses=[[4, 5]]).weights[4] == 1
     x = graph.residuals()
     costs = np.einsum("ka,kab,kb->k", x, information, x)
     assert costs[5] < costs[4]  # without the determinant the vague one would win
@@ -109,7 +109,7 @@ def test_a_vague_alternative_does_not_win_by_its_vagueness():
 @pytest.mark.parametrize("groups", [[[4, 4]], [[4, 5], [5]], [[]]])
 def test_alternatives_that_make_no_sense_are_refused(groups):
     start, edges, measured = two_places()
-    with pytest.raises(ValueError, match="alternatives: expected groups"):
-        PoseGraph(start, edges, measured, np.eye(3)).optimize(alternatives=groups)
-    with pytest.raises(ValueError, match="alternatives: expected the row of one of 6 edges"):
-        PoseGraph(start, edges, measured, np.eye(3)).optimize(alternatives=[[6]])
+    with pytest.raises(ValueError, match="hypotheses: expected groups"):
+        PoseGraph(start, edges, measured, np.eye(3)).optimize(hypotheses=groups)
+    with pytest.raises(ValueError, match="hypotheses: expected the row of one of 6 edges"):
+        PoseGraph(start, edges, measured, np.eye(3)).optimize(hypotheses=[[6]])

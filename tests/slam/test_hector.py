@@ -11,10 +11,10 @@ import pytest
 from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.geometry import compose, inverse
-from slamlab.navigation import YOUBOT_BODY, RoomDriver
+from slamlab.navigation import YOUBOT_BODY, CoveragePilot
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
-from slamlab.simulation import Truth, drifted, record
+from slamlab.simulation import PerfectEstimator, drifted, record
 from slamlab.slam import HectorSlam
 from slamlab.worlds import rooms
 
@@ -27,13 +27,13 @@ LIDAR_AHEAD = Lidar(360, offset=0.3, max_range=8.0, sigma_range=0.01)
 @cache
 def office_drive(max_turn):
     """A round trip through the office, 5 scans a second; the log says nothing of the motion."""
-    pilot = RoomDriver(YOUBOT_BODY, LIDAR_AHEAD, max_turn=max_turn)
+    pilot = CoveragePilot(YOUBOT_BODY, LIDAR_AHEAD, max_turn=max_turn)
     log = record(
         rooms.office(),
         YOUBOT,
         LIDAR_AHEAD,
         pilot,
-        Truth(),
+        PerfectEstimator(),
         np.random.default_rng(1),
         start=[2.0, 4.0, 0.0],
         dt=0.2,

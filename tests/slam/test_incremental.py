@@ -31,7 +31,7 @@ def test_after_every_closure_it_is_the_optimum_of_the_whole():
     graph = town()
     for count, growing in enumerate(fed(graph)):
         near = growing.poses
-        growing.settle()
+        growing.optimize()
         assert growing.converged
         if count % 10 == 0:
             right = exactly(growing.graph())
@@ -46,7 +46,7 @@ def test_it_ends_where_isam2_ends():
     gtsam = pytest.importorskip("gtsam")
     graph = town(seed=1)
     *_, growing = fed(graph)
-    growing.settle()
+    growing.optimize()
     isam = gtsam.ISAM2(gtsam.ISAM2Params())
     factors, start = gtsam.NonlinearFactorGraph(), gtsam.Values()
     n = len(growing)
@@ -75,7 +75,7 @@ def test_a_pose_that_is_only_added_moves_no_other():
     growing.add_pose([1.0, 0.0, 0.0], np.eye(3))
     assert np.array_equal(growing.poses[:-1], before)
     growing.add_edge(5, side, [-2.0, 1.0, 0.2], np.eye(3))
-    growing.settle()
+    growing.optimize()
     assert np.allclose(growing.poses, exactly(growing.graph()), atol=1e-9)
     copy = growing.poses
     copy += 1

@@ -47,14 +47,14 @@ def stood(linearisation, sensor=ROOM_SENSOR, landmarks=((3, 1), (4, -2), (2.5, 3
 
 
 def test_a_standing_robot_keeps_the_doubt_of_its_heading():
-    assert stood("latest") < 5.0, "what nothing measured, the usual filter claims to know"
+    assert stood("standard") < 5.0, "what nothing measured, the usual filter claims to know"
     for name in REPAIRED:
         assert stood(name) == pytest.approx(10.0, abs=1e-6)
 
 
 def test_a_robot_among_walls_keeps_it_with_first_estimates():
     walls, sensor = [[5, 0.2], [4, 1.6], [5, 3.0]], Wall(0.05, np.radians(1.0), offset=0.3)
-    assert stood("latest", sensor, walls) < 9.0
+    assert stood("standard", sensor, walls) < 9.0
     assert stood("first-estimates", sensor, walls) == pytest.approx(10.0, abs=1e-6)
 
 
@@ -62,7 +62,7 @@ def test_a_driving_robot_keeps_it_too_and_the_usual_one_does_not(runs):
     claimed = {
         name: np.degrees(np.sqrt(one.covs[-1, :, 2, 2].mean())) for name, one in runs.items()
     }
-    assert claimed["latest"] < 2.0
+    assert claimed["standard"] < 2.0
     for name in REPAIRED:
         assert claimed[name] == pytest.approx(10.0, abs=0.1)
 
@@ -73,7 +73,7 @@ def test_nees_of_the_repaired_filters_lies_in_its_band_over_fifty_runs(runs):
     for name, outside in (("invariant", 0), ("first-estimates", 1)):
         scores = invariant_nees(runs[name])[1:].mean(1)
         assert ((scores < low) | (high < scores)).sum() <= outside, (name, scores)
-    assert invariant_nees(runs["latest"])[-1].mean() > 10 * high
+    assert invariant_nees(runs["standard"])[-1].mean() > 10 * high
     # In x and y the belief is a banana, which no ellipse can hold, however it was linearised.
     assert nees(runs["invariant"])[-1].mean() > 2 * high
 
@@ -118,8 +118,8 @@ def test_in_the_linear_world_all_three_are_the_kalman_filter():
             slam.predict(u, 0.5, 0.1 * np.eye(2))
             slam.update(z, [k % 4, 7, 8])
     for name in REPAIRED:
-        np.testing.assert_allclose(filters[name].mean, filters["latest"].mean, atol=1e-10)
-        np.testing.assert_allclose(filters[name].cov, filters["latest"].cov, atol=1e-12)
+        np.testing.assert_allclose(filters[name].mean, filters["standard"].mean, atol=1e-10)
+        np.testing.assert_allclose(filters[name].cov, filters["standard"].cov, atol=1e-12)
 
 
 def differences(scale):
@@ -166,7 +166,9 @@ def test_half_a_repair_is_none(drives, monkeypatch):
 
 
 def test_bad_linearisations_are_named():
-    with pytest.raises(ValueError, match="linearisation: expected one of 'latest', 'first"):
+    with pytest.raises(ValueError, match="linearisation: expected one of 'standard', 'first"):
         EKFSlam(YOUBOT, ROOM_SENSOR, START, linearisation="iterated")
-    with pytest.raises(ValueError, match="linearisation: expected 'latest' or 'first-estimates'"):
+    with pytest.raises(
+        ValueError, match="linearisation: expected 'standard' or 'first-estimates'"
+    ):
         EKFSlam(YOUBOT, Wall(0.1, 0.1), START, linearisation="invariant")

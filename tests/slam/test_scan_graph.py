@@ -13,7 +13,7 @@ from slamlab.evaluation import ate, relation_error, run
 from slamlab.geometry import between, compose, inverse
 from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
-from slamlab.matching import Outline
+from slamlab.matching import PointsWithNormals
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
@@ -94,12 +94,12 @@ def test_a_ring_is_closed_and_the_map_is_good_to_centimetres():
     assert ate(slam.trajectory, result.log.truth).rmse < 0.06
     assert sum(one.state == "confirmed" for one in slam.closures) >= 3
     assert false_closures(slam, result.log, 0.3) == []
-    assert slam.lost_scans == []
+    assert slam.unmatched_scans == []
 
 
 def test_ambiguous_closures_are_rejected_or_kept_with_a_spread_along_the_corridor():
     log, kept = round_trip(), {}
-    for ambiguous in ("reject", "stretch"):
+    for ambiguous in ("reject", "inflate"):
         slam = ScanGraphSlam(log.scan, log.truth[0], n_keyframes=5, ambiguous=ambiguous)
         run(slam, log)
         kept[ambiguous] = [one for one in slam.closures if one.state == "confirmed"]
@@ -107,13 +107,13 @@ def test_ambiguous_closures_are_rejected_or_kept_with_a_spread_along_the_corrido
         error = ate(slam.trajectory, log.truth).rmse
         print(f"{ambiguous}: {len(kept[ambiguous])} closures, path error {error:.3f} m")
         assert error < 0.03  # kept or not, the map is the same: what they say is known already
-    assert max(one.rival for one in kept["reject"]) <= 0.8
-    doubted = [one for one in kept["stretch"] if one.rival > 0.8]
+    assert max(one.second_peak for one in kept["reject"]) <= 0.8
+    doubted = [one for one in kept["inflate"] if one.second_peak > 0.8]
     assert len(doubted) >= 3
-    for one in kept["stretch"]:
+    for one in kept["inflate"]:
         across, along = np.sqrt(np.linalg.eigvalsh(one.cov[:2, :2]))
         assert across < 0.1
-        assert (along > 1.0) == (one.rival > 0.8)
+        assert (along > 1.0) == (one.second_peak > 0.8)
 
 
 def test_the_trajectory_is_that_of_every_step_and_the_graph_holds_it():
@@ -153,7 +153,7 @@ def test_a_scan_that_fits_nowhere_is_reported_and_the_wheels_are_believed():
     noise = np.random.default_rng(0).uniform(0.3, 4.0, LIDAR.n_beams)
     match = slam.update(noise)
     assert slam.lost
-    assert slam.lost_scans == [12]
+    assert slam.unmatched_scans == [12]
     assert match.score == 0.0
     np.testing.assert_allclose(slam.pose, compose(before, [0.3, 0.0, 0.0]), atol=1e-9)
 
@@ -211,9 +211,11 @@ def test_a_plain_corridor_is_left_to_the_wheels(lidar, monkeypatch):
     allowed = 1.5 * abs(wheels[-1, 0] - log.truth[-1, 0])
     assert off()[0] < allowed
     assert off()[1] < 0.02
-    exact = Outline.of
+    exact = PointsWithNormals.estimate
     monkeypatch.setattr(
-        Outline, "of", lambda points: replace(exact(points), turned=np.zeros(len(points)))
+        PointsWithNormals,
+        "estimate",
+        lambda points: replace(exact(points), normal_variances=np.zeros(len(points))),
     )
     assert off()[0] > 4 * allowed
 

@@ -11,7 +11,7 @@ from slamlab.filters import extended
 from slamlab.gaussian import Gaussian, confidence_ellipse
 from slamlab.geometry import inverse_transform, wrap_angle
 from slamlab.mapping import fit_line, line_cov, point_covs
-from slamlab.matching import Outline, match_icp
+from slamlab.matching import PointsWithNormals, match_icp
 from slamlab.sensors import RangeBearing, Wall
 from slamlab.widgets import ScanDrag, Sighting, WallDrag
 from slamlab.widgets._pack import script
@@ -96,7 +96,7 @@ def room():
 @pytest.mark.parametrize("rounds", [1, 3, 20])
 @pytest.mark.parametrize("metric", ["line", "point"])
 def test_the_page_matches_as_the_library(tmp_path, metric, rounds):
-    outline = Outline.of(room())
+    outline = PointsWithNormals.estimate(room())
     on_wall = np.isfinite(outline.normals[:, 0])
     truth, guess = [2.0, 1.5, 0.3], [2.15, 1.4, 0.38]
     points = inverse_transform(truth, room() + 0.003)
@@ -112,7 +112,9 @@ def test_the_page_matches_as_the_library(tmp_path, metric, rounds):
         f"return pose; }})({guess})"
     )
     page = in_node(tmp_path, "scan_drag.js", loop)
-    reference = Outline(outline.points[on_wall], outline.normals[on_wall], outline.turned[on_wall])
+    reference = PointsWithNormals(
+        outline.points[on_wall], outline.normals[on_wall], outline.normal_variances[on_wall]
+    )
     due = match_icp(reference, points, guess, metric, gate=0.5, fine_gate=0.5, n_iterations=rounds)
     np.testing.assert_allclose(page, due.pose, atol=2e-6)
     assert np.abs(np.array(page) - guess).max() > 0.01
@@ -155,7 +157,7 @@ def test_the_page_knows_both_names_of_a_wall(tmp_path, line):
 
 
 def test_what_goes_into_the_page_is_small():
-    outline = Outline.of(room())
+    outline = PointsWithNormals.estimate(room())
     for figure in (Sighting(), ScanDrag(outline, room(), [0, 0, 0]), WallDrag()):
         assert len(json.dumps(figure.payload)) < 40_000
 

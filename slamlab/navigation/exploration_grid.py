@@ -26,10 +26,10 @@ from slamlab.kernels.floor import (
 )
 from slamlab.models import ScanSensor, as_scan_sensor
 
-__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "SeenFloor", "Ways"]
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "ExplorationGrid", "ShortestPaths"]
 
 
-class SeenFloor(Grid):
+class ExplorationGrid(Grid):
     """A grid of cells that are unknown, free or occupied.
 
     A cell is free when its centre lies between two neighbouring beams and nearer than both their
@@ -50,7 +50,7 @@ class SeenFloor(Grid):
     ----------
     state : ndarray of uint8, shape (rows, columns)
         `UNKNOWN`, `FREE` or `OCCUPIED`; row 0 at the bottom.
-    shut : ndarray of bool, shape (rows, columns)
+    blacklisted : ndarray of bool, shape (rows, columns)
         Frontier cells that a scan from close by did not clear up: they are left alone.
 
     Raises
@@ -61,7 +61,7 @@ class SeenFloor(Grid):
     Examples
     --------
     >>> from slamlab.logs import ScanGeometry
-    >>> floor = SeenFloor([0, 0, 4, 1], 1.0)
+    >>> floor = ExplorationGrid([0, 0, 4, 1], 1.0)
     >>> beams = ScanGeometry(np.deg2rad([-5, 5]))
     >>> floor.insert([0.5, 0.5, 0.0], [2.0, 2.0], beams)
     >>> floor.state.tolist()
@@ -73,7 +73,7 @@ class SeenFloor(Grid):
         super().__init__(frame.shape, frame.resolution, frame.origin)
         self._grows = bool(grow)
         self.state = np.zeros(self.shape, dtype=np.uint8)
-        self.shut = np.zeros(self.shape, dtype=np.bool_)
+        self.blacklisted = np.zeros(self.shape, dtype=np.bool_)
         self._doubt = np.zeros(self.shape, dtype=np.uint8)
         self._free, self._room = np.zeros((0, 0), dtype=np.bool_), np.zeros((0, 0))
 
@@ -128,20 +128,20 @@ class SeenFloor(Grid):
         # Beyond the last floor that was seen there is a cell, and it is unknown.
         added = self.grow(ends, margin=2) if len(ends) else None
         if added is not None:
-            for name in ("state", "shut", "_doubt"):
+            for name in ("state", "blacklisted", "_doubt"):
                 setattr(self, name, np.pad(getattr(self, name), added))
 
     def frontier(self) -> NDArray[np.bool_]:
-        """Free cells beside an unknown one, shape (rows, columns), without the `shut` ones."""
+        """Free cells beside an unknown one, shape (rows, columns), without the `blacklisted`."""
         unknown = self.state == UNKNOWN
         beside = np.zeros_like(unknown)
         beside[1:] |= unknown[:-1]
         beside[:-1] |= unknown[1:]
         beside[:, 1:] |= unknown[:, :-1]
         beside[:, :-1] |= unknown[:, 1:]
-        return beside & (self.state == FREE) & ~self.shut
+        return beside & (self.state == FREE) & ~self.blacklisted
 
-    def shut_near(self, point: ArrayLike, radius: float) -> None:
+    def blacklist_frontier(self, point: ArrayLike, radius: float) -> None:
         """Give up the frontier cells within `radius` (m) of a point (2,): the scan is taken."""
         point, radius = as_array("point", point, (2,)), as_scalar("radius", radius, 0.0, 1e9)
         row, column = self.cell(point)
@@ -150,9 +150,9 @@ class SeenFloor(Grid):
         columns = slice(max(column - reach, 0), column + reach + 1)
         gap = self.centres_of(rows, columns) - point
         near = np.hypot(gap[..., 0], gap[..., 1]) <= radius
-        self.shut[rows, columns] |= near & self.frontier()[rows, columns]
+        self.blacklisted[rows, columns] |= near & self.frontier()[rows, columns]
 
-    def fits(self, radius: float) -> NDArray[np.bool_]:
+    def traversable(self, radius: float) -> NDArray[np.bool_]:
         """Cells where a disc lies on seen free floor, shape (rows, columns).
 
         Parameters
@@ -170,7 +170,7 @@ class SeenFloor(Grid):
             self._room = distance[1:-1, 1:-1] * self.resolution
         return np.asarray(self._room >= radius + self.resolution * np.sqrt(0.5))
 
-    def ways(self, start: ArrayLike, radius: float) -> Ways:
+    def shortest_paths(self, start: ArrayLike, radius: float) -> ShortestPaths:
         """Shortest ways of a disc from a point to all cells.
 
         Parameters
@@ -181,15 +181,15 @@ class SeenFloor(Grid):
         radius : float
             Radius of the disc (m).
         """
-        fits = self.fits(as_scalar("radius", radius, 0.0))
+        fits = self.traversable(as_scalar("radius", radius, 0.0))
         begin = self._nearest(fits, as_array("start", start, (2,)), radius)
         lengths = np.full(fits.shape, np.inf)
         parents = np.full(fits.shape, -1, dtype=np.int32)
         if begin is not None:
             wavefront(fits, *begin, lengths, parents)
-        return Ways(self, lengths * self.resolution, parents, fits)
+        return ShortestPaths(self, lengths * self.resolution, parents, fits)
 
-    def route(self, start: ArrayLike, goal: ArrayLike, radius: float) -> Array | None:
+    def plan(self, start: ArrayLike, goal: ArrayLike, radius: float) -> Array | None:
         """Way of a disc from one point to another over seen free floor.
 
         Parameters
@@ -204,7 +204,7 @@ class SeenFloor(Grid):
         ndarray, shape (k, 2), or None
             Points to drive through, the cell of the goal last; None if there is no way.
         """
-        ways = self.ways(start, radius)
+        ways = self.shortest_paths(start, radius)
         cell = self.cell(as_array("goal", goal, (2,)))
         return ways.to(cell) if np.isfinite(ways.lengths[cell]) else None
 
@@ -222,7 +222,7 @@ class SeenFloor(Grid):
         best = int(np.argmin(gap))
         return (int(rows[best]), int(columns[best])) if gap[best] <= radius else None
 
-    def unseen_area(self, points: ArrayLike, reach: float, n_rays: int = 36) -> Array:
+    def expected_gain(self, points: ArrayLike, reach: float, n_rays: int = 36) -> Array:
         """Unknown floor that a scan from each point would show, as far as one can tell.
 
         Rays run over free and unknown cells alike and stop at an occupied one.
@@ -249,33 +249,33 @@ class SeenFloor(Grid):
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class ShortestPaths:
     """Shortest ways of a disc from one place to all cells of a floor.
 
     Attributes
     ----------
-    floor : SeenFloor
+    floor : ExplorationGrid
     lengths : ndarray, shape (rows, columns)
         In metres, by steps to the eight neighbours; inf where there is no way.
     parents : ndarray of int, shape (rows, columns)
         Flat index of the cell before, -1 at the start and where there is no way.
-    fits : ndarray of bool, shape (rows, columns)
+    traversable : ndarray of bool, shape (rows, columns)
         Where the disc may stand.
     """
 
-    floor: SeenFloor
+    floor: ExplorationGrid
     lengths: Array
     parents: NDArray[np.int32]
-    fits: NDArray[np.bool_]
+    traversable: NDArray[np.bool_]
 
     def to(self, goal: tuple[int, int]) -> Array:
         """Corners (k, 2) of the way to a cell (m), shortened where a straight line fits."""
-        columns = self.fits.shape[1]
+        columns = self.traversable.shape[1]
         cells = [goal]
         while (before := self.parents[cells[-1]]) >= 0:
             cells.append((int(before) // columns, int(before) % columns))
         way = np.array(cells[::-1], dtype=np.int64)
-        corners = way[corners_of(self.fits, way)]
+        corners = way[corners_of(self.traversable, way)]
         return self.floor.origin + self.floor.resolution * (corners[:, ::-1] + 0.5)
 
 
