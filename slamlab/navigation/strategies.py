@@ -80,7 +80,7 @@ class Situation:
 class Strategy(Protocol):
     """Chooses where to go. Anything with this method can be given to an `Explorer`.
 
-    A strategy that wants the robot home again returns ``now.floor.route(now.pose[:2], home,
+    A strategy that wants the robot home again returns ``now.floor.plan(now.pose[:2], home,
     now.body_radius)`` when it has seen enough.
     """
 
