@@ -1,0 +1,133 @@
+"""Names are those of the papers, *Probabilistic Robotics*, GTSAM, Open3D, Nav2; old ones stay out.
+
+CHANGELOG.md has the table old -> new.
+"""
+
+import ast
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+# Names that no identifier may bear any more, whatever it stands for.
+GONE = {
+    "remove_unseen", "unseen_for", "sightings", "Correction", "BatchInnovation", "LocalRange",
+    "initial_guess", "alternatives", "rival", "rival_distance", "Outline", "PointField",
+    "of_log_odds", "lost_scans", "SeenFloor", "seen_floor", "Ways", "shut_near", "unseen_area",
+    "RoomDriver", "Guard", "Homer", "Retracer", "Truth", "BELIEFS", "BUILDINGS", "WAYS",
+    "COVERED", "WornWheels", "looks", "as_a", "good_points", "detection",
+}  # fmt: skip
+# Names that were those of one class: they are none of its attributes, methods or parameters.
+MEMBERS = {
+    "Log": {"looks"},
+    "EKFSlam": {"sightings", "unseen_for", "remove_unseen"},
+    "Innovation": {"residual", "cov"},
+    "FilterResult": {"residuals"},
+    "CompressedEKFSlam": {"settle", "enter", "near", "regions"},
+    "IncrementalGraph": {"settle"},
+    "AdaptiveRange": {"wanted", "nearest", "furthest", "reach", "region"},
+    "FastSlam": {"detection", "columns", "started"},
+    "PoseGraph": {"initial_guess"},
+    "Result": {"rejected"},
+    "Match": {"rival", "residual", "weakest"},
+    "PointsWithNormals": {"of", "moved", "walls", "joined", "turned"},
+    "ExplorationGrid": {"shut", "shut_near", "fits", "ways", "route", "unseen_area"},
+    "ShortestPaths": {"fits"},
+    "CoveragePilot": {"sight", "again", "past"},
+    "Building": {"sight"},
+    "CollisionGuard": {"limited", "away", "wish"},
+    "ReturnPilot": {"way", "past", "relaid"},
+    "Run": {"kept"},
+}
+# Words of a choice.
+CHOICES = {"latest", "stretch"}
+# Functions and classes that had English words for names, which variables may go on to bear.
+MATCHING = {"thin", "normals", "Field"}
+
+
+def sources():
+    for top in ("slamlab", "tests", "tools"):
+        for path in sorted((ROOT / top).rglob("*.py")):
+            yield str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+    for path in sorted((ROOT / "notebooks").rglob("*.ipynb")):
+        if ".ipynb_checkpoints" in path.parts:
+            continue
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+        plain = [re.sub(r"^\s*[%!].*$", "pass", cell, flags=re.MULTILINE) for cell in code]
+        yield str(path.relative_to(ROOT)), "\n".join(plain)
+
+
+def identifiers(tree):
+    """Every name in code: variables, attributes, parameters, keywords, imports."""
+    for node in ast.walk(tree):
+        for field in ("id", "attr", "arg", "name", "asname"):
+            name = getattr(node, field, None)
+            if isinstance(name, str):
+                yield from name.split(".")
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from node.module.split(".")
+
+
+def surface(node):
+    """Fields, attributes, methods of a class, and the parameters of what is public."""
+    for part in ast.walk(node):
+        if isinstance(part, ast.FunctionDef):
+            yield part.name
+            if part.name.startswith("_") and part.name != "__init__":
+                continue
+            yield from (a.arg for a in (*part.args.args, *part.args.kwonlyargs))
+        elif isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name):
+            yield part.target.id
+        elif isinstance(part, ast.Attribute) and ast.unparse(part.value) == "self":
+            yield part.attr
+
+
+def choices(tree):
+    return {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)} & CHOICES
+
+
+@pytest.mark.parametrize(("path", "source"), list(sources()), ids=lambda value: value[-60:])
+def test_no_old_name_is_left(path, source):
+    tree = ast.parse(source)
+    assert GONE & set(identifiers(tree)) == set()
+    if path != "tests/test_names.py" and "exercises" not in path:
+        assert choices(tree) == set()
+
+
+def test_no_class_has_an_old_name_back():
+    seen = set()
+    for path in sorted((ROOT / "slamlab").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and node.name in MEMBERS:
+                seen.add(node.name)
+                assert MEMBERS[node.name] & set(surface(node)) == set(), f"{path.name} {node.name}"
+    assert seen == set(MEMBERS)
+
+
+def test_matching_has_no_old_function():
+    from slamlab import matching
+
+    assert {name for name in MATCHING if hasattr(matching, name)} == set()
+
+
+@pytest.mark.parametrize(
+    "old",
+    [
+        "from slamlab.navigation import Homer",
+        "import slamlab.navigation.seen_floor",
+        "log.looks",
+        "run(system, log).sightings",
+        "FastSlam(motion, detection=(0.9, 0.1))",
+    ],
+)
+def test_an_old_name_would_be_found(old):
+    assert GONE & set(identifiers(ast.parse(old)))
+
+
+def test_an_old_member_would_be_found():
+    code = "class Run:\n    kept: dict\n    def __init__(self, past):\n        self.away = 1"
+    assert {"kept", "past", "away"} <= set(surface(ast.parse(code).body[0]))
+    assert choices(ast.parse('EKFSlam(linearisation="latest")')) == {"latest"}
