@@ -159,6 +159,11 @@ def as_covariance(name: str, value: ArrayLike, dim: int | None = None) -> Array:
     return _symmetric(name, cov)
 
 
+def as_one_covariance(name: str, value: ArrayLike, dim: int) -> Array:
+    """Like `as_covariance`, of a single matrix (dim, dim): no batch may come in."""
+    return as_covariance(name, as_array(name, value, (dim, dim)), dim)
+
+
 # Logs tell the same noise at every step, or the same few thousand to every filter.
 @lru_cache(maxsize=8192)
 def _remembered(name: str, numbers: bytes, shape: tuple[int, ...], kind: str) -> Array:

@@ -21,9 +21,9 @@ from slamlab._checks import (
     as_array,
     as_associations,
     as_count,
-    as_covariance,
     as_landmarks,
     as_names,
+    as_one_covariance,
     as_rows,
 )
 from slamlab.gaussian import block_diagonal
@@ -174,7 +174,7 @@ class EKFSlam:
         n, N = len(self.ids), 3 + 2 * len(self.ids)
         self._x = as_array("mean", mean, (N,)).astype(float)  # (4)
         self._x[2] = wrap_angle(self._x[2])
-        self._P = np.zeros((N, N)) if cov is None else as_covariance("cov", cov, N)  # (7)
+        self._P = np.zeros((N, N)) if cov is None else as_one_covariance("cov", cov, N)  # (7)
         self._first = self._x.copy()  # where "first-estimates" takes its Jacobians
         self._row_of = {name: row for row, name in enumerate(self.ids)}
         self.n_observations, self.steps_since_observed = np.ones(n, int), np.zeros(n, int)
@@ -202,7 +202,7 @@ class EKFSlam:
             If a shape does not fit, a number is not finite, or `control_cov` is no covariance.
         """
         u = as_array("u", u, ("l",))
-        V = as_covariance("control_cov", as_array("control_cov", control_cov, (len(u), len(u))))
+        V = as_one_covariance("control_cov", control_cov, len(u))
 
         F, G = self.motion.jacobians(self._x[:3], u, dt)  # (12), (13): at the old estimate
         moved = self.motion.step(self._x[:3], u, dt)  # (8), P2 (8)

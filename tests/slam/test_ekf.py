@@ -280,6 +280,7 @@ def test_association_that_fails_leaves_the_filter_as_it_was(associate):
         ({"mean": [0, 0]}, "mean: expected shape"),
         ({"mean": [0, 0, 0, 1]}, "mean: expected shape"),
         ({"cov": np.eye(2)}, "cov: expected shape"),
+        ({"cov": np.zeros((3, 3, 3))}, r"cov: expected shape \(3, 3\), got \(3, 3, 3\)"),
         ({"cov": -np.eye(3)}, "cov: expected a positive semi-definite"),
         ({"mean": [0, 0, 0, 1, 1, 2, 2], "ids": ["a", "a"]}, "ids: .* 'a' twice"),
     ],
