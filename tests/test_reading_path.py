@@ -21,7 +21,7 @@ from slamlab.slam import CompressedEKFSlam, EKFSlam, EKFSlamBatch
 ROOT = Path(slamlab.__file__).parent
 SENSOR = RangeBearing(0.05, 0.02, offset=0.3)
 CONTROL = np.array([0.5, 0.1, 0.2]), 0.1, YOUBOT.control_cov(0.4)
-OWN, ALL, DOOR = 120, 260, 100
+OWN, ALL, DOOR = 120, 260, 110
 
 
 @cache
