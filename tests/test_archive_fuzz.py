@@ -38,7 +38,8 @@ def log(path):
     scan = ScanGeometry(np.linspace(-1, 1, 5), 9.0)
     Log(
         np.arange(4.0), np.ones((4, 2)), 1.0, np.eye(2) * 0.01, ranges=np.ones((4, 5)), scan=scan,
-        looks=[np.ones((2, 2)), [], [], np.ones((1, 2))], ids=[[1, 2], [], [], [1]],
+        landmark_measurements=[np.ones((2, 2)), [], [], np.ones((1, 2))],
+        ids=[[1, 2], [], [], [1]],
         truth=np.zeros((4, 3)), landmarks=np.ones((3, 2)), notes={"hit": np.zeros(4, bool)},
         controls="velocity",
     ).save(path)  # fmt: skip

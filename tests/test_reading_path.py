@@ -95,7 +95,7 @@ def compressed_ekf_slam():
     """Two landmarks of a region that is not left, and a new one."""
     slam = CompressedEKFSlam(YOUBOT, SENSOR, [0, 0, 0], 0.01 * np.eye(3))
     slam.update([[2.0, 0.3], [3.0, -0.4], [9.0, 0.5]], ["oak", "ash", "fir"])
-    slam.enter(["oak", "ash"])
+    slam.set_region(["oak", "ash"])
 
     def step():
         slam.predict(*CONTROL)
