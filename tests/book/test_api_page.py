@@ -14,10 +14,10 @@ CLASSES = set(re.findall(r"autoclass:: (\S+)", PAGE))
 
 
 def public_modules():
-    """Names of the modules without a leading underscore; exercise checks have their chapter."""
+    """Names without a leading underscore; checks have their chapter, kernels their plain twins."""
     for path in sorted((ROOT / "slamlab").rglob("*.py")):
         name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        if not path.stem.startswith("_") and ".exercises." not in name:
+        if path.stem[0] != "_" and path.parent.name not in ("exercises", "kernels"):
             yield name
 
 
