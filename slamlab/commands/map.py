@@ -7,7 +7,6 @@ trajectory.tum, graph.g2o (scan-graph only) and index.html, a report with a repl
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -346,16 +345,7 @@ def _replay(result: Run) -> list[str]:
     ranges = np.where(log.ranges <= _TRUSTED, log.ranges, np.nan)
     points = log.scan.points(ranges[steps], path[steps])[:, beams]
     figure = Replay(estimate=path[steps], scans=points, accumulate_scans=True, title="The drive")
-    script = str(figure._esm).replace("export default { render };", "")
-    payload = json.dumps(figure.payload).replace("</", "<\\/")
-    return [
-        f"<style>{figure._css}</style><div id='replay'></div>",
-        f"<script type='module'>{script}\n"
-        f"const state = {{ payload: {payload}, step: 0 }};\n"
-        "const model = { get: (k) => state[k], set: (k, v) => { state[k] = v; },\n"
-        "  save_changes() {}, on() {}, off() {} };\n"
-        "render({ model, el: document.getElementById('replay') });</script>",
-    ]
+    return [figure.html]
 
 
 def _has(name: str) -> bool:

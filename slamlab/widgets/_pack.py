@@ -7,7 +7,10 @@ base64 inside the JSON of the widget. `shared.js` unpacks them. Serves `replay` 
 from __future__ import annotations
 
 import base64
+import json
+from html import escape
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import anywidget
@@ -38,6 +41,48 @@ class Figure(anywidget.AnyWidget):
     def __init__(self, title: str, question: str, payload: dict[str, Any], **state: Any) -> None:
         words = {"title": text("title", title), "question": text("question", question)}
         super().__init__(payload=payload | words, **state)
+
+    @property
+    def html(self) -> str:
+        """The figure as a piece of HTML that needs no kernel, no network and nothing beside it."""
+        names = set(self.class_traits(sync=True)) - set(
+            anywidget.AnyWidget.class_traits(sync=True)
+        )
+        state = json.dumps({name: getattr(self, name) for name in sorted(names)})
+        code = str(self._esm).replace("export default { render };", "")
+        return (
+            f"<style>{self._css}</style><div id='figure'></div>\n"
+            f"<script type='module'>{code}\n"
+            f"const state = {state.replace('</', '<' + chr(92) + '/')};\n"
+            "const model = { get: (k) => state[k], set: (k, v) => { state[k] = v; },\n"
+            "  save_changes() {}, on() {}, off() {} };\n"
+            "render({ model, el: document.getElementById('figure') });</script>\n"
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the figure as one HTML file to show without a notebook, offline.
+
+        Parameters
+        ----------
+        path : str or Path
+            For example "my_drive.html".
+
+        Returns
+        -------
+        Path
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        """
+        title = escape(str(self.payload["title"]) or type(self).__name__)
+        head = f'<meta charset="utf-8"><title>{title}</title>'
+        head += '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        path = Path(path)
+        page = f'<!doctype html>\n<html lang="en"><head>{head}</head><body>\n{self.html}</body>\n'
+        path.write_text(page + "</html>\n", encoding="utf-8")
+        return path
 
 
 def pack_numbers(values: Array) -> Packed:

@@ -182,6 +182,21 @@ def pixels(page, k=0):
     return page.evaluate("k => document.querySelectorAll('.slam-canvas')[k].toDataURL()", k)
 
 
+def test_a_saved_figure_steps_without_a_notebook(window, tmp_path):
+    x = np.linspace(0, 5, 20)
+    figure = Replay(estimate=np.column_stack([x, np.sin(x), x]), title="Saved")
+    page, troubles = window.new_page(), []
+    page.on("pageerror", lambda error: troubles.append(str(error)))
+    page.on("console", lambda m: troubles.append(m.text) if m.type == "error" else None)
+    page.goto(figure.save(tmp_path / "drive.html").as_uri())
+    page.wait_for_function("document.querySelector('.slam-canvas').dataset.step === '0'")
+    page.locator(".slam-canvas").focus()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function("document.querySelector('.slam-canvas').dataset.step === '1'")
+    page.close()
+    assert troubles == []
+
+
 def test_play_moves_and_pause_stops(show):
     page = show(replay())
     before = pixels(page)

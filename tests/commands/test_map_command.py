@@ -93,7 +93,7 @@ def test_a_log_becomes_a_map(kind, request, tmp_path, capsys):
     assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
     assert len(PoseGraph.read_g2o(folder / "graph.g2o").poses) <= N
     page = (folder / "index.html").read_text()
-    assert "id='replay'" in page
+    assert "id='figure'" in page
     assert "http" not in page.replace("http://www.w3.org", "")
 
 

@@ -307,6 +307,16 @@ def test_sweep_refuses_and_names_the_argument(case):
         make()
 
 
+def test_a_figure_is_saved_as_one_page_that_asks_for_nothing(tmp_path):
+    figure = Replay(estimate=np.zeros((3, 3)), title="a </script> & b")
+    path = figure.save(tmp_path / "drive.html")
+    page = path.read_text(encoding="utf-8")
+    assert path == tmp_path / "drive.html"
+    assert "<title>a &lt;/script&gt; &amp; b</title>" in page
+    assert page.count("</script>") == 1
+    assert "http" not in page.replace("http://www.w3.org", "")
+
+
 def test_importing_the_library_loads_no_widgets():
     code = "import sys, slamlab; print('anywidget' in sys.modules or 'ipywidgets' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
