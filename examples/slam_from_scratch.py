@@ -1,45 +1,33 @@
-"""SLAM from scratch: raw lidar scans and odometry become a consistent map, with NumPy and SciPy.
+"""SLAM from scratch: raw lidar scans and odometry become a consistent map.
 
-Read it in an evening, top to bottom: poses, point-to-line ICP, the search of a window by FFT, the
-front end, loop closures, the pose graph, the loop over a log, the occupancy map. A pose is
-(x, y, heading) in m, m, rad; compose(a, b) is the pose b of frame a, seen from the world. Lab V
-writes this file step by step.
+Read it in an evening, top to bottom: poses, points, point-to-line ICP, the search of a
+window by FFT, the front end, loop closures, the pose graph, the occupancy map, the loop
+over a log. A pose is (x, y, heading) in m, m, rad; compose(a, b) is the pose b of frame
+a, seen from the world. Lab V writes this file step by step.
 """
 
+# 0. What is imported, and the constants.
 import numpy as np
 from scipy import fft, ndimage, sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-MAX_RANGE, VOXEL = 30.0, 0.1  # beams count up to here (m); one point a square of this side (m)
-NOISE, KERNEL_WIDTH = 0.05, 0.1  # of a point across its wall (m); errors above weigh less (m)
-KEYFRAMES, NEW_KEYFRAME = 20, (0.3, np.deg2rad(15))  # in the submap; motion to a new one (m, rad)
-ODOMETRY_INFLATION = 9.0  # odometry errs the same way again and again: its covariance times this
-MIN_LOOP, CLOSURE_SPACING = 20.0, 1.5  # path between the ends of a closure; between attempts (m)
-MIN_RADIUS, RADIUS_GROWTH, MAX_RADIUS = (
-    2.5,
-    0.03,
-    12.0,
-)  # of the search (m), a metre driven, at most
-SUBMAP_LENGTH, N_AROUND = 6.0, 3  # path of the old place to each side (m); scans on each side of k
-SEARCH_ANGLE, SEARCH_RANGE = (
-    np.deg2rad(20),
-    15.0,
-)  # of the search (rad); points beyond (m) stay out
-MIN_SCORE, MAX_SECOND_PEAK, SECOND_PEAK_DISTANCE = (
-    0.5,
-    0.8,
-    0.8,
-)  # of a closure: score, that of the
-# second-best match as a part of it, at least so far away (m)
-CONSISTENCY_SPAN, MIN_CONSISTENT = 15.0, 2  # closures this near (m of path) must agree; how many
+MAX_RANGE, VOXEL = 30.0, 0.1  # beams count up to here (m); a point in each such cell
+NOISE, KERNEL_WIDTH = 0.05, 0.1  # of a point across its wall (m); beyond, weights fall
+KEYFRAMES, NEW_KEYFRAME = 20, (0.3, np.deg2rad(15))  # in a submap; from one to the next
+ODOMETRY_INFLATION = 9.0  # odometry errs the same way again: its covariance times this
+MIN_LOOP, CLOSURE_SPACING = 20.0, 1.5  # path (m) inside a closure; between two attempts
+MIN_RADIUS, MAX_RADIUS, RADIUS_GROWTH = 2.5, 12.0, 0.03  # of the search (m); per metre
+SUBMAP_LENGTH, N_AROUND = 6.0, 3  # path of the old place (m); scans on each side of k
+SEARCH_ANGLE, SEARCH_RANGE = np.deg2rad(20), 15.0  # window; points beyond (m) stay out
+MIN_SCORE, MAX_SECOND_PEAK = 0.5, 0.8  # of a closure; share of the best score
+SECOND_PEAK_DISTANCE = 0.8  # from the best (m): nearer ones are the same peak
+CONSISTENCY_SPAN, MIN_CONSISTENT = 15.0, 2  # of path (m) to closures that must agree
 MIN_COV = np.diag([0.02, 0.02, np.deg2rad(0.3)]) ** 2  # of any match
 KERNEL_WIDTHS = (1e4, 1e3, 1e2, 3e1)  # of the robust kernel, one after the other (chi2)
 
 
-# 1. Poses and points.
-
-
+# 1. Poses.
 def wrap(angle):
     """Angle in [-pi, pi)."""
     return (angle + np.pi) % (2 * np.pi) - np.pi
@@ -73,6 +61,7 @@ def transform(pose, points):
     return points @ rotation(pose[2])[:2, :2].T + pose[:2]
 
 
+# 2. Points of a scan.
 def voxel_downsample(points, cell=VOXEL):
     """One point of each square of a grid."""
     _, first = np.unique(np.floor(points / cell).astype(int), axis=0, return_index=True)
@@ -86,11 +75,9 @@ def scan_points(ranges, angles):
     return voxel_downsample(np.stack([r * np.cos(a), r * np.sin(a)], -1))
 
 
-# 2. Walls, and point-to-line ICP pulled by a prior.
-
-
+# 3. Point-to-line ICP, pulled by a prior.
 def estimate_normals(points, k=5, radius=0.5):
-    """Normals (n, 2) of the lines through each point's neighbours; NaN where there is no line."""
+    """Normals (n, 2) of the lines through the points; NaN where there is no line."""
     distance, i = cKDTree(points).query(points, min(k, len(points)))
     w = (distance < radius)[..., None]
     near = points[i]
@@ -109,7 +96,7 @@ def local_map(nodes, poses):
 
 
 def icp(submap, scan, guess, cov, gates=(0.5, 0.2), rounds=12):
-    """MAP estimate: robust distances across the walls, and the guess with its covariance."""
+    """Pose, covariance, fit: robust distances across the walls, and the guess."""
     _, n, tree = submap
     prior, x = np.linalg.inv(cov), np.array(guess, float)
     for gate in gates:
@@ -132,11 +119,9 @@ def icp(submap, scan, guess, cov, gates=(0.5, 0.2), rounds=12):
     return x, np.linalg.inv(H) + MIN_COV, fit
 
 
-# 3. Search: all poses of a window at once, by the FFT.
-
-
+# 4. Search: all poses of a window at once, by the FFT.
 def likelihood_field(points, centre, half, cell):
-    """1 at the points, a Gaussian of one cell beside them; a square about the centre."""
+    """1 at the points, a Gaussian of one cell beside; a square about the centre."""
     n = fft.next_fast_len(int(2 * half / cell) + 2, True)
     ij = np.floor((points - centre + half) / cell).astype(int)
     empty = np.ones((n, n), bool)
@@ -145,13 +130,15 @@ def likelihood_field(points, centre, half, cell):
 
 
 def search(points, scan, guess, radius, turn, step=np.deg2rad(1.5), cell=0.1):
-    """Best pose of the window, its score, and that of the second peak as a part of it."""
-    half = np.hypot(*scan.T).max() + radius  # as far as a shifted scan reaches: no wrap-around
+    """Best pose of the window, its score, and the second peak as a share of it."""
+    half = np.hypot(*scan.T).max() + radius  # reach of a shifted scan: no wrap-around
     field = likelihood_field(points, guess[:2], half, cell)
     angles = np.arange(-turn, turn + 0.5 * step, step)
     images = np.zeros((len(angles), *field.shape), np.float32)
     for image, angle in zip(images, angles):
-        ij = np.floor((transform([half, half, guess[2] + angle], scan)) / cell).astype(int)
+        ij = np.floor((transform([half, half, guess[2] + angle], scan)) / cell).astype(
+            int
+        )
         np.add.at(image, tuple(ij.T), 1.0 / len(scan))
     product = fft.rfft2(field) * np.conj(fft.rfft2(images))
     m = int(radius / cell)
@@ -165,7 +152,13 @@ def search(points, scan, guess, radius, turn, step=np.deg2rad(1.5), cell=0.1):
     return guess + [cell * (i - m), cell * (j - m), angles[a]], best, second_peak
 
 
-# 4. Front end: where is this scan among the last keyframes?
+# 5. Front end: where is this scan among the last keyframes?
+def propagate(x, cov, u, Q):
+    """Pose and covariance after a step u of the odometry, of covariance Q."""
+    R = rotation(x[2])
+    dx, dy, _ = R @ u
+    F = np.array([[1, 0, -dy], [0, 1, dx], [0, 0, 1.0]])
+    return compose(x, u), F @ cov @ F.T + ODOMETRY_INFLATION * R @ Q @ R.T
 
 
 def track(submap, scan, guess, cov):
@@ -179,11 +172,9 @@ def track(submap, scan, guess, cov):
     return (x, new) if fit > 0.25 else (guess, cov)
 
 
-# 5. Loop closures: which old places to try, and which matches to accept.
-
-
+# 6. Loop closures: which old places to try, and which matches to accept.
 def candidates(k, poses, travel, since):
-    """Nearest old node, and the nearest of the oldest pass; with the radius of the search."""
+    """Nearest old node and nearest node of the oldest pass; radius of the search."""
     radius = min(MIN_RADIUS + RADIUS_GROWTH * since, MAX_RADIUS)
     old = np.searchsorted(travel, travel[k] - MIN_LOOP)
     distance = np.hypot(*(poses[:old, :2] - poses[k, :2]).T)
@@ -191,16 +182,21 @@ def candidates(k, poses, travel, since):
     if len(near) == 0:
         return [], radius
     first = np.split(near, np.flatnonzero(np.diff(travel[near]) > MIN_LOOP) + 1)[0]
-    return {int(near[distance[near].argmin()]), int(first[distance[first].argmin()])}, radius
+    return {
+        int(near[distance[near].argmin()]),
+        int(first[distance[first].argmin()]),
+    }, radius
 
 
 def verify(j, k, radius, nodes, poses, travel):
-    """Match the scans around node k with the place around node j; None without a clear match."""
+    """Match the scans around node k with the place of node j; None if unclear."""
     around = range(max(k - N_AROUND, 0), min(k + N_AROUND + 1, len(nodes)))
     merged = [transform(between(poses[k], poses[n]), nodes[n][0]) for n in around]
     scan = voxel_downsample(np.concatenate(merged), 0.2)
     scan = scan[np.hypot(*scan.T) < SEARCH_RANGE]
-    place = range(*np.searchsorted(travel, [travel[j] - SUBMAP_LENGTH, travel[j] + SUBMAP_LENGTH]))
+    place = range(
+        *np.searchsorted(travel, [travel[j] - SUBMAP_LENGTH, travel[j] + SUBMAP_LENGTH])
+    )
     submap = local_map([nodes[n] for n in place], poses[place])
     x, score, second_peak = search(submap[0], scan, poses[k], radius, SEARCH_ANGLE)
     if score < MIN_SCORE or second_peak > MAX_SECOND_PEAK:
@@ -222,16 +218,16 @@ def is_consistent(one, others, poses, travel):
         by_one = compose(z, between(poses[k], poses[b]))
         by_other = compose(between(poses[j], poses[a]), other)
         dx, dy, turn = between(by_one, by_other)
-        agree += np.hypot(dx, dy) < 0.25 + 0.02 * path and abs(turn) < np.deg2rad(2 + 0.15 * path)
+        agree += np.hypot(dx, dy) < 0.25 + 0.02 * path and abs(turn) < np.deg2rad(
+            2 + 0.15 * path
+        )
         near += 1
     return agree >= MIN_CONSISTENT and 2 * agree >= near
 
 
-# 6. Pose graph: Gauss-Newton on sparse normal equations, a robust kernel on the closures.
-
-
+# 7. Pose graph: Gauss-Newton on sparse normal equations, robust closures.
 def residuals(poses, i, j, z):
-    """Errors (m, 3) of edges i -> j measured as z; their derivatives by both poses (m, 3, 6)."""
+    """Errors (m, 3) of edges i -> j measured as z; derivatives (m, 3, 6)."""
     d = between(poses[i], poses[j])
     c, s = np.cos(poses[i, 2]), np.sin(poses[i, 2])
     J = np.zeros((len(i), 3, 6))
@@ -244,7 +240,7 @@ def residuals(poses, i, j, z):
 
 
 def solve(poses, edges, z, covs, robust, rounds=5):
-    """Gauss-Newton on the edges, first pose fixed; robust edges lose weight as they disagree."""
+    """Poses after Gauss-Newton, first pose fixed; chi2 of each edge."""
     poses, (i, j) = poses.copy(), np.transpose(edges)
     root = np.swapaxes(np.linalg.cholesky(np.linalg.inv(covs)), 1, 2)
     rows = np.arange(3 * len(i)).reshape(-1, 3, 1).repeat(6, 2)
@@ -257,7 +253,9 @@ def solve(poses, edges, z, covs, robust, rounds=5):
             chi2 = (e**2).sum(1)
             w = np.where(robust, width / (width + chi2), 1.0)  # root of the weight
             values = w[:, None, None] * (root @ J)
-            J = sparse.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())))[:, 3:]
+            J = sparse.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())))[
+                :, 3:
+            ]
             step = -splu((J.T @ J).tocsc()).solve(J.T @ (w[:, None] * e).ravel())
             poses[1:] += step.reshape(-1, 3)
             if np.abs(step).max() < 1e-3:
@@ -266,64 +264,14 @@ def solve(poses, edges, z, covs, robust, rounds=5):
 
 
 def optimize(poses, chain, closures):
-    """Poses after the chain of odometry and the closures have been weighed against each other."""
+    """Poses after the chain and the closures were weighed against each other."""
     edges = [(n, n + 1) for n in range(len(chain))] + [one[:2] for one in closures]
     z = np.array([z for z, _ in chain] + [one[2] for one in closures])
     covs = np.array([c for _, c in chain] + [one[3] for one in closures])
     return solve(poses, edges, z, covs, np.arange(len(z)) >= len(chain))[0]
 
 
-# 7. The whole: from a log to poses.
-
-
-def propagate(x, cov, u, Q):
-    """Pose and covariance after the step u of the odometry, of covariance Q, in the body frame."""
-    R = rotation(x[2])
-    dx, dy, _ = R @ u
-    F = np.array([[1, 0, -dy], [0, 1, dx], [0, 0, 1.0]])
-    return compose(x, u), F @ cov @ F.T + ODOMETRY_INFLATION * R @ Q @ R.T
-
-
-def slam(ranges, angles, odometry, covs, loops=True):
-    """Poses (T, 3) of all scans; accepted closures; node of each scan and its pose there."""
-    x, cov, nodes, poses, travel = np.zeros(3), np.zeros((3, 3)), [], np.zeros((0, 3)), np.zeros(0)
-    chain, steps, pending, accepted, last_tried, last_closed = [], [], [], [], 0.0, 0.0
-    submap = None
-    for r, u, Q in zip(ranges, odometry, covs):
-        x, cov = propagate(x, cov, u, Q)
-        scan = scan_points(r, angles)
-        if nodes and len(scan) >= 10:
-            x, cov = track(submap, scan, x, cov + MIN_COV)
-        off = between(poses[-1], x) if nodes else x
-        far = np.hypot(*off[:2]) > NEW_KEYFRAME[0] or abs(off[2]) > NEW_KEYFRAME[1]
-        if len(scan) >= 10 and (far or not nodes):
-            if nodes:
-                R = rotation(-poses[-1, 2])
-                chain.append((off, R @ cov @ R.T + MIN_COV))
-            travel = np.append(travel, np.hypot(*off[:2]) + (travel[-1] if nodes else 0.0))
-            nodes.append((scan, estimate_normals(scan)))
-            poses, cov, off = np.vstack([poses, x]), np.zeros((3, 3)), np.zeros(3)
-            k = len(nodes) - 1 - N_AROUND
-            if loops and k > 0 and travel[k] - last_tried > CLOSURE_SPACING:
-                last_tried = travel[k]
-                old, radius = candidates(k, poses, travel, travel[k] - last_closed)
-                new = [verify(j, k, radius, nodes, poses, travel) for j in old]
-                pending += [one for one in new if one]
-                every = pending + accepted
-                fresh = [one for one in pending if is_consistent(one, every, poses, travel)]
-                if fresh:
-                    pending = [one for one in pending if not any(one is f for f in fresh)]
-                    accepted, last_closed = accepted + fresh, travel[k]
-                    poses = optimize(poses, chain, accepted)
-                    x = poses[-1]
-            submap = local_map(nodes[-KEYFRAMES:], poses[-KEYFRAMES:])
-        steps.append((len(nodes) - 1, off))
-    return np.array([compose(poses[n], off) for n, off in steps]), accepted, steps
-
-
-# 8. The map.
-
-
+# 8. Occupancy map.
 def occupancy(ranges, angles, poses, cell=0.1, hit=0.9, miss=-0.4):
     """Log odds (rows y, columns x) and the lower left corner."""
     low = poses[:, :2].min(0) - MAX_RANGE
@@ -340,3 +288,53 @@ def occupancy(ranges, angles, poses, cell=0.1, hit=0.9, miss=-0.4):
             cells = np.unique((seen / cell).astype(int) @ [shape[1], 1])
             odds[cells] = np.clip(odds[cells] + value, -5.0, 5.0)
     return odds.reshape(shape).T, low
+
+
+# 9. The loop over a log.
+def slam(ranges, angles, odometry, covs, loops=True):
+    """Poses (T, 3) of all scans; accepted closures; node of each scan, pose there."""
+    x, cov, nodes, poses, travel = (
+        np.zeros(3),
+        np.zeros((3, 3)),
+        [],
+        np.zeros((0, 3)),
+        np.zeros(0),
+    )
+    chain, steps, pending, accepted, last_tried, last_closed = [], [], [], [], 0.0, 0.0
+    submap = None
+    for r, u, Q in zip(ranges, odometry, covs):
+        x, cov = propagate(x, cov, u, Q)
+        scan = scan_points(r, angles)
+        if nodes and len(scan) >= 10:
+            x, cov = track(submap, scan, x, cov + MIN_COV)
+        off = between(poses[-1], x) if nodes else x
+        far = np.hypot(*off[:2]) > NEW_KEYFRAME[0] or abs(off[2]) > NEW_KEYFRAME[1]
+        if len(scan) >= 10 and (far or not nodes):
+            if nodes:
+                R = rotation(-poses[-1, 2])
+                chain.append((off, R @ cov @ R.T + MIN_COV))
+            travel = np.append(
+                travel, np.hypot(*off[:2]) + (travel[-1] if nodes else 0.0)
+            )
+            nodes.append((scan, estimate_normals(scan)))
+            poses, cov, off = np.vstack([poses, x]), np.zeros((3, 3)), np.zeros(3)
+            k = len(nodes) - 1 - N_AROUND
+            if loops and k > 0 and travel[k] - last_tried > CLOSURE_SPACING:
+                last_tried = travel[k]
+                old, radius = candidates(k, poses, travel, travel[k] - last_closed)
+                new = [verify(j, k, radius, nodes, poses, travel) for j in old]
+                pending += [one for one in new if one]
+                every = pending + accepted
+                fresh = [
+                    one for one in pending if is_consistent(one, every, poses, travel)
+                ]
+                if fresh:
+                    pending = [
+                        one for one in pending if not any(one is f for f in fresh)
+                    ]
+                    accepted, last_closed = accepted + fresh, travel[k]
+                    poses = optimize(poses, chain, accepted)
+                    x = poses[-1]
+            submap = local_map(nodes[-KEYFRAMES:], poses[-KEYFRAMES:])
+        steps.append((len(nodes) - 1, off))
+    return np.array([compose(poses[n], off) for n, off in steps]), accepted, steps

@@ -389,6 +389,15 @@ def is_one_function(source):
     return len(functions) == 1 and len(body) <= 3
 
 
+def is_all_stubs(source):
+    """Whether a cell is functions without lines, to be written by the student."""
+    functions = ast.parse(source).body
+    return all(
+        isinstance(node, ast.FunctionDef) and ast.unparse(node.body[-1]) == "..."
+        for node in functions
+    )
+
+
 def too_much_code(notebook, a_function=False):
     """Visible code cells that are no idea but plumbing: (cell, lines, longest line).
 
@@ -401,7 +410,9 @@ def too_much_code(notebook, a_function=False):
             continue
         lines = cell.source.split("\n")
         longest = max(map(len, lines))
-        one = a_function and len(lines) > 20 and is_one_function(cell.source)
+        one = len(lines) > 20 and (
+            (a_function and is_one_function(cell.source)) or is_all_stubs(cell.source)
+        )
         if (len(lines) > 20 and not one) or longest > 88:
             found.append((number, len(lines), longest))
     return found

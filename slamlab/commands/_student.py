@@ -48,7 +48,7 @@ class _NoAnswers(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """Answer for the exercises' modules; refuse closed subpackages."""
-        if name.startswith("slamlab.exercises.ch"):
+        if name.startswith(("slamlab.exercises.ch", "slamlab.exercises.capstone")):
             return ModuleSpec(name, self)
         if f"{name}.".startswith(tuple(f"{room}." for room in self.closed)):
             raise ImportError(f"{name} is not to be used here: it is what you are asked to write")
@@ -60,8 +60,8 @@ class _NoAnswers(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
 
 def _check(module: str, name: str) -> Any:
-    if name.startswith("check_"):
-        return lambda *_: None
+    if name.startswith("check_") or (".capstone" in module and name[:1] != "_"):
+        return lambda *_: ()
     raise AttributeError(f"{module} has no {name} for a submission")
 
 
@@ -223,11 +223,13 @@ def _answer(space: dict[str, Any], notes: list[str], verb: str, given: tuple[Any
     if verb == "call":
         name, arguments = given
         return _called(space[name], arguments)
-    if verb in ("make", "map_room"):
+    if verb in ("make", "map_room", "slam"):
         if not callable(space.get(verb)):
             said = f" ({'; '.join(notes)})" if notes else ""
             raise ValueError(f"the file defines no function {verb}{said}")
         came = space[verb](*given)
+        if verb == "slam":  # the path first, whatever follows
+            return [np.asarray(came[0], float).tolist()]
         if verb == "map_room":
             probability, resolution, origin = came
             return [np.asarray(part, float).tolist() for part in (probability, resolution, origin)]

@@ -1,9 +1,10 @@
-"""Score a student's file on one of the four labs, beside the library's own systems.
+"""Score a student's file on one of the five labs, beside the library's own systems.
 
 The file (.py or .ipynb) defines `make(setting)`, which returns an estimator; in lab IV the
-estimator has `command(view)` too, and in lab II the file defines `map_room(setting, log)`. It runs
-in a process of its own, with limits of time and memory, and is told step by step what a robot is
-told. The drives are drawn from a seed that the sheet shows; the truth stays with the score.
+estimator has `command(view)` too, in lab II the file defines `map_room(setting, log)`, in lab V
+`slam(ranges, beam_angles, odometry, covs)`. It runs in a process of its own, with limits of time
+and memory, and is told step by step what a robot is told. The drives are drawn from a seed that
+the sheet shows; the truth stays with the score.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from slamlab import exercises
 from slamlab._checks import as_positive
 from slamlab.commands._process import Gone, Process, cells_of
 from slamlab.commands._remote import remote_system
-from slamlab.exercises.lab_scores import Row, library_rows, row, sheet
+from slamlab.exercises.lab_scores import Row, library_rows, row, scans_and_odometry, sheet
 from slamlab.exercises.labs import LABS, Task, as_system_sees_it, tasks
 
 CLOSED = {
@@ -27,6 +28,10 @@ CLOSED = {
     "II": ("slamlab.mapping", "slamlab.slam", "slamlab.localization"),
     "III": ("slamlab.filters", "slamlab.slam", "slamlab.localization"),
     "IV": ("slamlab.navigation",),
+    "V": tuple(
+        f"slamlab.{name}"
+        for name in ("filters", "localization", "mapping", "matching", "navigation", "slam")
+    ),
 }
 
 
@@ -61,9 +66,13 @@ def _yours(options: argparse.Namespace, task: Task, cells: list[str]) -> Row:
     folders = [Path(exercises.__path__[0])]
     try:
         with Process(cells, options.seconds, options.megabytes, closed, folders) as process:
-            if options.lab != "II":
+            if options.lab not in ("II", "V"):
                 return row(options.lab, task, "you", partial(remote_system, process, task.setting))
             process.start_clock()
+            if options.lab == "V":
+                return row(
+                    "V", task, "you", partial(process.ask, "slam", *scans_and_odometry(task))
+                )
             log = as_system_sees_it(task.log)
             return row("II", task, "you", partial(process.ask, "map_room", task.setting, log))
     except Gone as error:

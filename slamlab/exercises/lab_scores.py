@@ -30,6 +30,7 @@ FIGURES = {
     "II": ("walls found %", "floor right %", "invented %"),
     "III": ("ATE (m)", "NEES (3)", "ms a step"),
     "IV": ("floor seen %", "from home (m)", "hits", "drive (s)"),
+    "V": ("ATE (m)",),
 }
 
 
@@ -47,9 +48,10 @@ def practise(lab: str, system: Callable[..., Any], seed: int = 0, library: bool 
 
     Parameters
     ----------
-    lab : {"I", "II", "III", "IV"}
+    lab : {"I", "II", "III", "IV", "V"}
     system : callable
-        Your ``make(setting)``, or in lab II ``map_room(setting, log)``.
+        Your ``make(setting)``; in lab II ``map_room(setting, log)``, in lab V ``slam(ranges,
+        beam_angles, odometry, covs)``.
     seed : int, default 0
         Other seeds, other drives.
     library : bool, default True
@@ -64,14 +66,23 @@ def practise(lab: str, system: Callable[..., Any], seed: int = 0, library: bool 
 
 
 def _answer(lab: str, task: Task, system: Callable[..., Any]) -> Any:
-    if lab != "II":
-        return system(task.setting)
-    return system(task.setting, as_system_sees_it(task.log))
+    if lab == "V":
+        return system(*scans_and_odometry(task))
+    if lab == "II":
+        return system(task.setting, as_system_sees_it(task.log))
+    return system(task.setting)
+
+
+def scans_and_odometry(task: Task) -> tuple[Array, ...]:
+    """Return what `slam` of lab V is called with: ranges, beam angles, odometry, covariances."""
+    log = task.log
+    return log.ranges.copy(), log.scan.beam_angles.copy(), log.u.copy(), log.control_cov.copy()
 
 
 def row(lab: str, task: Task, who: str, answer: Callable[[], Any]) -> Row:
     """Let a system do a drive; what it refuses, or returns that is none, goes into the note."""
-    judge = {"II": _map_figures, "IV": _drive_figures}.get(lab, _run_figures)
+    judges = {"II": _map_figures, "IV": _drive_figures, "V": _path_figures}
+    judge = judges.get(lab, _run_figures)
     try:
         return Row(who, judge(task, answer()))
     except (ValueError, TypeError) as error:
@@ -85,6 +96,9 @@ def library_rows(lab: str, task: Task, everyone: bool = True) -> list[Row]:
     if lab == "II":
         drawn = lab_systems.cartographers().items()
         return [row(lab, task, who, partial(draw, task)) for who, draw in drawn]
+    if lab == "V":
+        known = lab_systems.mappers(everyone).items()
+        return [row(lab, task, who, partial(go, task)) for who, go in known]
     choice = {"I": lab_systems.trackers, "III": lab_systems.slam_systems}
     makers = choice.get(lab, lab_systems.explorers)(task).items()
     chosen = list(makers) if everyone else [] if lab == "IV" else list(makers)[:1]
@@ -220,6 +234,15 @@ def _drive_figures(task: Task, system: Any) -> Figures:
     return dict(zip(FIGURES["IV"], (seen, away, *cost), strict=True))
 
 
+# Lab V: the path is judged up to a rigid motion.
+
+
+def _path_figures(task: Task, answer: Any) -> Figures:
+    """Root mean square error of a path, the first thing that `slam` returns."""
+    path = as_array("path", answer[0], (len(task.log), 3))
+    return {"ATE (m)": ate(path, task.log.truth).rmse}
+
+
 # What earns a point: sentences, and whether they hold.
 
 
@@ -240,6 +263,10 @@ def _points(lab: str, me: Figures, bar: dict[str, Figures]) -> list[tuple[str, b
         found.append(("so, and mean NEES between 1 and 9, where 3 is due", sure))
         slow = 20 if lab == "I" else 50
         found.append((f"so, and less than {slow} ms a step", halved and me["ms a step"] < slow))
+    elif lab == "V":
+        far = me["ATE (m)"] <= 0.1 * bar["odometry"]["ATE (m)"]
+        found.append(("at most a tenth as far off as the odometry", far))
+        found.append(("so, and at most 5 cm off", far and me["ATE (m)"] <= 0.05))
     elif lab == "II":
         for column, sign in (("walls found %", 1), ("floor right %", 1), ("invented %", -1)):
             goal = best[column][-1 if sign > 0 else 0] if bar else 50 + 50 * sign

@@ -116,6 +116,23 @@ def _truth(task: Task) -> Array:
     return task.log.truth
 
 
+def mappers(everyone: bool) -> dict[str, Callable[[Task], tuple[Array]]]:
+    """Return the odometry of lab V and, if asked for, the library's systems: paths of a log."""
+
+    def path_of(make: Callable[[Setting], Any]) -> Callable[[Task], tuple[Array]]:
+        return lambda task: (run(make(task.setting), task.log).trajectory,)
+
+    known = {"odometry": path_of(lambda s: DeadReckoning(s.motion, s.start))}
+    if everyone:
+        known["ScanGraphSlam, no closures"] = path_of(
+            lambda s: ScanGraphSlam(s.lidar, s.start, motion=s.motion, loops=False)
+        )
+        known["ScanGraphSlam"] = path_of(
+            lambda s: ScanGraphSlam(s.lidar, s.start, motion=s.motion)
+        )
+    return known
+
+
 class _Explorer:
     """A belief and a pilot in one."""
 

@@ -1,7 +1,8 @@
-"""The four labs: what a student's system is told, and drives to practise on.
+"""The five labs: what a student's system is told, and drives to practise on.
 
 Lab I tracks a robot among known beacons, II maps a room, III does SLAM, IV explores and comes
-home. ``python -m slamlab lab`` scores a system on drives of the same kind that nobody has seen.
+home, V is SLAM from scratch. ``python -m slamlab lab`` scores a system on drives of the same kind
+that nobody has seen.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
 from slamlab.models import Estimator, MotionModel, Pilot, View
 from slamlab.navigation import YOUBOT_BODY, CoveragePilot
-from slamlab.robots import YOUBOT, Unicycle
+from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.sensors import Lidar, RangeBearing
-from slamlab.simulation import PerfectEstimator, record
+from slamlab.simulation import PerfectEstimator, record, ring_laps
 from slamlab.worlds import LandmarkWorld, WallWorld, free_poses, rooms
 
 __all__ = ["LABS", "Setting", "Task", "as_system_sees_it", "practice", "tasks"]
 
-LABS = ("I", "II", "III", "IV")
+LABS = ("I", "II", "III", "IV", "V")
 _NEAREST = 0.8  # a landmark nearer than this (m) is not seen
 
 
@@ -98,7 +99,7 @@ def practice(lab: str, seed: int = 0) -> list[Task]:
 
     Parameters
     ----------
-    lab : {"I", "II", "III", "IV"}
+    lab : {"I", "II", "III", "IV", "V"}
     seed : int, default 0
         Other seeds, other drives; those of the score sheet are never among them.
 
@@ -339,9 +340,26 @@ def _explore(rng: np.random.Generator) -> list[Task]:
     return found
 
 
+# Lab V: laps of a corridor, scans and odometry.
+
+
+def _corridors(rng: np.random.Generator) -> list[Task]:
+    found = []
+    lidar = Lidar(180, max_range=8.0, sigma_range=0.01)
+    for name, low in (("short laps", (15.0, 11.0)), ("long laps", (24.0, 15.0))):
+        width, height = rng.uniform(low, np.add(low, 3.0))
+        log = ring_laps((width, height), rng, lidar, laps=1.6)
+        setting = Setting(
+            name, np.zeros(3), np.zeros((3, 3)), RelativePose(), np.eye(3), dt=1.0, lidar=lidar
+        )
+        found.append(Task(setting, log))
+    return found
+
+
 _MAKERS: dict[str, Callable[[np.random.Generator], list[Task]]] = {
     "I": _track,
     "II": _map,
     "III": _slam,
     "IV": _explore,
+    "V": _corridors,
 }

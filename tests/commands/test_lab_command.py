@@ -174,6 +174,21 @@ def test_the_truth_is_not_told(tmp_path, only):
     assert min(found) > 30
 
 
+def test_slam_from_scratch_earns_every_point_and_without_closures_its_path_is_worse(tmp_path):
+    example = (LABS.parents[1] / "examples" / "slam_from_scratch.py").read_text()
+    text = sheet(tmp_path, "V", example, "--alone")
+    assert points(text) == (4, 4)
+    closed = [float(x) for x in re.findall(r"(?m)^you +(\S+)", text)]
+    opened = sheet(tmp_path, "V", example.replace("loops=True", "loops=False"), "--alone")
+    assert sum(closed) < sum(float(x) for x in re.findall(r"(?m)^you +(\S+)", opened))
+    lost = sheet(tmp_path, "V", example.replace("x, cov = track(", "_ = track("), "--alone")
+    assert points(lost) == (0, 4)
+    starter = (LABS / "V_slam_from_scratch.ipynb").read_text()
+    unwritten = sheet(tmp_path, "V", starter, "--alone", name="starter.ipynb")
+    assert points(unwritten) == (0, 4)
+    assert unwritten.count("you  ") == 2
+
+
 @pytest.mark.parametrize(
     "name", ["I_track", "II_map_a_room", "III_slam", "IV_explore_and_come_home"]
 )
