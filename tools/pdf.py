@@ -65,7 +65,9 @@ def pages_of(toc: Path, wanted: list[str]) -> list[tuple[str, str]]:
     tree = yaml.safe_load(toc.read_text())
     found = [("", tree["root"])]
     for part in tree["parts"]:
-        found += [(part["caption"], entry["file"]) for entry in part["chapters"]]
+        for chapter in part["chapters"]:
+            entries = [chapter, *chapter.get("sections", [])]
+            found += [(part["caption"], entry["file"]) for entry in entries]
     return [
         (part, name)
         for part, name in found
