@@ -31,6 +31,7 @@ __all__ = [
     "block_diagonal",
     "chi2_quantile",
     "confidence_ellipse",
+    "inverse_2x2",
     "mahalanobis_squared",
     "root",
 ]
@@ -285,6 +286,24 @@ def confidence_ellipse(mean: ArrayLike, cov: ArrayLike, probability: float = 0.9
     angle = np.where(angle > np.pi / 2, angle - np.pi, angle)
     center = np.broadcast_to(mean, half_axes.shape)
     return Ellipse(center, half_axes, angle[()])
+
+
+def inverse_2x2(S: Array) -> tuple[Array, Array]:
+    """Invert symmetric matrices (..., 2, 2); their determinants (...) come along.
+
+    Written out, since many small matrices pass through every step of a particle filter. A
+    singular matrix has infinite or undefined entries: the caller looks at the result.
+
+    Examples
+    --------
+    >>> inverse, determinant = inverse_2x2(np.array([[2.0, 1.0], [1.0, 1.0]]))
+    >>> inverse.tolist(), float(determinant)
+    ([[1.0, -1.0], [-1.0, 2.0]], 1.0)
+    """
+    xx, xy, yy = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
+    determinant = xx * yy - xy * xy
+    adjugate = np.stack([yy, -xy, -xy, xx], -1).reshape(S.shape)
+    return adjugate / determinant[..., None, None], determinant
 
 
 def block_diagonal(blocks: Array) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from slamlab._checks import Array
 from slamlab.filters.pages import SharedPages
 
-__all__ = ["ABSENT", "FIELDS", "PAGE", "LandmarkMaps", "moments"]
+__all__ = ["ABSENT", "FIELDS", "PAGE", "LandmarkMaps", "moments", "unpacked"]
 
 Indices = NDArray[np.intp]
 
@@ -23,8 +23,8 @@ PAGE = 64
 FIELDS = 6
 ABSENT = -np.inf
 EMPTY = np.tile([0.0] * (FIELDS - 1) + [ABSENT], (PAGE, 1))
-# Pages of each particle that are looked at together.
-BLOCKS = 16
+BLOCKS = 16  # pages of each particle that are read together
+FAR_AWAY = 1e6
 
 
 class LandmarkMaps:
@@ -38,14 +38,15 @@ class LandmarkMaps:
         """Columns that there is room for."""
         return int(self.shared.table.shape[1]) * PAGE
 
-    def read(self, columns: Indices) -> Array:
-        """Return columns (M, k), some for each particle, shape (FIELDS, M, k)."""
+    def read(self, columns: Indices, poses: Array) -> tuple[Array, Array, Array]:
+        """Return landmarks in columns (M, k) as `unpacked` does; below 0 a column holds none."""
         self.shared.extend(int(columns.max(initial=-1)) // PAGE + 1)
-        block, place = np.divmod(columns, PAGE)
+        block, place = np.divmod(np.maximum(columns, 0), PAGE)
         pages = np.take_along_axis(self.shared.table, block, 1)
         rows = self.shared.pages.reshape(-1, FIELDS)
-        found = rows.take(pages * np.intp(PAGE) + place, axis=0)
-        return np.ascontiguousarray(np.moveaxis(found, -1, 0))
+        fields = np.moveaxis(rows.take(pages * np.intp(PAGE) + place, axis=0), -1, 0)
+        fields[5, columns < 0] = ABSENT
+        return unpacked(fields, poses)
 
     def blocks(self) -> Iterator[tuple[int, Array]]:
         """Go over all columns: the first of each block, and its fields (FIELDS, M, columns)."""
@@ -72,11 +73,16 @@ class LandmarkMaps:
         start = np.searchsorted(row, np.arange(len(table)))
         return column[start[:, None] + np.arange(count)]
 
-    def write(self, particles: Indices, columns: Indices, values: Array) -> None:
-        """Store values (L, FIELDS) in columns (L,) of particles (L,)."""
-        self.shared.extend(int(columns.max(initial=-1)) // PAGE + 1)
-        pages = self.shared.own(particles, columns // PAGE)
-        self.shared.pages[pages, columns % PAGE] = values
+    def write(self, columns: Indices, means: Array, covs: Array, log_odds: Array) -> None:
+        """Store landmarks (M, k) in columns (M, k) of each particle; not where a column is < 0."""
+        particles, k = np.nonzero(columns >= 0)
+        column = columns[particles, k]
+        self.shared.extend(int(column.max(initial=-1)) // PAGE + 1)
+        pages = self.shared.own(particles, column // PAGE)
+        x, y = means[particles, k].T
+        (xx, xy), (_, yy) = covs[particles, k].transpose(1, 2, 0)
+        values = np.stack([x, y, xx, xy, yy, log_odds[particles, k]], -1)
+        self.shared.pages[pages, column % PAGE] = values
 
     def estimates(self, n: int) -> tuple[Array, Array]:
         """Means (M, n, 2) and covariances (M, n, 2, 2) of the first n columns."""
@@ -93,6 +99,19 @@ class LandmarkMaps:
             spread = xx + x * x, xy + x * y, yy + y * y
             blocks.append(np.stack([mean_x, mean_y, *(weights @ entry for entry in spread)]))
         return moments(np.concatenate(blocks, 1)[:, :n])
+
+
+def unpacked(fields: Array, poses: Array) -> tuple[Array, Array, Array]:
+    """Means (M, k, 2), covariances (M, k, 2, 2), log odds (M, k) of a map's fields (6, M, k).
+
+    Where there is no landmark (log odds `ABSENT`), its mean is far from the particle's pose.
+    """
+    means, covs = moments(fields)
+    absent = fields[5] == ABSENT
+    if absent.any():
+        far = poses[:, None, :2] + [FAR_AWAY, 0.0]
+        means = np.where(absent[..., None], far, means)
+    return means, covs, fields[5]
 
 
 def moments(fields: Array) -> tuple[Array, Array]:

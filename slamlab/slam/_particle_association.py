@@ -13,21 +13,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array
+from slamlab.gaussian import inverse_2x2
 from slamlab.models import LandmarkSensor
-from slamlab.slam._landmark_filters import Landmarks, compare, predict
-from slamlab.slam._landmark_maps import LandmarkMaps
+from slamlab.slam._landmark_maps import ABSENT, LandmarkMaps, unpacked
 from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
 
-__all__ = ["Associate", "Seen", "ask", "log_density_at", "most_likely"]
+__all__ = ["Associate", "Query", "ask", "log_density_at", "most_likely"]
 
 Indices = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 Associate = Callable[..., ArrayLike]
 
 
-class Seen(NamedTuple):
+class Query(NamedTuple):
     """Measurements z (k, 2) of covariances R (k, 2, 2), from poses (M, 3), before these maps.
 
-    With `root` A (M, 3, q) the poses have the covariance A A^T. `told`: R is not the sensor's.
+    With `root` A (M, 3, q) the poses have the covariance A A^T. `given`: R is not the sensor's.
     """
 
     maps: LandmarkMaps
@@ -36,15 +37,15 @@ class Seen(NamedTuple):
     root: Array | None
     z: Array
     R: Array
-    told: bool = False
+    given: bool = False
 
 
-def most_likely(seen: Seen, gate: float) -> Indices:
+def most_likely(query: Query, gate: float) -> Indices:
     """Give each measurement its most likely landmark within the gate, the best pair first.
 
     Parameters
     ----------
-    seen : Seen
+    query : Query
     gate : float
         Largest squared Mahalanobis distance of a pair.
 
@@ -54,14 +55,15 @@ def most_likely(seen: Seen, gate: float) -> Indices:
         Column of the particle's map; `NEW` if all landmarks are beyond twice the gate, `IGNORED`
         in between, or if the landmark is taken. No column comes twice for one particle.
     """
-    M, k = len(seen.poses), len(seen.z)
+    M, k = len(query.poses), len(query.z)
     scores, columns = [np.zeros((M, k, 0))], [np.zeros(0, np.intp)]
     near = np.zeros((M, k), bool)
-    for first, fields in seen.maps.blocks() if k else ():
-        landmarks = Landmarks.read(fields, seen.poses)
-        some = _in_reach(seen, landmarks, 2 * gate)
+    for first, fields in query.maps.blocks() if k else ():
+        means, P, log_odds = unpacked(fields, query.poses)
+        present = log_odds > ABSENT
+        some = _in_reach(query, means, P, present, 2 * gate)
         if some.any():
-            score, close = _scores(seen, landmarks.columns(some), gate)
+            score, close = _scores(query, means[:, some], P[:, some], present[:, some], gate)
             scores.append(score)
             columns.append(first + np.flatnonzero(some))
             near |= close
@@ -70,16 +72,16 @@ def most_likely(seen: Seen, gate: float) -> Indices:
     return np.where((chosen == NEW) & near, IGNORED, chosen)
 
 
-def ask(seen: Seen, associate: Associate) -> Indices:
+def ask(query: Query, associate: Associate) -> Indices:
     """Ask `associate` for every particle; the result is that of `most_likely`."""
-    columns = np.empty((len(seen.poses), len(seen.z)), np.intp)
-    more = {"covs": seen.R} if seen.told else {}
+    columns = np.empty((len(query.poses), len(query.z)), np.intp)
+    more = {"covs": query.R} if query.given else {}
     for i in range(len(columns)):
-        cov = np.zeros((3, 3)) if seen.root is None else seen.root[i] @ seen.root[i].T
-        view = ParticleView.of(i, seen.maps, seen.poses[i].copy(), cov, seen.sensor)
-        rows = np.asarray(associate(view, seen.z, **more))
-        _check_rows(rows, len(seen.z), view.n_landmarks)
-        columns[i] = np.append(seen.maps.present(i), [IGNORED, NEW])[rows]
+        cov = np.zeros((3, 3)) if query.root is None else query.root[i] @ query.root[i].T
+        view = ParticleView.of(i, query.maps, query.poses[i].copy(), cov, query.sensor)
+        rows = np.asarray(associate(view, query.z, **more))
+        _check_rows(rows, len(query.z), view.n_landmarks)
+        columns[i] = np.append(query.maps.present(i), [IGNORED, NEW])[rows]
     return columns
 
 
@@ -99,17 +101,26 @@ def _check_rows(rows: Array, k: int, n: int) -> None:
         raise ValueError(f"associate: expected each landmark once, got {rows.tolist()}")
 
 
-def _scores(seen: Seen, landmarks: Landmarks, gate: float) -> tuple[Array, NDArray[np.bool_]]:
+def _scores(
+    query: Query, means: Array, P: Array, present: Bools, gate: float
+) -> tuple[Array, Bools]:
     """Log densities (M, k, n), -inf outside the gate; and who is within twice the gate (M, k)."""
-    prediction = predict(seen.sensor, seen.poses, landmarks, seen.root)
-    M, n = landmarks.x.shape
-    k = len(seen.z)
+    sensor, poses = query.sensor, query.poses[:, None]
+    predicted, (H_pose, H) = sensor.observe(poses, means), sensor.jacobians(poses, means)
+    spread = H @ P @ H.mT
+    if query.root is not None:
+        by_noise = H_pose @ query.root[:, None]
+        spread = spread + by_noise @ by_noise.mT
+    (M, n), k = present.shape, len(query.z)
     score, near = np.empty((M, k, n)), np.empty((M, k), bool)
     for j in range(k):
-        pair = compare(seen.sensor, prediction, seen.z[j], seen.R[j])
-        distance = np.where(landmarks.present, pair.distance, np.inf)
-        score[:, j] = np.where(distance <= gate, pair.log_density, -np.inf)
-        near[:, j] = (distance <= 2 * gate).any(1)
+        v, S = sensor.residual(query.z[j], predicted), spread + query.R[j]
+        S_inv, det = inverse_2x2(S)
+        with np.errstate(over="ignore", invalid="ignore"):
+            d2 = np.where(present, np.einsum("...i,...ij,...j", v, S_inv, v), np.inf)
+        log_density = -0.5 * d2 - 0.5 * np.log(det) - np.log(2 * np.pi)
+        score[:, j] = np.where(d2 <= gate, log_density, -np.inf)
+        near[:, j] = (d2 <= 2 * gate).any(1)
     return score, near
 
 
@@ -130,18 +141,17 @@ def _best_first(score: Array, columns: Indices) -> Indices:
     return chosen
 
 
-def _in_reach(seen: Seen, landmarks: Landmarks, gate: float) -> NDArray[np.bool_]:
+def _in_reach(query: Query, means: Array, P: Array, present: Bools, gate: float) -> Bools:
     """Tell which columns (n,) hold a landmark that could pass the gate for some particle.
 
     The squared distance of a pair is at least that of the distance alone, whose variance is at
-    most trace R + trace S + (1 + L^2) |root|^2, L from the body to the sensor or farther.
+    most trace R + trace P + (1 + L^2) |root|^2, L from the body to the sensor or farther.
     """
-    reach = float(np.max(seen.sensor.reach(seen.z)))
+    reach = float(np.max(query.sensor.reach(query.z)))
     if not np.isfinite(reach):
-        return np.asarray(landmarks.present.any(0))
-    spread = 0.0 if seen.root is None else float((seen.root * seen.root).sum((1, 2)).max())
-    noise = float(np.trace(seen.R, axis1=1, axis2=2).max())
-    variance = noise + landmarks.cov[0] + landmarks.cov[2] + (1 + reach**2) * spread
-    farthest = reach + np.sqrt(gate * variance)
-    dx, dy = landmarks.x - seen.poses[:, :1], landmarks.y - seen.poses[:, 1:2]
-    return np.asarray((landmarks.present & (dx * dx + dy * dy <= farthest * farthest)).any(0))
+        return np.asarray(present.any(0))
+    spread = 0.0 if query.root is None else float((query.root**2).sum((1, 2)).max())
+    noise = float(np.trace(query.R, axis1=1, axis2=2).max())
+    variance = noise + np.trace(P, axis1=2, axis2=3) + (1 + reach**2) * spread
+    d2 = ((means - query.poses[:, None, :2]) ** 2).sum(-1)
+    return np.asarray((present & (d2 <= (reach + np.sqrt(gate * variance)) ** 2)).any(0))

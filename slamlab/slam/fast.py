@@ -6,35 +6,45 @@ Chapter 12; after Montemerlo et al. (2002, 2003), maps shared between particles 
 
 from __future__ import annotations
 
-from collections import ChainMap
 from collections.abc import Hashable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, all_finite, as_array, as_count, as_names, as_rng, as_scalar
+from slamlab._checks import (
+    Array,
+    all_finite,
+    as_array,
+    as_count,
+    as_covariance,
+    as_names,
+    as_rng,
+    as_scalar,
+)
 from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
-from slamlab.gaussian import as_root, block_diagonal, chi2_quantile
+from slamlab.gaussian import as_root, block_diagonal, chi2_quantile, inverse_2x2
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
-from slamlab.slam._landmark_filters import (
-    Landmarks,
-    as_noise,
-    compare,
-    correct,
-    information,
-    predict,
-    started,
-)
-from slamlab.slam._landmark_maps import ABSENT, FIELDS, PAGE, LandmarkMaps
-from slamlab.slam._particle_association import Associate, Seen, ask, log_density_at, most_likely
+from slamlab.slam._landmark_maps import ABSENT, PAGE, LandmarkMaps, unpacked
+from slamlab.slam._particle_association import Associate, Query, ask, log_density_at, most_likely
 from slamlab.slam._particle_view import NEW, ParticleView
-from slamlab.slam._proposal import Drawn, Odometry, draw
 
 __all__ = ["FastSlam", "ParticleView"]
 
 Indices = NDArray[np.intp]
 Bools = NDArray[np.bool_]
+LOOK_BACK = 8  # predictions that are drawn again at an update; older ones keep their noise
+MAX_NOISE = 1e6  # sigmas of odometry: a proposal farther off is not followed
+
+
+class OdometryStep(NamedTuple):
+    """One prediction, x' = f(x, u + A n) with n ~ N(0, I), and the noise (M, p) that was drawn."""
+
+    u: Array
+    dt: float
+    A: Array
+    noise: Array
 
 
 class FastSlam(PoseParticles):
@@ -136,9 +146,10 @@ class FastSlam(PoseParticles):
         self._gate = float(chi2_quantile(as_scalar("gate", gate, 0.0, 1 - 1e-12), 2))
         self._hit, self._miss = _log_odds(detection_probabilities)
         self._cloud = ParticleFilter(np.broadcast_to(pose, (M, 3)), self._rng, None, threshold)
-        self._odometry = Odometry(motion, self._cloud.particles)
+        self._before = self._cloud.particles  # poses before the steps since the last update
+        self._steps: list[OdometryStep] = []
         self._maps = LandmarkMaps(M)
-        self._columns: dict[Hashable, int] = {}
+        self._names: dict[Hashable, int] = {}
         self._unknown = False
         self.associations, self.is_new = np.empty((M, 0), np.intp), np.empty((M, 0), bool)
 
@@ -163,13 +174,15 @@ class FastSlam(PoseParticles):
             covariance. The filter is unharmed.
         """
         u = as_array("u", u, ("p",)).copy()
-        mixing = as_root("control_cov", control_cov, len(u))
+        A = as_root("control_cov", control_cov, len(u))
         with restored_on_failure(self._rng):
-            step = Drawn(u, dt, mixing, self._rng.standard_normal((self.n_particles, len(u))))
-            odometry = self._odometry.followed_by(step)
-            controls = step.controls(step.noise)
-            self._cloud.predict(lambda poses, _: self.motion.step(poses, controls, dt))
-            self._odometry = odometry
+            noise = self._rng.standard_normal((self.n_particles, len(u)))
+            before, steps = self._before, [*self._steps, OdometryStep(u, dt, A, noise)]
+            if len(steps) > LOOK_BACK:
+                old = steps.pop(0)
+                before = self.motion.step(before, old.u + old.noise @ old.A.T, old.dt)
+            self._cloud.predict(lambda poses, _: self.motion.step(poses, u + noise @ A.T, dt))
+        self._before, self._steps = before, steps
 
     def update(
         self, z: ArrayLike, ids: Sequence[Hashable] | None = None, covs: ArrayLike | None = None
@@ -201,98 +214,127 @@ class FastSlam(PoseParticles):
             (all weights are zero). The filter is then as it was before.
         """
         z = as_array("z", z, ("k", 2))
-        R, names = as_noise(self.sensor, covs, len(z)), self._checked_ids(ids, len(z))
+        R, names = self._noise(covs, len(z)), self._checked_ids(ids, len(z))
         with restored_on_failure(self._rng):
-            added = self._columns_of_new(names or ())
             if names is None:
                 columns = self._associated(z, R, covs is not None)
             else:
-                book = ChainMap(self._columns, added)
-                same = np.array([book[name] for name in names], dtype=np.intp)
-                columns = np.tile(same, (self.n_particles, 1))
-            seen, old = columns >= 0, self._landmarks(columns)
-            # What is new to a particle, or left out, has nothing to compare with.
-            met = seen & old.present
-            some = np.asarray(met.any(0))
-            pairs = z[some], R[some], old.columns(some), met[:, some]
+                columns = self._columns_of(names)
+            means, P, log_odds = self._maps.read(columns, self._cloud.particles)
+            known = log_odds > ABSENT  # (M, k): has this particle met the landmark?
+            is_new = (columns >= 0) & ~known
+            old = known.any(0)
             # 1. Propose: (16) was drawn by `predict`; (18) draws again, the measurement in sight.
-            poses, log_ratio = self._proposed(*pairs)
+            poses, log_ratio = self._proposal(means, P, z, R, known)
             # 2. Weigh, (14): likelihood (15) of the measurements, the landmarks integrated out.
-            log_likelihood, corrected = self._weighed(poses, *pairs)
+            v, H, _, S = self._compared(poses, means[:, old], P[:, old], z[old], R[old])
+            S_inv, det = inverse_2x2(S)
+            with np.errstate(over="ignore", invalid="ignore"):  # 1e154 sigmas off: density 0
+                d2 = np.einsum("...i,...ij,...j", v, S_inv, v)
+            log_density = -0.5 * d2 - 0.5 * np.log(det) - np.log(2 * np.pi)  # (15)
+            log_likelihood = np.where(known[:, old], log_density, 0.0).sum(1) + log_ratio  # (14)
             if names is None:
-                log_likelihood += (~met) @ log_density_at(self._gate, R)
-            log_likelihood += log_ratio
+                log_likelihood += ~known @ log_density_at(self._gate, R)
             if not np.isfinite((self._cloud.log_weights + log_likelihood).max()):
                 raise ValueError("z: no particle explains the measurements, all weights are zero")
             # 4. Correct the landmarks that were met, start those that were not.
-            fresh = seen & ~met
-            maps = self._corrected(corrected, some, fresh, poses, z, R)[:, seen].T
-            if not all_finite(maps):
+            K = P[:, old] @ H.mT @ S_inv
+            A = np.eye(2) - K @ H
+            means[:, old] += np.einsum("...ij,...j->...i", K, v)
+            P[:, old] = A @ P[:, old] @ A.mT + K @ R[old] @ K.mT  # Joseph's form
+            means[is_new], P[is_new] = self._started(poses, z, R, is_new)
+            if not (all_finite(means[columns >= 0]) and all_finite(P[columns >= 0])):
                 raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         # Nothing can fail any more: change the filter.
-        self._columns |= added
+        self._names |= {name: c for name, c in zip(names or (), columns[0], strict=False)}
         self._unknown = self._unknown or (names is None and len(z) > 0)
-        self.associations, self.is_new = columns, fresh
+        self.associations, self.is_new = columns, is_new
         self._cloud.particles = poses
-        self._maps.write(np.nonzero(seen)[0], columns[seen], maps)
+        self._maps.write(columns, means, P, np.where(is_new, 0.0, log_odds) + self._hit)
         if names is None and self._miss < 0:
-            self._doubt_the_unseen(columns)
+            self._lower_odds_of_unobserved(columns)
         # 3. Resample particles with their maps if the weights say so.
         evidence = self._cloud.update(log_likelihood)
         if self.resampled:
             self._maps.shared.resample(self._cloud.ancestors)
-        self._odometry = Odometry(self.motion, self._cloud.particles)
+        self._before, self._steps = self._cloud.particles, []
         return evidence
 
-    def _proposed(
-        self, z: Array, R: Array, old: Landmarks, met: Bools
+    def _compared(
+        self, poses: Array, means: Array, P: Array, z: Array, R: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Innovation, its Jacobians by landmark and by pose, its covariance; (M, k, ...) each."""
+        H_pose, H = self.sensor.jacobians(poses[:, None], means)
+        v = self.sensor.residual(z, self.sensor.observe(poses[:, None], means))
+        return v, H, H_pose, H @ P @ H.mT + R
+
+    def _started(self, poses: Array, z: Array, R: Array, is_new: Bools) -> tuple[Array, Array]:
+        """Means (l, 2) and covariances (l, 2, 2) of landmarks where `is_new`: g, G_z R G_z^T."""
+        new = is_new.any(0)
+        if not new.any():
+            return np.zeros((0, 2)), np.zeros((0, 2, 2))
+        means = self.sensor.locate(poses[:, None], z[new])
+        _, G = self.sensor.locate_jacobians(poses[:, None], z[new])
+        with np.errstate(over="ignore", invalid="ignore"):
+            P = G @ R[new] @ G.mT
+            return means[is_new[:, new]], (0.5 * (P + P.mT))[is_new[:, new]]
+
+    # Version 2.0: P2 (18) for the noise n of the odometry, x = f(x_{k-1}, u + A n), n ~ N(0, I).
+    # Drawing n and not x is exact also where the covariance of the pose has no inverse.
+
+    def _proposal(
+        self, means: Array, P: Array, z: Array, R: Array, known: Bools
     ) -> tuple[Array, Array | float]:
-        """Poses of this step and log P(x | ...) / pi(x | ...), the correction in (14)."""
-        if self.version == 1 or not self._odometry.steps or not met.any():
+        """Poses (M, 3) drawn from (18), and log P(x | x_{k-1}, u) / pi(x), their share of (14)."""
+        if self.version == 1 or not self._steps or not known.any():
             return self._cloud.particles, 0.0
+        old = known.any(0)
+        means, P, z, R, known = means[:, old], P[:, old], z[old], R[old], known[:, old]
+        noise = np.zeros((self.n_particles, sum(len(step.u) for step in self._steps)))
+        for _ in range(2):  # linearised at the prediction, then where the first solution points
+            poses, J = self._rolled(noise)
+            v, _, H_pose, S = self._compared(poses, means, P, z, R)
+            H = H_pose @ J[:, None]  # of the measurement by the noise
+            HtS = H.mT @ inverse_2x2(S)[0] * known[..., None, None]
+            information = (HtS @ H).sum(1)
+            precision = np.eye(J.shape[2]) + information  # the prior of the noise is N(0, I)
+            v = np.where(known[..., None], v, 0.0)
+            right = (HtS @ v[..., None]).sum(1) + information @ noise[..., None]
+            noise = np.linalg.solve(precision, right)[..., 0]
+            noise[~(np.abs(noise) < MAX_NOISE).all(1)] = 0.0
+        L = np.linalg.cholesky(precision)
+        white = self._rng.standard_normal(noise.shape)
+        noise = noise + np.linalg.solve(L.mT, white[..., None])[..., 0]  # precision^-1 = L^-T L^-1
+        log_det = np.log(np.diagonal(L, axis1=1, axis2=2)).sum(1)
+        return self._rolled(noise)[0], 0.5 * (white**2 - noise**2).sum(1) - log_det
 
-        def inform(poses: Array) -> tuple[Array, Array]:
-            prediction = predict(self.sensor, poses, old)
-            return information(prediction, compare(self.sensor, prediction, z, R), met)
-
-        return draw(self._odometry, inform, self._rng)
-
-    def _weighed(
-        self, poses: Array, z: Array, R: Array, old: Landmarks, met: Bools
-    ) -> tuple[Array, Landmarks]:
-        """Log likelihood (15) of each particle (M,), and its landmarks after the update."""
-        prediction = predict(self.sensor, poses, old)
-        comparison = compare(self.sensor, prediction, z, R)
-        log_likelihood = np.where(met, comparison.log_density, 0.0).sum(1)
-        return log_likelihood, correct(prediction, comparison, old)
-
-    def _corrected(
-        self, corrected: Landmarks, some: Bools, fresh: Bools, poses: Array, z: Array, R: Array
-    ) -> Array:
-        """Fields (FIELDS, M, k) of what was measured: `corrected`, or started where `fresh`."""
-        new = np.zeros((FIELDS, *fresh.shape))
-        new[:, :, some] = corrected.fields
-        first = fresh.any(0)
-        if first.any():
-            there = started(self.sensor, poses, z[first], R[first])
-            new[:, :, first] = np.where(fresh[:, first], there.fields, new[:, :, first])
-        new[5] += self._hit
-        return new
+    def _rolled(self, noise: Array) -> tuple[Array, Array]:
+        """Poses (M, 3) after all steps with noise (M, q), and their derivative by it (M, 3, q)."""
+        poses, J, first = self._before, np.zeros((len(noise), 3, 0)), 0
+        for u, dt, A, _ in self._steps:
+            executed = u + noise[:, first : first + len(u)] @ A.T
+            F, G = self.motion.jacobians(poses, executed, dt)
+            poses, J = self.motion.step(poses, executed, dt), np.concatenate([F @ J, G @ A], 2)
+            first += len(u)
+        return poses, J
 
     # Which column of the maps does a measurement belong to?
 
-    def _landmarks(self, columns: Indices) -> Landmarks:
-        """Landmarks in columns (M, k); a column below 0 stands for none."""
-        found = self._maps.read(np.maximum(columns, 0))
-        found[5, columns < 0] = ABSENT
-        return Landmarks.read(found, self._cloud.particles)
+    def _noise(self, covs: ArrayLike | None, k: int) -> Array:
+        """Covariances (k, 2, 2) of k measurements: the sensor's own unless others are given."""
+        if covs is None:
+            return np.broadcast_to(self.sensor.cov, (k, 2, 2))
+        R = as_covariance("covs", covs, 2)
+        if R.shape != (k, 2, 2):
+            raise ValueError(f"covs: expected shape ({k}, 2, 2), got {R.shape}")
+        return R
 
     def _checked_ids(self, ids: Sequence[Hashable] | None, k: int) -> tuple[Hashable, ...] | None:
         """Names without repetition, or None if association is unknown."""
         if ids is None:
-            if self._columns and k:
+            if self._names and k:
                 raise ValueError("ids: expected names as in earlier updates, got None")
-            return () if self._columns else None
+            return () if self._names else None
         if self._unknown and k:
             raise ValueError("ids: expected None as in earlier updates, got names")
         names = as_names("ids", ids, k)
@@ -300,21 +342,28 @@ class FastSlam(PoseParticles):
             raise ValueError("ids: expected a name for every measurement, got None")
         return names
 
-    def _columns_of_new(self, names: Sequence[Hashable]) -> dict[Hashable, int]:
-        """Column of each name that was never met: the next ones."""
-        new = [name for name in names if name not in self._columns]
-        return {name: i for i, name in enumerate(new, len(self._columns))}
+    def _columns_of(self, names: Sequence[Hashable]) -> Indices:
+        """Column (M, k) of each name, the same in all maps; new names take the next ones."""
+        new = [name for name in names if name not in self._names]
+        column = self._names | {name: i for i, name in enumerate(new, len(self._names))}
+        row = np.array([column[name] for name in names], np.intp)
+        return np.tile(row, (self.n_particles, 1))
 
-    def _associated(self, z: Array, R: Array, told: bool) -> Indices:
-        """Column (M, k) of every measurement in every particle's own map; -2: left out."""
+    def _associated(self, z: Array, R: Array, given: bool) -> Indices:
+        """Column (M, k) of every measurement in every particle's own map; -2: left out.
+
+        New landmarks go to the first columns that are free, one after the other.
+        """
         # Version 2 has not drawn yet: it asks at the predicted pose, and knows how uncertain.
-        poses, spread = self._cloud.particles, None
-        if self.version == 2 and self._odometry.steps:
-            poses, spread = self._odometry.roll()
-        seen = Seen(self._maps, self.sensor, poses, spread, z, R, told)
-        asked = self.associate
-        columns = most_likely(seen, self._gate) if asked is None else ask(seen, asked)
-        # New landmarks go to the first columns that are free, one after the other.
+        poses, root = self._cloud.particles, None
+        if self.version == 2 and self._steps:
+            zero = np.zeros((self.n_particles, sum(len(step.u) for step in self._steps)))
+            poses, root = self._rolled(zero)
+        query = Query(self._maps, self.sensor, poses, root, z, R, given)
+        if self.associate is None:
+            columns = most_likely(query, self._gate)
+        else:
+            columns = ask(query, self.associate)
         new = columns == NEW
         if not new.any():
             return columns
@@ -322,32 +371,33 @@ class FastSlam(PoseParticles):
         free = self._maps.free_columns(len(z))
         return np.where(new, np.take_along_axis(free, rank, 1), columns)
 
-    def _doubt_the_unseen(self, columns: Indices) -> None:
+    def _lower_odds_of_unobserved(self, columns: Indices) -> None:
         """Lower the odds of landmarks in view that were not measured; drop the unlikely."""
         poses = self._cloud.particles
-        seen = np.zeros((len(poses), self._maps.n_columns), bool)
+        observed = np.zeros((len(poses), self._maps.n_columns), bool)
         particle, measurement = np.nonzero(columns >= 0)
-        seen[particle, columns[particle, measurement]] = True
+        observed[particle, columns[particle, measurement]] = True
         for first, fields in self._maps.blocks():
-            landmarks = Landmarks.read(fields, poses)
-            unseen = landmarks.present & ~seen[:, first : first + fields.shape[2]]
-            unseen &= self.sensor.visible(poses[:, None], landmarks.mean)
-            fields[5] += self._miss
-            fields[5, fields[5] < 0] = ABSENT
-            particle, column = np.nonzero(unseen)
-            self._maps.write(particle, first + column, fields[:, unseen].T)
+            means, P, log_odds = unpacked(fields, poses)
+            n = log_odds.shape[1]
+            missed = (log_odds > ABSENT) & ~observed[:, first : first + n]
+            missed &= self.sensor.visible(poses[:, None], means)
+            log_odds = log_odds + self._miss
+            log_odds[log_odds < 0] = ABSENT
+            block = np.where(missed, np.arange(first, first + n), -1)
+            self._maps.write(block, means, P, log_odds)
 
     # What the filter believes.
 
     @property
     def ids(self) -> tuple[Hashable, ...]:
         """Names of the landmarks (known association), in the order of `landmarks`."""
-        return tuple(self._columns)
+        return tuple(self._names)
 
     @property
     def n_landmarks(self) -> int:
         """Number of rows of `landmarks`."""
-        return len(self.landmarks) if self._unknown else len(self._columns)
+        return len(self.landmarks) if self._unknown else len(self._names)
 
     @property
     def stored_landmarks(self) -> int:
@@ -376,7 +426,7 @@ class FastSlam(PoseParticles):
         if self._unknown:
             view = self.particle(int(self._cloud.log_weights.argmax()))
             return view.landmarks, view.landmark_covs
-        return self._maps.mixture(self.weights, len(self._columns))
+        return self._maps.mixture(self.weights, len(self._names))
 
     def landmark_cov(self, id: Hashable) -> Array:
         """Covariance (2, 2) of one named landmark over all particles.
@@ -386,9 +436,9 @@ class FastSlam(PoseParticles):
         ValueError
             If no landmark has this name.
         """
-        if as_names("id", [id])[0] not in self._columns:
+        if as_names("id", [id])[0] not in self._names:
             raise ValueError(f"id: expected the name of a landmark, got {id!r}")
-        return self.landmark_covs[self._columns[id]]
+        return self.landmark_covs[self._names[id]]
 
     @property
     def mean(self) -> Array:
@@ -414,7 +464,7 @@ class FastSlam(PoseParticles):
     @property
     def landmark_estimates(self) -> tuple[Array, Array]:
         """Means (M, n, 2) and covariances (M, n, 2, 2) of every particle (known association)."""
-        return self._named()._maps.estimates(len(self._columns))
+        return self._named()._maps.estimates(len(self._names))
 
     def particle(self, i: int) -> ParticleView:
         """Return one particle: its pose and its own map.
@@ -448,7 +498,7 @@ class FastSlam(PoseParticles):
 
 
 def _log_odds(detection_probabilities: tuple[float, float] | None) -> tuple[float, float]:
-    """Evidence for existence in a sighting, and in its absence."""
+    """Evidence for existence in an observation, and in its absence."""
     if detection_probabilities is None:
         return 0.0, 0.0
     both = as_array("detection_probabilities", detection_probabilities, (2,))

@@ -20,7 +20,7 @@ U, V = np.array([1.0, 0.5]), np.diag([0.05**2, 0.05**2])
 MOTION, SENSOR = Unicycle(), RangeBearing(0.1, 0.03, offset=0.2)
 COLUMNS = ["what", "slamlab (ms)", "peer (ms)", "peer / slamlab", "promised"]
 # Milliseconds of a step, and how many times slower a loop over the particles is at least.
-PROMISED = {1: (15.0, 80.0), 2: (35.0, 60.0)}
+PROMISED = {1: (20.0, 30.0), 2: (40.0, 30.0)}
 
 
 def scene(n_landmarks, seed=1):

@@ -12,8 +12,7 @@ from slamlab.geometry import compose
 from slamlab.robots import YOUBOT, Unicycle
 from slamlab.sensors import RangeBearing, Wall
 from slamlab.slam import FastSlam, _landmark_maps, _particle_association, association
-from slamlab.slam._landmark_maps import ABSENT, FIELDS, PAGE, LandmarkMaps
-from slamlab.slam._proposal import Odometry
+from slamlab.slam._landmark_maps import ABSENT, FIELDS, PAGE, LandmarkMaps, unpacked
 
 MOTION = Unicycle()
 SENSOR = RangeBearing(0.1, 0.03, offset=0.2, max_range=8.0)
@@ -54,9 +53,9 @@ def state_of(slam):
     blocks = [fields for _, fields in slam._maps.blocks()]
     maps = np.concatenate([np.zeros((FIELDS, slam.n_particles, 0)), *blocks], 2)
     stream = repr(slam._rng.bit_generator.state)
-    steps = len(slam._odometry.steps)
+    steps = len(slam._steps)
     plain = (slam.ids, slam.ess, slam.resampled, slam._unknown, steps, stream)
-    arrays = [slam.poses, slam.log_weights, slam.ancestors, slam._odometry.start]
+    arrays = [slam.poses, slam.log_weights, slam.ancestors, slam._before]
     present = maps[5] > ABSENT
     return plain, [*(a.copy() for a in arrays), maps[:, present].copy(), np.nonzero(present)[1]]
 
@@ -245,7 +244,7 @@ def test_version_2_looks_back_over_all_predictions_since_the_last_update():
             truth = MOTION.sample(truth, U, DT, V, rng)
             slam.predict(U, DT, V)
         if forget:  # only the last step is drawn anew
-            slam._odometry = Odometry(MOTION, slam.poses, slam._odometry.steps[-1:])
+            slam._before, slam._steps = slam.poses, slam._steps[-1:]
         slam.update(sharp.observe(truth, landmarks), ids=[0, 1, 2])
         return slam.ess
 
@@ -258,8 +257,8 @@ def test_predictions_beyond_the_look_back_keep_their_noise():
     slam = FastSlam(MOTION, SENSOR, [0, 0, 0], 20, 2, rng=rng_of(3))
     for _ in range(30):
         slam.predict(U, DT, V)
-    steps = slam._odometry.steps
-    poses, _ = slam._odometry.roll(np.concatenate([step.noise for step in steps], 1))
+    steps = slam._steps
+    poses, _ = slam._rolled(np.concatenate([step.noise for step in steps], 1))
     np.testing.assert_allclose(poses, slam.poses, atol=1e-12)
     assert len(steps) == 8
 
@@ -338,10 +337,10 @@ def test_shared_maps_equal_maps_that_are_copied():
     shared, copies = LandmarkMaps(M), np.zeros((M, n, FIELDS))
     copies[..., 5] = ABSENT
     for _ in range(60):
-        particles, columns = np.nonzero(rng.random((M, n)) < 0.05)
-        values = rng.standard_normal((len(particles), FIELDS))
-        shared.write(particles, columns, values)
-        copies[particles, columns] = values
+        columns = np.where(rng.random((M, n)) < 0.05, np.arange(n), -1)
+        fields = rng.standard_normal((FIELDS, M, n))
+        shared.write(columns, *unpacked(fields, np.zeros((M, 3))))
+        copies = np.where((columns >= 0)[..., None], np.moveaxis(fields, 0, -1), copies)
         if rng.random() < 0.5:
             chosen = np.sort(rng.integers(0, M, M))
             shared.shared.resample(chosen)
@@ -350,8 +349,11 @@ def test_shared_maps_equal_maps_that_are_copied():
         assert first == 0
         np.testing.assert_array_equal(np.moveaxis(fields, 0, -1), copies)
         wanted = rng.integers(0, n, (M, 4))
-        found = np.moveaxis(shared.read(wanted), 0, -1)
-        np.testing.assert_array_equal(found, copies[np.arange(M)[:, None], wanted])
+        fields = np.moveaxis(copies[np.arange(M)[:, None], wanted], -1, 0)
+        for found, expected in zip(
+            shared.read(wanted, np.ones((M, 3))), unpacked(fields, np.ones((M, 3))), strict=True
+        ):
+            np.testing.assert_array_equal(found, expected)
         np.testing.assert_array_equal(shared.map_of(3), copies[3])
         np.testing.assert_array_equal(shared.estimates(n - 9)[0], copies[:, : n - 9, :2])
 
@@ -365,7 +367,8 @@ def test_copying_a_particle_copies_no_landmark():
     shared.resample(np.zeros(40, dtype=int))
     assert shared.in_use == pages // 40
     # Writing one landmark copies its page for every owner but one, and no other page.
-    slam._maps.write(np.arange(40), np.zeros(40, dtype=int), np.zeros((40, FIELDS)))
+    zero = np.zeros((40, 1))
+    slam._maps.write(np.zeros((40, 1), int), np.zeros((40, 1, 2)), np.zeros((40, 1, 2, 2)), zero)
     assert shared.in_use == pages // 40 + 39
 
 
@@ -423,10 +426,10 @@ def test_passing_over_what_is_out_of_reach_changes_nothing(version, monkeypatch)
     skipped = []
     reach = _particle_association._in_reach
 
-    def everything(seen, landmarks, gate):
-        due = landmarks.present.any(0)
-        skipped.append(due.sum() - reach(seen, landmarks, gate).sum())
-        return due
+    def everything(query, means, P, present, gate):
+        expected = present.any(0)
+        skipped.append(expected.sum() - reach(query, means, P, present, gate).sum())
+        return expected
 
     monkeypatch.setattr(_landmark_maps, "BLOCKS", 1)
     monkeypatch.setattr(_particle_association, "_in_reach", everything)
@@ -438,7 +441,7 @@ def test_passing_over_what_is_out_of_reach_changes_nothing(version, monkeypatch)
     monkeypatch.setattr(
         _particle_association,
         "_in_reach",
-        lambda seen, landmarks, gate: reach(seen._replace(z=0.6 * seen.z), landmarks, gate),
+        lambda query, *others: reach(query._replace(z=0.6 * query.z), *others),
     )
     tight = run(observations, version, 15, named=False)
     assert tight.n_landmarks > quick.n_landmarks
@@ -592,7 +595,7 @@ def test_what_it_gives_is_a_copy_and_what_it_takes_is_copied():
     slam.particle(0).pose[:] = slam.particle(0).landmarks[:] = 7
     assert same(state_of(slam), before)
     u[:] = 7
-    np.testing.assert_array_equal(slam._odometry.steps[0].u, U)
+    np.testing.assert_array_equal(slam._steps[0].u, U)
     assert repr(slam).startswith("FastSlam(100 particles, version 2.0, 2")
     assert "\n" not in repr(slam)
 
