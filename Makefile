@@ -35,7 +35,7 @@ FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py 
 
 .DEFAULT_GOAL := help
 .PHONY: help book pdf test lab set-up lint-and-warm lint unit speed notebooks same pages-and-figures pages \
-  figures book-tests chromium lock vendor slim clean
+  figures book-tests seeds steady chromium lock vendor slim clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -120,6 +120,14 @@ figures: $(VENV)/.dev-installed  ## Figures, drawings and JupyterLab in Chromium
 book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 	@echo "== The built book in a browser"
 	$(PYTEST) -n 4 --dist worksteal tests/book $(FIGURES:%=--ignore=%)
+
+# make seeds CH=09 N=20: one chapter, twenty shifts.
+seeds: $(VENV)/.dev-installed  ## Run the chapters with their seeds moved, N times: what turns, what varies
+	@$(BIN)/python tools/seeds.py --shifts $(or $(N),5) $(CH)
+
+steady: $(VENV)/.dev-installed
+	@echo "== Steady chapters with their seeds moved: nothing raises, no verdict turns"
+	@$(BIN)/python tools/seeds.py --steady
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \
