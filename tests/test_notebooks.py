@@ -26,14 +26,19 @@ PAGES = {"index", "simulator"}
 CHAPTERS = [
     path for path in sorted((ROOT / "notebooks").glob("*.ipynb")) if path.stem not in PAGES
 ]
+# A second page of a chapter (NNb_) has a head, runs and ends; the lesson has the rest.
+SECOND = [path for path in CHAPTERS if re.match(r"\d\db_", path.stem)]
+CHAPTERS = [path for path in CHAPTERS if path not in SECOND]
+# Chapters whose lesson shows its algorithm whole, in cells of this tag.
+LESSONS = {"02"}
 NOTEBOOKS = sorted((ROOT / "notebooks").rglob("*.ipynb"))
 NOTEBOOKS = [path for path in NOTEBOOKS if ".ipynb_checkpoints" not in path.parts]
 BONES = (
     r"^> \*\*Before you start\*\*",
     r"^## Predict, then run: ",
-    r"^## The paper on trial: ",
+    r"^## (The paper on trial|From the paper): ",
     r"^## Where it breaks",
-    r"^## Exercises",
+    r"^## (Exercises|Yours)",
     r"^## What to remember",
 )
 HEADER = ("**You will be able to**", "**You need first**", "**Minutes**", "**Symbols**")
@@ -209,6 +214,39 @@ def test_opening_it_changes_nothing(path):
 
 def test_a_chapter_has_the_bones(chapter):
     assert missing_bones(chapter) == []
+
+
+@pytest.mark.parametrize("path", SECOND, ids=name)
+def test_a_second_page_has_a_head_a_lesson_before_it_and_an_end(path):
+    notebook = nbformat.read(path, as_version=4)
+    head, end = notebook.cells[0].source, notebook.cells[-1].source
+    assert [part for part in HEADER if part not in head] == []
+    assert re.search(r"\*\*Minutes\*\* \d+ to read\.\n", head)
+    assert [one for one in CHAPTERS if one.stem[:2] == path.stem[:2]]
+    assert re.search(r"(?m)^## What to remember", end)
+    assert first_figure(notebook) <= 2
+
+
+def lesson_faults(notebook):
+    """What keeps a notebook from being a lesson: its words, its cells, its algorithm."""
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    words = sum(len(c.source.split()) for c in notebook.cells if c.cell_type == "markdown")
+    shown = [c.source for c in code if "algorithm" in c.metadata.get("tags", [])]
+    lines = [line for source in shown for line in source.split("\n") if line.strip()]
+    faults = [f"{words} words"] if words > 1800 else []
+    faults += [f"{len(code)} code cells"] if len(code) > 14 else []
+    faults += [f"{len(lines)} lines of algorithm"] if not 8 <= len(lines) <= 60 else []
+    return faults
+
+
+@pytest.mark.parametrize("path", [p for p in CHAPTERS if p.stem[:2] in LESSONS], ids=name)
+def test_a_lesson_is_short_and_shows_its_algorithm(path):
+    notebook = nbformat.read(path, as_version=4)
+    assert lesson_faults(notebook) == []
+    for cell in notebook.cells:
+        cell.metadata.pop("tags", None)
+    notebook.cells.append(nbformat.v4.new_markdown_cell("word " * 1800))
+    assert len(lesson_faults(notebook)) == 2
 
 
 def test_a_chapter_shows_a_figure_within_two_cells(chapter):
