@@ -35,7 +35,7 @@ FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py 
 
 .DEFAULT_GOAL := help
 .PHONY: help book pdf test lab set-up lint-and-warm lint unit speed notebooks same pages-and-figures pages \
-  figures book-tests seeds steady chromium lock vendor slim clean
+  figures book-tests seeds steady chromium exercises lock vendor slim clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -141,6 +141,9 @@ chromium:
 	  echo "chromium was not found and cannot be installed here: install it (or set SLAMLAB_CHROMIUM"; \
 	  echo "to its path) to run the browser tests; they are skipped without it."; \
 	fi
+
+exercises: $(VENV)/.dev-installed  ## Write exercise and solution notebooks from their sources
+	$(BIN)/python tools/exercises.py
 
 lock: ## Refresh requirements.lock: install the newest set that fits, try it, write it down
 	rm -rf _build/lock-env && $(PYTHON) -m venv _build/lock-env

@@ -22,6 +22,7 @@ are recognised in every exercise and need not be listed.
 
 from __future__ import annotations
 
+import ast
 import builtins
 import copy
 import inspect
@@ -404,7 +405,7 @@ def _own_lines(observations: Sequence[Observation]) -> Iterator[str]:
 
 def _edited(reference: Function, edits: tuple[str, ...]) -> Function:
     """Return the reference with pieces of its source replaced."""
-    source = textwrap.dedent(inspect.getsource(reference))
+    source = _without_docstring(textwrap.dedent(inspect.getsource(reference)))
     for edit in edits:
         old, new = edit.split(" => ")
         if old not in source:
@@ -414,6 +415,16 @@ def _edited(reference: Function, edits: tuple[str, ...]) -> Function:
     exec(compile(source, f"<{reference.__name__}>", "exec"), scope)
     wrong: Function = scope[reference.__name__]
     return wrong
+
+
+def _without_docstring(source: str) -> str:
+    """Return a function's source as an edit sees it: what is said there is no code."""
+    function = ast.parse(source).body[0]
+    assert isinstance(function, ast.FunctionDef)
+    if ast.get_docstring(function) is None:
+        return source
+    lines, text = source.splitlines(keepends=True), function.body[0]
+    return "".join(lines[: text.lineno - 1] + lines[text.end_lineno :])
 
 
 def _holds(seen: Observation, due: Any, tolerance: float) -> bool:

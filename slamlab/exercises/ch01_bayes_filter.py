@@ -1,4 +1,4 @@
-"""Checks of chapter 01: predict and update of a Bayes filter in a circular corridor.
+"""Exercises, chapter 01: predict and update of a Bayes filter in a circular corridor.
 
 P2 (4) and (5), discretised.
 """
@@ -15,27 +15,67 @@ from slamlab.exercises._report import Array, Check, Ints
 __all__ = ["check_looks_needed", "check_predict", "check_update", "check_wander"]
 
 
-# Exercise 1: predict.
+# %% [markdown] tags=["chapter"]
+# # Exercises 01: the Bayes filter
+#
+# Four exercises carry a belief through the corridor of the chapter [The Bayes
+# filter](../01_bayes_filter.ipynb). Replace each `...` and run the check below it as often as you
+# like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 01: the Bayes filter
+#
+# The exercises are in [Exercises 01](../exercises/01_bayes_filter.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: predict
+#
+# The corridor is a circle of n places. At each step the robot stays with probability `p_stay`,
+# moves one place to the right with `p_step`, or slips two places to the right with `p_slip`.
+# Write P2 (4) for it.
 
 
-def _predict(belief: Array, p_stay: float, p_step: float, p_slip: float) -> Array:
-    """Belief (n,) after a step to the right in a circle: stays, moves by one, slips by two."""
+# %% tags=["exercise"]
+def predict(belief: Array, p_stay: float, p_step: float, p_slip: float) -> Array:
+    """Move the belief by one step to the right.
+
+    Parameters
+    ----------
+    belief : ndarray, shape (n,)
+        Probability of each place; place n - 1 is the left neighbour of place 0.
+    p_stay, p_step, p_slip : float
+        Probabilities of moving by 0, 1 and 2 places; they sum to one.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
     return p_stay * belief + p_step * np.roll(belief, 1) + p_slip * np.roll(belief, 2)
 
 
-def _open(belief: Array, p_stay: float, p_step: float, p_slip: float) -> Array:
-    moved = p_stay * belief
-    moved[1:] += p_step * belief[:-1]
-    moved[2:] += p_slip * belief[:-2]
-    return moved
+# %% active="ipynb" tags=["try"]
+# predict(np.array([0.0, 1.0, 0.0, 0.0]), 0.1, 0.7, 0.2)
+
+# %% [markdown] tags=["hint"]
+# From which three places can the robot have come to place i?
+
+# %% [markdown] tags=["hint"]
+# `np.roll(belief, 1)` is the whole belief moved by one place to the right, round the circle.
+
+# %% [markdown] tags=["hint"]
+# Three terms, each a probability times a rolled belief.
 
 
+# %% tags=["cases"]
 def _corridor(rng: np.random.Generator) -> Any:
     return weights(rng, int(rng.integers(3, 12))), *weights(rng, 3)
 
 
 check_predict = Check(
-    _predict,
+    predict,
     "belief",
     {
         "a sure belief spreads to the right": ([0, 1, 0, 0, 0, 0], 0.1, 0.7, 0.2),
@@ -43,53 +83,116 @@ check_predict = Check(
         "a robot that never slips": ([0.3, 0.0, 0.7, 0.0, 0.0, 0.0], 0.25, 0.75, 0.0),
         "corridors of any length": _corridor,
     },
-    {
-        "the belief moved to the left: place i receives what stood at i - 1": (
-            "belief, 1) => belief, -1)",
-            "belief, 2) => belief, -2)",
-        ),
-        "the corridor is a circle: what leaves on the right comes back on the left": _open,
-        "probability fell out at the end and the rest was stretched: the corridor is a circle": (
-            lambda *given: _open(*given) / _open(*given).sum()
-        ),
-        "the slip was forgotten: three displacements are possible": (
-            " + p_slip * np.roll(belief, 2) => "
-        ),
-        "the step was forgotten: three displacements are possible": (
-            " + p_step * np.roll(belief, 1) => "
-        ),
-        "the robot that stays was forgotten: three displacements are possible": (
-            "p_stay * belief +  => "
-        ),
-        "the whole belief moved by one place: each displacement moves its own share": (
-            lambda belief, stay, step, slip: np.roll(belief, 1)
-        ),
-        "the slip moves by two places, not by minus one": "belief, 2) => belief, -1)",
-        "the slip moves by two places, not by one": "belief, 2) => belief, 1)",
-        "the slip moves by two places, not by three": "belief, 2) => belief, 3)",
-        "stay and step are exchanged": (
-            lambda belief, stay, step, slip: _predict(belief, step, stay, slip)
-        ),
-        "step and slip are exchanged": (
-            lambda belief, stay, step, slip: _predict(belief, stay, slip, step)
-        ),
-        "the belief was predicted twice": (
-            lambda belief, *shares: _predict(_predict(belief, *shares), *shares)
-        ),
-    },
 )
 
 
-# Exercise 2: update.
+# %% tags=["mistakes"]
+def _open(belief: Array, p_stay: float, p_step: float, p_slip: float) -> Array:
+    moved = p_stay * belief
+    moved[1:] += p_step * belief[:-1]
+    moved[2:] += p_slip * belief[:-2]
+    return moved
 
 
-def _update(belief: Array, doors: Array, sees_door: float, p_right: float) -> Array:
-    """Belief (n,) after the sensor said door or wall, being right with probability p_right."""
+check_predict.mistakes = {
+    "the belief moved to the left: place i receives what stood at i - 1": (
+        "belief, 1) => belief, -1)",
+        "belief, 2) => belief, -2)",
+    ),
+    "the corridor is a circle: what leaves on the right comes back on the left": _open,
+    "probability fell out at the end and the rest was stretched: the corridor is a circle": (
+        lambda *given: _open(*given) / _open(*given).sum()
+    ),
+    "the slip was forgotten: three displacements are possible": (
+        " + p_slip * np.roll(belief, 2) => "
+    ),
+    "the step was forgotten: three displacements are possible": (
+        " + p_step * np.roll(belief, 1) => "
+    ),
+    "the robot that stays was forgotten: three displacements are possible": (
+        "p_stay * belief +  => "
+    ),
+    "the whole belief moved by one place: each displacement moves its own share": (
+        lambda belief, stay, step, slip: np.roll(belief, 1)
+    ),
+    "the slip moves by two places, not by minus one": "belief, 2) => belief, -1)",
+    "the slip moves by two places, not by one": "belief, 2) => belief, 1)",
+    "the slip moves by two places, not by three": "belief, 2) => belief, 3)",
+    "stay and step are exchanged": (
+        lambda belief, stay, step, slip: predict(belief, step, stay, slip)
+    ),
+    "step and slip are exchanged": (
+        lambda belief, stay, step, slip: predict(belief, stay, slip, step)
+    ),
+    "the belief was predicted twice": (
+        lambda belief, *shares: predict(predict(belief, *shares), *shares)
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 1: predict
+#
+# Each displacement moves its own share of the belief; `np.roll` closes the circle.
+
+# %% [markdown] tags=["solution"]
+# A shift without the circle loses the probability that leaves on the right. Dividing by the sum
+# afterwards hides the loss, and it is the wrong repair: the lost share belonged to the left end.
+
+# %% active="ipynb" tags=["solution"]
+# def stretched(belief, p_stay, p_step, p_slip):
+#     moved = p_stay * belief
+#     moved[1:] += p_step * belief[:-1]
+#     moved[2:] += p_slip * belief[:-2]
+#     return moved / moved.sum()
+#
+# check_predict(stretched)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: update
+#
+# The eye says `1.0` (door) or `0.0` (wall) and is right with probability `p_right`, wherever the
+# robot stands. Write P2 (5).
+
+
+# %% tags=["exercise"]
+def update(belief: Array, doors: Array, sees_door: float, p_right: float) -> Array:
+    """Weigh the belief by what the eye said.
+
+    Parameters
+    ----------
+    belief : ndarray, shape (n,)
+        Probability of each place.
+    doors : ndarray, shape (n,)
+        1.0 where there is a door, 0.0 where there is wall.
+    sees_door : float
+        1.0 or 0.0, what the eye said.
+    p_right : float
+        Probability that the eye is right.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Probabilities; they sum to one.
+    """
     likelihood = np.where(doors == sees_door, p_right, 1 - p_right)
     posterior = belief * likelihood
     return posterior / posterior.sum()
 
 
+# %% active="ipynb" tags=["try"]
+# update(np.full(4, 0.25), np.array([1.0, 0.0, 0.0, 1.0]), 1.0, 0.9)
+
+# %% [markdown] tags=["hint"]
+# How likely is the answer "wall" at a place where there is wall? And where there is a door?
+
+# %% [markdown] tags=["hint"]
+# `np.where(doors == sees_door, p_right, 1 - p_right)` is the likelihood of every place.
+
+# %% [markdown] tags=["hint"]
+# Multiply with the old belief, then divide by the sum.
+
+
+# %% tags=["cases"]
 def _seen(rng: np.random.Generator) -> Any:
     n = int(rng.integers(2, 12))
     belief, p_right = weights(rng, n, rng.integers(0, n, 1)), np.round(rng.uniform(0.1, 1), 2)
@@ -99,8 +202,9 @@ def _seen(rng: np.random.Generator) -> Any:
 
 _DOORS = [1, 0, 0, 1, 0, 1]
 
+
 check_update = Check(
-    _update,
+    update,
     "belief",
     {
         "a door seen from anywhere": (np.full(6, 1 / 6), _DOORS, 1, 0.8),
@@ -111,40 +215,88 @@ check_update = Check(
         "an eye that is never wrong": ([0.3, 0.3, 0.4], [0, 1, 1], 1, 1.0),
         "any corridor, any eye": _seen,
     },
-    {
-        "the result is not normalised: divide by its sum": " / posterior.sum() => ",
-        "belief and likelihood were added: evidence multiplies": "belief * => belief +",
-        "the prior was forgotten: multiply the likelihood with the old belief": "belief *  => ",
-        "only doors count here: seeing a wall is a measurement too": "== sees_door => == 1",
-        "the sensor is not perfect: places that disagree keep a little": "1 - p_right => 0.0",
-        "places that disagree get 1 - p_right, not everything": "1 - p_right => 1.0",
-        "the sensor was read the wrong way round: agreeing places get p_right": (
-            "p_right, 1 - p_right => 1 - p_right, p_right"
-        ),
-        "divided by the largest entry: probabilities must sum to one": (
-            "posterior.sum() => posterior.max()"
-        ),
-        "divided by its length: root of the sum of squares; the sum is due": (
-            "posterior.sum() => np.sqrt(np.sum(posterior**2))"
-        ),
-        "the measurement was counted twice": (
-            lambda belief, *seen: _update(_update(belief, *seen), *seen)
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_update.mistakes = {
+    "the result is not normalised: divide by its sum": " / posterior.sum() => ",
+    "belief and likelihood were added: evidence multiplies": "belief * => belief +",
+    "the prior was forgotten: multiply the likelihood with the old belief": "belief *  => ",
+    "only doors count here: seeing a wall is a measurement too": "== sees_door => == 1",
+    "the sensor is not perfect: places that disagree keep a little": "1 - p_right => 0.0",
+    "places that disagree get 1 - p_right, not everything": "1 - p_right => 1.0",
+    "the sensor was read the wrong way round: agreeing places get p_right": (
+        "p_right, 1 - p_right => 1 - p_right, p_right"
+    ),
+    "divided by the largest entry: probabilities must sum to one": (
+        "posterior.sum() => posterior.max()"
+    ),
+    "divided by its length: root of the sum of squares; the sum is due": (
+        "posterior.sum() => np.sqrt(np.sum(posterior**2))"
+    ),
+    "the measurement was counted twice": (
+        lambda belief, *seen: update(update(belief, *seen), *seen)
+    ),
+}
 
-# Exercise 3: how many looks are enough?
+# %% [markdown] tags=["solution"]
+# ## Solution 2: update
+
+# %% [markdown] tags=["solution"]
+# Listening only when a door is seen throws half of the news away. A wall is a measurement too:
+
+# %% active="ipynb" tags=["solution"]
+# def only_doors(belief, doors, sees_door, p_right):
+#     likelihood = np.where(doors == 1, p_right, 1 - p_right)
+#     posterior = belief * likelihood
+#     return posterior / posterior.sum()
+#
+# check_update(only_doors)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: how many looks? (pencil first)
+#
+# A place has the prior probability $p_0$ of being where the robot stands. The eye agrees with it,
+# look after look, and is right with probability $p$; all other places disagree with what it sees.
+# After how many looks is the belief in the place at least $g$? On paper: what happens to the
+# *odds* $b / (1 - b)$ in one look?
 
 
-def _looks_needed(prior: float, p_right: float, goal: float) -> int:
-    """Smallest number of agreeing looks after which a door of prior probability is believed."""
+# %% tags=["exercise"]
+def looks_needed(prior: float, p_right: float, goal: float) -> int:
+    """Smallest number of agreeing looks after which the belief is at least `goal`.
+
+    Parameters
+    ----------
+    prior : float
+    p_right : float
+        How often the eye is right, more than one half.
+    goal : float
+
+    Returns
+    -------
+    int
+        0 if the prior is enough.
+    """
     odds, n = prior / (1 - prior), 0
     while odds / (1 + odds) < goal and n < 1000:  # a mistaken eye may never get there
         odds, n = odds * p_right / (1 - p_right), n + 1
     return n
 
 
+# %% active="ipynb" tags=["try"]
+# looks_needed(1 / 6, 0.8, 0.95)
+
+# %% [markdown] tags=["hint"]
+# The belief is multiplied by $p$, that in all other places together by $1 - p$; then both are
+# divided by one number.
+
+# %% [markdown] tags=["hint"]
+# Odds are a quotient: the number by which both are divided drops out. So one look multiplies the
+# odds by $p / (1 - p)$.
+
+
+# %% tags=["cases"]
 def _an_eye(rng: np.random.Generator) -> Any:
     return tuple(
         np.round([rng.uniform(0.02, 0.6), rng.uniform(0.55, 0.95), rng.uniform(0.5, 0.999)], 3)
@@ -152,7 +304,7 @@ def _an_eye(rng: np.random.Generator) -> Any:
 
 
 check_looks_needed = Check(
-    _looks_needed,
+    looks_needed,
     "looks",
     {
         "one place in six, an eye right four times of five": (1 / 6, 0.8, 0.95),
@@ -162,42 +314,94 @@ check_looks_needed = Check(
         "an eye that hardly knows": (0.5, 0.55, 0.9),
         "any eye": _an_eye,
     },
-    {
-        "one look too few: afterwards the belief is still below the goal": (
-            "    return n =>     return n - 1"
-        ),
-        "one look too many": "    return n =>     return n + 1",
-        "the prior was taken for one half": (
-            "odds, n = prior / (1 - prior), 0 => odds, n = 1.0, 0"
-        ),
-        "odds were compared with a probability: p = odds / (1 + odds)": (
-            "odds / (1 + odds) < goal => odds < goal"
-        ),
-        "the prior is a probability, not odds": "prior / (1 - prior), 0 => prior, 0",
-        "the places that disagree got nothing taken off: odds grow by p / (1 - p)": (
-            "odds * p_right / (1 - p_right) => odds * p_right / 0.5"
-        ),
-        "looks were taken for chances to be wrong all the time: evidence multiplies odds": (
-            lambda prior, p_right, goal: int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_looks_needed.mistakes = {
+    "one look too few: afterwards the belief is still below the goal": (
+        "    return n =>     return n - 1"
+    ),
+    "one look too many": "    return n =>     return n + 1",
+    "the prior was taken for one half": ("odds, n = prior / (1 - prior), 0 => odds, n = 1.0, 0"),
+    "odds were compared with a probability: p = odds / (1 + odds)": (
+        "odds / (1 + odds) < goal => odds < goal"
+    ),
+    "the prior is a probability, not odds": "prior / (1 - prior), 0 => prior, 0",
+    "the places that disagree got nothing taken off: odds grow by p / (1 - p)": (
+        "odds * p_right / (1 - p_right) => odds * p_right / 0.5"
+    ),
+    "looks were taken for chances to be wrong all the time: evidence multiplies odds": (
+        lambda prior, p_right, goal: int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))
+    ),
+}
 
-# Exercise 4: lost in the corridor.
+# %% [markdown] tags=["solution"]
+# ## Solution 3: how many looks
+#
+# Each look multiplies the odds by $p/(1-p)$, whatever the belief was. With an eye that is right
+# four times of five that is a factor of four: from 1 : 5 over 4 : 5, 16 : 5 and 64 : 5 to 256 :
+# 5.
+
+# %% [markdown] tags=["solution"]
+# *The chance that the eye is wrong n times is $(1 - p)^n$* answers another question: it forgets
+# that the robot hardly believed in the place before.
+
+# %% active="ipynb" tags=["solution"]
+# def chance_to_be_wrong(prior, p_right, goal):
+#     return int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))
+#
+# check_looks_needed(chance_to_be_wrong)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: lost in the corridor
+#
+# Assemble your filter: in each step the robot moves (your `predict`), then it looks (your
+# `update`). Sometimes its eyes are closed: `seen` is -1 then.
 
 
-def _wander(belief: Array, doors: Array, steps: Array, seen: Ints, p_right: float) -> Array:
-    """Beliefs (T, n) after each step (stay, step, slip) and look: 1 door, 0 wall, -1 none."""
+# %% tags=["exercise"]
+def wander(belief: Array, doors: Array, steps: Array, seen: Ints, p_right: float) -> Array:
+    """Beliefs of a robot that wanders round the corridor.
+
+    Parameters
+    ----------
+    belief : ndarray, shape (n,)
+        Before the first step.
+    doors : ndarray, shape (n,)
+        1 where there is a door, 0 where there is a wall.
+    steps : ndarray, shape (T, 3)
+        p_stay, p_step and p_slip of each step.
+    seen : ndarray of int, shape (T,)
+        1 for a door, 0 for a wall, -1 for closed eyes.
+    p_right : float
+        How often the eye is right.
+
+    Returns
+    -------
+    ndarray, shape (T, n)
+        The belief after each step.
+    """
     found = []
     for step, saw in zip(steps, seen, strict=True):
-        belief = _predict(belief, *step)
+        belief = predict(belief, *step)
         if saw >= 0:
-            belief = _update(belief, doors, saw, p_right)
+            belief = update(belief, doors, saw, p_right)
         found.append(belief)
-    return np.array(found).reshape(-1, len(doors))
+    return np.array(found)
 
 
+# %% active="ipynb" tags=["try"]
+# wander(np.full(4, 0.25), np.array([1, 0, 0, 0]), np.array([[0.1, 0.8, 0.1]]),
+#        np.array([1]), 0.9)
+
+# %% [markdown] tags=["hint"]
+# A loop over the steps: first the motion, then the look, then write the belief down.
+
+# %% [markdown] tags=["hint"]
+# Closed eyes are no wall: what does a filter do that was told nothing?
+
+
+# %% tags=["cases"]
 @drawn
 def _lost(rng: np.random.Generator, n_steps: int, closed: float = 0.0) -> Any:
     n = int(rng.integers(4, 10))
@@ -208,7 +412,7 @@ def _lost(rng: np.random.Generator, n_steps: int, closed: float = 0.0) -> Any:
 
 
 check_wander = Check(
-    _wander,
+    wander,
     "beliefs",
     {
         "one step with closed eyes": _lost(1, 1.0),
@@ -216,25 +420,41 @@ check_wander = Check(
         "a walk": _lost(8),
         "a walk with closed eyes now and then": _lost(10, 0.5),
     },
-    {
-        "it looked before it moved: predict first": (
-            "_predict(belief, *step) => belief",
-            "found.append(belief) => found.append(belief := _predict(belief, *step))",
-        ),
-        "closed eyes were taken for a wall: no look, no update": (
-            "if saw >= 0 => if True",
-            "doors, saw, => doors, max(saw, 0),",
-        ),
-        "only doors count here: seeing a wall is a measurement too": "if saw >= 0 => if saw > 0",
-        "the robot stands still while its eyes are closed: predict at every step": (
-            "_predict(belief, *step) => _predict(belief, *step) if saw >= 0 else belief"
-        ),
-        "the looks were not used": "if saw >= 0 => if False",
-        "nothing was predicted: the robot moves": "_predict(belief, *step) => belief + 0.0",
-        "the last belief came: the one after each step is due": lambda *given: _wander(*given)[-1],
-        "every step began at the first belief: the old result is the new prior": (
-            "found = [] => found, first = [], belief",
-            "_predict(belief, => _predict(first,",
-        ),
-    },
 )
+
+# %% tags=["mistakes"]
+check_wander.mistakes = {
+    "it looked before it moved: predict first": (
+        "predict(belief, *step) => belief",
+        "found.append(belief) => found.append(belief := predict(belief, *step))",
+    ),
+    "closed eyes were taken for a wall: no look, no update": (
+        "if saw >= 0 => if True",
+        "doors, saw, => doors, max(saw, 0),",
+    ),
+    "only doors count here: seeing a wall is a measurement too": "if saw >= 0 => if saw > 0",
+    "the robot stands still while its eyes are closed: predict at every step": (
+        "predict(belief, *step) => predict(belief, *step) if saw >= 0 else belief"
+    ),
+    "the looks were not used": "if saw >= 0 => if False",
+    "nothing was predicted: the robot moves": "predict(belief, *step) => belief + 0.0",
+    "the last belief came: the one after each step is due": lambda *given: wander(*given)[-1],
+    "every step began at the first belief: the old result is the new prior": (
+        "found = [] => found, first = [], belief",
+        "predict(belief, => predict(first,",
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 4: lost in the corridor
+#
+# The old result is the new prior: that is the whole filter.
+
+# %% [markdown] tags=["solution"]
+# A robot that takes closed eyes for a wall hears news where there is none:
+
+# %% active="ipynb" tags=["solution"]
+# def dark_is_a_wall(belief, doors, steps, seen, p_right):
+#     return wander(belief, doors, steps, np.maximum(seen, 0), p_right)
+#
+# check_wander(dark_is_a_wall)

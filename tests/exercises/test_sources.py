@@ -1,0 +1,76 @@
+"""One source an exercise: both notebooks are what `tools/exercises.py` writes of it."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+from tools import exercises as tool  # noqa: E402
+
+SOURCES = tool.sources()
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_both_notebooks_are_what_the_source_says(source):
+    for path, cells in zip(tool.notebook_paths(source), tool.notebooks(source), strict=True):
+        assert tool.differences(path, cells) == []
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_every_cell_of_a_source_has_one_kind(source):
+    pairs = {frozenset(["imports", "solution"])}
+    for cell in tool.cells_of(source):
+        kinds = set(cell.metadata.tags) & tool.TAGS
+        assert len(kinds) == 1 or kinds in pairs, cell.source
+
+
+def test_a_notebook_edited_by_hand_is_seen():
+    (source,) = tool.sources(["01"])
+    path, _ = tool.notebook_paths(source)
+    cells, _ = tool.notebooks(source)
+    cells[0].source += " by hand"
+    assert tool.differences(path, cells) == [f"{path.name}: e01-00"]
+    assert tool.differences(path, cells[:-1])[-1].endswith(
+        f"{len(cells)} cells, not {len(cells) - 1}"
+    )
+
+
+def test_the_student_gets_the_head_and_the_docstring_and_not_the_body():
+    code = (
+        'def gain(P: Array, n: int = 2) -> Array:\n    """Say it.\n\n    In words.\n    """\n'
+        "    # why\n    return P * n"
+    )
+    head = 'def gain(P, n=2):\n    """Say it.\n\n    In words.\n    """\n    ...'
+    assert tool._stub(code, "    ...") == head
+    assert tool._solution(code) == "def gain(P, n=2):\n    # why\n    return P * n"
+
+
+@pytest.mark.parametrize(
+    ("wrapped", "text"),
+    [
+        ("one\ntwo\n\nthree", "one two\n\nthree"),
+        ("- one\n  two\n- three", "- one two\n- three"),
+        ("| a |\n|---|\n| b |", "| a |\n|---|\n| b |"),
+        ("so\n\n$$\nx = 1\n+ 2\n$$\n\nand\nso", "so\n\n$$\nx = 1\n+ 2\n$$\n\nand so"),
+        ("```python\nx = 1\ny = 2\n```", "```python\nx = 1\ny = 2\n```"),
+        ("## Head\nthe\ntext", "## Head\nthe text"),
+        ("a number\n*and* more", "a number *and* more"),
+    ],
+)
+def test_paragraphs_of_a_source_are_lines_of_a_notebook(wrapped, text):
+    assert tool.unwrapped(wrapped) == text
+
+
+def test_an_edit_of_a_mistake_must_be_in_the_code_and_not_only_in_the_docstring():
+    def said(x):
+        """Add two."""
+        return x + 1
+
+    from slamlab.exercises import Check
+
+    check = Check(said, "x", {"one": ([1.0],)})
+    assert check.mistaken("x + 1 => x + 2")(1) == 3
+    with pytest.raises(LookupError, match="'two' is not in its source"):
+        check.mistaken("two => three")
