@@ -56,7 +56,6 @@ Cell = nbformat.NotebookNode
 def sources(chapters: list[str] | None = None) -> list[Path]:
     """Return the sources of some chapters, or of all."""
     paths = sorted(SOURCES.glob("ch[0-9][0-9]_*.py"))
-    paths = [path for path in paths if "# %%" in path.read_text(encoding="utf-8")]
     return [path for path in paths if not chapters or path.name[2:4] in chapters]
 
 
@@ -206,9 +205,11 @@ def _text(text: str) -> Cell:
 
 def _code(code: str, like: Cell | None = None) -> Cell:
     cell = nbformat.v4.new_code_cell(code)
-    shown = [tag for tag in like.metadata.tags if tag not in TAGS] if like else []
-    if shown:
-        cell.metadata["tags"] = shown
+    more = dict(like.metadata) if like else {}
+    shown = [tag for tag in more.pop("tags", []) if tag not in TAGS]
+    for own in ("active", "lines_to_next_cell"):  # jupytext's
+        more.pop(own, None)
+    cell.metadata = nbformat.from_dict(more | ({"tags": shown} if shown else {}))
     return cell
 
 
@@ -235,8 +236,8 @@ def written(path: Path, cells: list[Cell]) -> nbformat.NotebookNode:
 def differences(path: Path, cells: list[Cell]) -> list[str]:
     """Tell which cells of a notebook are not what its source says."""
 
-    def said(cell: Cell) -> tuple[str, str, str, str]:
-        return cell.id, cell.cell_type, cell.source, str(cell.metadata.get("tags", []))
+    def said(cell: Cell) -> tuple[str, str, str, dict]:
+        return cell.id, cell.cell_type, cell.source, dict(cell.metadata)
 
     stored = nbformat.read(path, as_version=4).cells
     found = [

@@ -1,4 +1,4 @@
-"""Checks of chapter 02: predict, update, Joseph's form, a filter on the cart, and its noise.
+"""Exercises, chapter 02: predict, update, Joseph's form, a filter on the cart, and its noise.
 
 P5 (3), (4), (7)-(9).
 """
@@ -15,22 +15,68 @@ from slamlab.exercises._report import Array, Check, Function
 
 __all__ = ["check_joseph", "check_predict", "check_track", "check_tune", "check_update"]
 
+
+# %% [markdown] tags=["chapter"]
+# # Exercises 02: the Kalman filter
+#
+# Two functions make a Kalman filter, a third makes it robust; then it drives, and you find out
+# how hard its cart is pushed; the chapter is [The Kalman filter](../02_kalman_filter.ipynb).
+# Replace each `...` and run the check below it as often as you like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 02: the Kalman filter
+#
+# The exercises are in [Exercises 02](../exercises/02_kalman_filter.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: predict
+#
+# P5 (3) and (4), without control.
+
+# %% tags=["private"]
 Belief = tuple[Array, Array]
-Case = tuple[Any, ...]
 
 
-def _model(rng: np.random.Generator, n: int, m: int) -> Case:
-    """Mean, covariance, measurement, H and R of n states and m readings."""
-    mean, z, H = (np.round(rng.normal(0, 2, shape), 2) for shape in (n, m, (m, n)))
-    return mean, a_covariance(rng, n), z, H, a_covariance(rng, m, 0.4)
+# %% tags=["exercise"]
+def predict(mean: Array, cov: Array, F: Array, Q: Array) -> Belief:
+    """Move a Gaussian belief.
 
+    Parameters
+    ----------
+    mean : ndarray, shape (n,)
+    cov : ndarray, shape (n, n)
+    F : ndarray, shape (n, n)
+        Evolution matrix.
+    Q : ndarray, shape (n, n)
+        Covariance of the motion noise.
 
-# Exercise 1: predict.
-
-
-def _predict(mean: Array, cov: Array, F: Array, Q: Array) -> Belief:
-    """Mean (n,) and covariance (n, n) after the motion, P5 (3), (4)."""
+    Returns
+    -------
+    mean : ndarray, shape (n,)
+    cov : ndarray, shape (n, n)
+    """
     return F @ mean, F @ cov @ F.T + Q
+
+
+# %% active="ipynb" tags=["try"]
+# F = np.array([[1.0, 0.5], [0.0, 1.0]])
+# predict(np.array([0.0, 1.0]), np.eye(2), F, 0.1 * np.eye(2))
+
+# %% [markdown] tags=["hint"]
+# Return two things: `return new_mean, new_cov`.
+
+# %% [markdown] tags=["hint"]
+# A covariance is multiplied from both sides, and must stay symmetric.
+
+# %% [markdown] tags=["hint"]
+# The mean is multiplied once, the covariance from both sides, the second time by the transpose.
+# Where does `Q` come in: before the motion or after it?
+
+# %% tags=["cases"]
+Case = tuple[Any, ...]
 
 
 @drawn
@@ -41,8 +87,9 @@ def _motion(rng: np.random.Generator, n: int, noise: float = 1.0) -> Case:
 
 _ZERO = [[0.0, 0.0], [0.0, 0.0]]
 
+
 check_predict = Check(
-    _predict,
+    predict,
     "mean, cov",
     {
         "a known position with an unsure speed": (
@@ -62,41 +109,101 @@ check_predict = Check(
         "three and without noise": _motion(3, 0.0),
         "four dimensions": _motion(4),
     },
-    {
-        "F P F is no covariance: the second F must be transposed": "F.T => F",
-        "the transposed F stands on the wrong side: F P F^T is due": (
-            "F @ cov @ F.T => F.T @ cov @ F"
-        ),
-        "F stands on one side only: F P F^T is due": " @ F.T => ",
-        "the covariance did not move: F P F^T is due": "F @ cov @ F.T => cov",
-        "Q is missing: every motion adds uncertainty": " + Q => ",
-        "Q went through the motion too: it is added after it": (
-            "F @ cov @ F.T + Q => F @ (cov + Q) @ F.T"
-        ),
-        "Q was added twice": "+ Q => + 2 * Q",
-        "Q was subtracted: predicting never makes the belief sharper": "+ Q => - Q",
-        "`*` multiplies entry by entry: matrices are multiplied by `@`": (
-            "F @ cov @ F.T => F * cov * F.T"
-        ),
-        "the mean did not move": "F @ mean => mean.copy()",
-        "the mean was moved by the transposed F": "F @ mean => F.T @ mean",
-        "the belief was predicted twice": lambda m, P, F, Q: _predict(*_predict(m, P, F, Q), F, Q),
-    },
 )
 
 
-# Exercise 2: update.
+# %% tags=["mistakes"]
+def _model(rng: np.random.Generator, n: int, m: int) -> Case:
+    """Mean, covariance, measurement, H and R of n states and m readings."""
+    mean, z, H = (np.round(rng.normal(0, 2, shape), 2) for shape in (n, m, (m, n)))
+    return mean, a_covariance(rng, n), z, H, a_covariance(rng, m, 0.4)
 
 
-def _update(mean: Array, cov: Array, z: Array, H: Array, R: Array) -> Belief:
-    """Mean (n,) and covariance (n, n) after the measurement, P5 (5)-(9)."""
+check_predict.mistakes = {
+    "F P F is no covariance: the second F must be transposed": "F.T => F",
+    "the transposed F stands on the wrong side: F P F^T is due": (
+        "F @ cov @ F.T => F.T @ cov @ F"
+    ),
+    "F stands on one side only: F P F^T is due": " @ F.T => ",
+    "the covariance did not move: F P F^T is due": "F @ cov @ F.T => cov",
+    "Q is missing: every motion adds uncertainty": " + Q => ",
+    "Q went through the motion too: it is added after it": (
+        "F @ cov @ F.T + Q => F @ (cov + Q) @ F.T"
+    ),
+    "Q was added twice": "+ Q => + 2 * Q",
+    "Q was subtracted: predicting never makes the belief sharper": "+ Q => - Q",
+    "`*` multiplies entry by entry: matrices are multiplied by `@`": (
+        "F @ cov @ F.T => F * cov * F.T"
+    ),
+    "the mean did not move": "F @ mean => mean.copy()",
+    "the mean was moved by the transposed F": "F @ mean => F.T @ mean",
+    "the belief was predicted twice": lambda m, P, F, Q: predict(*predict(m, P, F, Q), F, Q),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 1: predict
+#
+# The mean goes where the state would go. The error goes through the same matrix, so its
+# covariance is multiplied from both sides; the noise of the motion comes on top, unturned.
+
+# %% [markdown] tags=["solution"]
+# Forgetting the transpose passes whenever the covariance is zero or F is symmetric, and gives a
+# matrix that is no covariance otherwise:
+
+# %% active="ipynb" tags=["solution"]
+# def without_transpose(mean, cov, F, Q):
+#     return F @ mean, F @ cov @ F + Q
+#
+# check_predict(without_transpose)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: update
+#
+# P5 (5) to (9).
+
+
+# %% tags=["exercise"]
+def update(mean: Array, cov: Array, z: Array, H: Array, R: Array) -> Belief:
+    """Correct a Gaussian belief by a measurement.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (n,)
+    cov : ndarray, shape (n, n)
+    z : ndarray, shape (m,)
+        Measurement.
+    H : ndarray, shape (m, n)
+        Measurement matrix.
+    R : ndarray, shape (m, m)
+        Covariance of the measurement noise.
+
+    Returns
+    -------
+    mean : ndarray, shape (n,)
+    cov : ndarray, shape (n, n)
+    """
+    innovation = z - H @ mean
     S = H @ cov @ H.T + R
     K = cov @ H.T @ np.linalg.inv(S)
-    return mean + K @ (z - H @ mean), (np.eye(len(mean)) - K @ H) @ cov
+    return mean + K @ innovation, (np.eye(len(mean)) - K @ H) @ cov
 
 
+# %% active="ipynb" tags=["try"]
+# one = np.array([[1.0]])
+# update(np.array([0.0]), one, np.array([1.0]), one, one)
+
+# %% [markdown] tags=["hint"]
+# Write the five formulas as five lines, in their order: innovation, S, K, mean, covariance.
+
+# %% [markdown] tags=["hint"]
+# `np.linalg.inv(S)` is good enough here; S is as small as the measurement.
+
+# %% [markdown] tags=["hint"]
+# `K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)`.
+
+# %% tags=["cases"]
 check_update = Check(
-    _update,
+    update,
     "mean, cov",
     {
         "prior and sensor equally sure": ([0.0], [[1.0]], [1.0], [[1.0]], [[1.0]]),
@@ -106,47 +213,95 @@ check_update = Check(
         "more readings than states": lambda rng: _model(rng, 1, 3),
         "a sensor that hardly knows": lambda rng: (*_model(rng, 2, 2)[:4], 100 * np.eye(2)),
     },
-    {
-        "R must not be added to the gain, as P1 prints (34)": "inv(S) => inv(S) + R",
-        "R is missing in S: the sensor is not perfect": " + R => ",
-        "this is the transposed gain: K is n x m, P H^T S^-1": (
-            "cov @ H.T @ np.linalg.inv(S) => (cov @ H.T @ np.linalg.inv(S)).T"
-        ),
-        "S was multiplied, not inverted": "np.linalg.inv(S) => S",
-        "the innovation has the wrong sign: measured minus predicted": (
-            "z - H @ mean => H @ mean - z"
-        ),
-        "the prediction H x is missing in the innovation": "z - H @ mean => z",
-        "the mean did not move: the gain times the innovation is added": (
-            "mean + K @ (z - H @ mean) => mean.copy()"
-        ),
-        "the step alone came: it is added to the mean": "mean + K => K",
-        "the covariance did not shrink: (I - K H) P is due": (
-            "(np.eye(len(mean)) - K @ H) @ cov => cov.copy()"
-        ),
-        "the covariance grew: (I + K H) P instead of (I - K H) P": ") - K @ H => ) + K @ H",
-        "I - K H alone is no covariance: it multiplies P": "K @ H) @ cov => K @ H)",
-        "P stands on the wrong side: (I - K H) P is due": (
-            "(np.eye(len(mean)) - K @ H) @ cov => cov @ (np.eye(len(mean)) - K @ H)"
-        ),
-        "R is a covariance already: it is not squared": "+ R => + R @ R",
-        "the measurement was counted twice": (
-            lambda m, P, z, H, R: _update(*_update(m, P, z, H, R), z, H, R)
-        ),
-    },
     tolerance=1e-8,
 )
 
+# %% tags=["mistakes"]
+check_update.mistakes = {
+    "R must not be added to the gain, as P1 prints (34)": "inv(S) => inv(S) + R",
+    "R is missing in S: the sensor is not perfect": " + R => ",
+    "this is the transposed gain: K is n x m, P H^T S^-1": (
+        "cov @ H.T @ np.linalg.inv(S) => (cov @ H.T @ np.linalg.inv(S)).T"
+    ),
+    "S was multiplied, not inverted": "np.linalg.inv(S) => S",
+    "the innovation has the wrong sign: measured minus predicted": (
+        "z - H @ mean => H @ mean - z"
+    ),
+    "the prediction H x is missing in the innovation": "z - H @ mean => z",
+    "the mean did not move: the gain times the innovation is added": (
+        "mean + K @ innovation => mean.copy()"
+    ),
+    "the step alone came: it is added to the mean": "mean + K => K",
+    "the covariance did not shrink: (I - K H) P is due": (
+        "(np.eye(len(mean)) - K @ H) @ cov => cov.copy()"
+    ),
+    "the covariance grew: (I + K H) P instead of (I - K H) P": ") - K @ H => ) + K @ H",
+    "I - K H alone is no covariance: it multiplies P": "K @ H) @ cov => K @ H)",
+    "P stands on the wrong side: (I - K H) P is due": (
+        "(np.eye(len(mean)) - K @ H) @ cov => cov @ (np.eye(len(mean)) - K @ H)"
+    ),
+    "R is a covariance already: it is not squared": "+ R => + R @ R",
+    "the measurement was counted twice": (
+        lambda m, P, z, H, R: update(*update(m, P, z, H, R), z, H, R)
+    ),
+}
 
-# Exercise 3: Joseph's form.
+# %% [markdown] tags=["solution"]
+# ## Solution 2: update
+#
+# Five formulas, five lines.
+
+# %% [markdown] tags=["solution"]
+# P1 prints its gain (34) with a $+ R$ behind it. In most filters the shapes do not even fit;
+# where they do, because as many numbers are measured as are estimated, the filter runs and is
+# wrong:
+
+# %% active="ipynb" tags=["solution"]
+# def as_printed_in_p1(mean, cov, z, H, R):
+#     K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R) + R
+#     return mean + K @ (z - H @ mean), (np.eye(len(mean)) - K @ H) @ cov
+#
+# check_update(as_printed_in_p1)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: Joseph's form
+#
+# Someone hands you a gain that is not the optimal one. How sure are you after using it?
 
 
-def _joseph(cov: Array, K: Array, H: Array, R: Array) -> Array:
-    """Covariance (n, n) after an update with any gain K (n, m)."""
+# %% tags=["exercise"]
+def joseph(cov: Array, K: Array, H: Array, R: Array) -> Array:
+    """Covariance after an update with any gain.
+
+    Parameters
+    ----------
+    cov : ndarray, shape (n, n)
+        Before the update.
+    K : ndarray, shape (n, m)
+        The gain that was used.
+    H : ndarray, shape (m, n)
+    R : ndarray, shape (m, m)
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+    """
     A = np.eye(len(cov)) - K @ H
     return A @ cov @ A.T + K @ R @ K.T
 
 
+# %% active="ipynb" tags=["try"]
+# joseph(np.array([[1.0]]), np.array([[0.5]]), np.array([[1.0]]), np.array([[1.0]]))
+
+# %% [markdown] tags=["hint"]
+# The error after the update is $(I - KH)$ times the error before, plus $K$ times the noise of the
+# sensor. The two are independent.
+
+# %% [markdown] tags=["hint"]
+# The covariance of $A e$ is $A P A^\top$.
+
+
+# %% tags=["cases"]
 @drawn
 def _any_gain(rng: np.random.Generator, n: int, m: int, share: float | None = None) -> Case:
     _, cov, _, H, R = _model(rng, n, m)
@@ -156,7 +311,7 @@ def _any_gain(rng: np.random.Generator, n: int, m: int, share: float | None = No
 
 
 check_joseph = Check(
-    _joseph,
+    joseph,
     "cov",
     {
         "the optimal gain": _any_gain(2, 2, 1.0),
@@ -165,45 +320,100 @@ check_joseph = Check(
         "a gain from another filter, few readings": _any_gain(3, 1),
         "a gain from another filter, many readings": _any_gain(2, 4),
     },
-    {
-        "this is the short form (I - K H) P: right for the optimal gain only": (
-            "A @ cov @ A.T + K @ R @ K.T => A @ cov"
-        ),
-        "the noise of the sensor is missing: K R K^T must be added": " + K @ R @ K.T => ",
-        "the second factor must be transposed: A P A^T": "A.T => A",
-        "the transpose stands on the wrong side: A P A^T": "A @ cov @ A.T => A.T @ cov @ A",
-        "K R K^T must be added, not subtracted": "+ K @ R => - K @ R",
-        "this is P - K S K^T: right for the optimal gain only": (
-            "A @ cov @ A.T + K @ R @ K.T => cov - K @ (H @ cov @ H.T + R) @ K.T"
-        ),
-        "the gain around R is missing: R lives in the world of the measurement": (
-            "K @ R @ K.T => R"
-        ),
-        "I + K H stands where I - K H is due": "- K @ H => + K @ H",
-        "the noise alone came: A P A^T is missing": "A @ cov @ A.T +  => ",
-    },
     tolerance=1e-8,
 )
 
+# %% tags=["mistakes"]
+check_joseph.mistakes = {
+    "this is the short form (I - K H) P: right for the optimal gain only": (
+        "A @ cov @ A.T + K @ R @ K.T => A @ cov"
+    ),
+    "the noise of the sensor is missing: K R K^T must be added": " + K @ R @ K.T => ",
+    "the second factor must be transposed: A P A^T": "A.T => A",
+    "the transpose stands on the wrong side: A P A^T": "A @ cov @ A.T => A.T @ cov @ A",
+    "K R K^T must be added, not subtracted": "+ K @ R => - K @ R",
+    "this is P - K S K^T: right for the optimal gain only": (
+        "A @ cov @ A.T + K @ R @ K.T => cov - K @ (H @ cov @ H.T + R) @ K.T"
+    ),
+    "the gain around R is missing: R lives in the world of the measurement": ("K @ R @ K.T => R"),
+    "I + K H stands where I - K H is due": "- K @ H => + K @ H",
+    "the noise alone came: A P A^T is missing": "A @ cov @ A.T +  => ",
+}
 
-# Exercise 4: a filter on the cart.
+# %% [markdown] tags=["solution"]
+# ## Solution 3: Joseph's form
+#
+# The error after the update is $(I - KH)\,e - K v$: two independent parts, so their covariances
+# add. Nothing in this asks the gain to be optimal.
+
+# %% [markdown] tags=["solution"]
+# The short form agrees for the optimal gain and claims too little or too much for any other:
+
+# %% active="ipynb" tags=["solution"]
+# def short_form(cov, K, H, R):
+#     return (np.eye(len(cov)) - K @ H) @ cov
+#
+# check_joseph(short_form)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: a filter on the cart
+#
+# Assemble it. A cart rolls along a rail and is pushed at random; every `dt` seconds its position
+# is read, or the reading is lost. The state is position and speed. It starts as $(0, 0)$ with
+# covariance $I$. Between two readings
+#
+# $$
+# F = \begin{pmatrix} 1 & dt \\ 0 & 1 \end{pmatrix}, \qquad
+# Q = q \begin{pmatrix} dt^3/3 & dt^2/2 \\ dt^2/2 & dt \end{pmatrix},
+# $$
+#
+# also before the first one. Use your functions of exercises 1 and 2.
 
 
-def _track(z: Array, dt: float, q: float, r: float) -> Belief:
-    """Means (T, 2) and covariances (T, 2, 2) of a cart after each position read, NaN for none."""
+# %% tags=["exercise"]
+def track(z: Array, dt: float, q: float, r: float) -> Belief:
+    """Follow a cart.
+
+    Parameters
+    ----------
+    z : ndarray, shape (T,)
+        Positions read (m), NaN where a reading was lost.
+    dt : float
+        Time between readings (s).
+    q : float
+        Strength of the pushes (m^2/s^3).
+    r : float
+        Standard deviation of a reading (m).
+
+    Returns
+    -------
+    means : ndarray, shape (T, 2)
+        Position (m) and speed (m/s) after each reading.
+    covs : ndarray, shape (T, 2, 2)
+    """
     F, H = np.array([[1.0, dt], [0.0, 1.0]]), np.array([[1.0, 0.0]])
     Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    R = np.array([[r**2]])
     mean, cov, means, covs = np.zeros(2), np.eye(2), [], []
     for reading in z:
-        mean, cov = _predict(mean, cov, F, Q)
+        mean, cov = predict(mean, cov, F, Q)
         if np.isfinite(reading):
-            mean, cov = _update(mean, cov, np.array([reading]), H, R)
+            mean, cov = update(mean, cov, np.array([reading]), H, np.array([[r**2]]))
         means.append(mean)
         covs.append(cov)
-    return np.array(means).reshape(-1, 2), np.array(covs).reshape(-1, 2, 2)
+    return np.array(means), np.array(covs)
 
 
+# %% active="ipynb" tags=["try"]
+# track(np.array([0.4, np.nan, 1.3]), 0.5, 0.1, 0.2)
+
+# %% [markdown] tags=["hint"]
+# Each turn of the loop has two steps, and the second one is sometimes left out.
+
+# %% [markdown] tags=["hint"]
+# `update` wants arrays: a reading is `np.array([reading])`, and $H$ has one row.
+
+
+# %% tags=["cases"]
 @drawn
 def _readings(rng: np.random.Generator, n: int, lost: float = 0.0) -> Case:
     dt, q, r = np.round(rng.uniform(0.1, 1.5, 3), 2)
@@ -213,7 +423,7 @@ def _readings(rng: np.random.Generator, n: int, lost: float = 0.0) -> Case:
 
 
 check_track = Check(
-    _track,
+    track,
     "means, covs",
     {
         "one reading": ([0.7], 0.5, 0.1, 0.4),
@@ -222,52 +432,91 @@ check_track = Check(
         "a drive": _readings(12),
         "a drive with lost readings": _readings(12, 0.4),
     },
-    {
-        "the first reading met the start itself: predict before every update": (
-            "_predict(mean, cov, F, Q) => _predict(mean, cov, F, Q) if means else (mean, cov)"
-        ),
-        "the readings were not used: update after each prediction": (
-            "if np.isfinite(reading) => if False"
-        ),
-        "nothing was predicted: the cart moves between readings": (
-            "_predict(mean, cov, F, Q) => mean, cov"
-        ),
-        "a lost reading is no reading of zero: leave the update out": (
-            "if np.isfinite(reading) => if True",
-            "np.array([reading]) => np.array([np.nan_to_num(reading)])",
-        ),
-        "a lost reading was used: NaN spreads from there on": (
-            "if np.isfinite(reading) => if True"
-        ),
-        "time passes while readings are lost: predict for them too": (
-            "_predict(mean, cov, F, Q)"
-            " => _predict(mean, cov, F, Q) if np.isfinite(reading) else (mean, cov)"
-        ),
-        "r is a standard deviation: R holds its square": "r**2 => r",
-        "q stands in front of Q as it is: it was squared": "Q = q * => Q = q**2 *",
-        "Q was added for the speed alone, q dt: the position is pushed as well": (
-            "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]] => [[0.0, 0.0], [0.0, dt]]"
-        ),
-        "Q lacks its corners: position and speed are pushed together": (
-            "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]] => [[dt**3 / 3, 0.0], [0.0, dt]]"
-        ),
-        "dt is missing in F": "[[1.0, dt], [0.0, 1.0]] => [[1.0, 1.0], [0.0, 1.0]]",
-        "the last belief came: the one after each reading is due": (
-            lambda *given: (_track(*given)[0][-1], _track(*given)[1][-1])
-        ),
-    },
     tolerance=1e-8,
 )
 
+# %% tags=["mistakes"]
+check_track.mistakes = {
+    "the first reading met the start itself: predict before every update": (
+        "predict(mean, cov, F, Q) => predict(mean, cov, F, Q) if means else (mean, cov)"
+    ),
+    "the readings were not used: update after each prediction": (
+        "if np.isfinite(reading) => if False"
+    ),
+    "nothing was predicted: the cart moves between readings": (
+        "predict(mean, cov, F, Q) => mean, cov"
+    ),
+    "a lost reading is no reading of zero: leave the update out": (
+        "if np.isfinite(reading) => if True",
+        "np.array([reading]) => np.array([np.nan_to_num(reading)])",
+    ),
+    "a lost reading was used: NaN spreads from there on": ("if np.isfinite(reading) => if True"),
+    "time passes while readings are lost: predict for them too": (
+        "predict(mean, cov, F, Q)"
+        " => predict(mean, cov, F, Q) if np.isfinite(reading) else (mean, cov)"
+    ),
+    "r is a standard deviation: R holds its square": "r**2 => r",
+    "q stands in front of Q as it is: it was squared": "Q = q * => Q = q**2 *",
+    "Q was added for the speed alone, q dt: the position is pushed as well": (
+        "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]] => [[0.0, 0.0], [0.0, dt]]"
+    ),
+    "Q lacks its corners: position and speed are pushed together": (
+        "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]] => [[dt**3 / 3, 0.0], [0.0, dt]]"
+    ),
+    "dt is missing in F": "[[1.0, dt], [0.0, 1.0]] => [[1.0, 1.0], [0.0, 1.0]]",
+    "the last belief came: the one after each reading is due": (
+        lambda *given: (track(*given)[0][-1], track(*given)[1][-1])
+    ),
+}
 
-# Exercise 5: how hard is the cart pushed?
+# %% [markdown] tags=["solution"]
+# ## Solution 4: a filter on the cart
+#
+# Predict for every reading, also for one that is lost: time passes all the same, and the
+# covariance grows until the next reading comes.
+
+# %% [markdown] tags=["solution"]
+# A filter that skips a lost reading altogether forgets that time has passed. Its covariance stays
+# small and its position stays behind:
+
+# %% active="ipynb" tags=["solution"]
+# def stops_the_clock(z, dt, q, r):
+#     there = np.isfinite(z)
+#     means, covs = track(z[there], dt, q, r)
+#     last = np.maximum(np.cumsum(there) - 1, 0)
+#     return (means[last], covs[last]) if there.any() else track(z, dt, q, r)
+#
+# check_track(stops_the_clock)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: how hard is the cart pushed?
+#
+# Nobody tells you $q$. But a filter that is told the right one makes innovations that are as
+# large as it says, and of which none tells the next. The check runs the filter of exercise 4 over
+# 600 readings with `dt = 0.5` and `r = 0.8`, with the $q$ that you return. Find one that it
+# accepts.
 
 
-def _tune() -> float:
-    """Return q (m^2/s^3) with which the innovations are as large as the filter says."""
+# %% tags=["exercise"]
+def tune() -> float:
+    """Strength of the pushes.
+
+    Returns
+    -------
+    float
+        q (m^2/s^3).
+    """
     return 0.5
 
 
+# %% active="ipynb" tags=["try"]
+# tune()
+
+# %% [markdown] tags=["hint"]
+# Try powers of ten first. The report says on which side you are.
+
+
+# %% tags=["cases"]
 @lru_cache(maxsize=1)
 def _cart() -> Array:
     """Draw 600 readings of a cart that is pushed with q = 0.5, dt = 0.5 s, r = 0.8 m."""
@@ -284,7 +533,7 @@ def _cart() -> Array:
 def _innovations(q: float) -> tuple[float, float]:
     """Mean NIS, and correlation of each scaled innovation with the next."""
     z, dt, r = _cart(), 0.5, 0.8
-    means, covs = _track(z, dt, q, r)
+    means, covs = track(z, dt, q, r)
     F = np.array([[1.0, dt], [0.0, 1.0]])
     Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
     y = z[1:] - (means[:-1] @ F.T)[:, 0]
@@ -310,7 +559,7 @@ def _judged(tune: Function, aspect: str) -> Any:
 
 
 check_tune = Check(
-    _tune,
+    tune,
     "what is to be said",
     {
         "the innovations are as large as the filter says": ("size",),
@@ -318,3 +567,18 @@ check_tune = Check(
     },
     use=_judged,
 )
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: how hard is the cart pushed?
+#
+# The readings were drawn with $q = 0.5$. Anything from about 0.25 to 0.95 passes: 600 readings do
+# not tell the strength of a push better than by a factor of two.
+
+# %% [markdown] tags=["solution"]
+# A filter that expects no pushes explains them by the noise of its sensor, and comes late:
+
+# %% active="ipynb" tags=["solution"]
+# def no_pushes():
+#     return 0.001
+#
+# check_tune(no_pushes)
