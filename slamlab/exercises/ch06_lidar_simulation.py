@@ -1,4 +1,4 @@
-"""Checks of chapter 06: beams through cells and against walls, the fan of a lidar, a whole drive.
+"""Exercises, chapter 06: beams through cells and against walls, the fan of a lidar, a whole drive.
 
 P5, chapters 3.2.2 (`Scan`) and 3.2.4 (`distancetodots`), repaired; points keep their place.
 """
@@ -21,11 +21,54 @@ __all__ = [
 ]
 
 
-# Exercise 1: a beam through cells.
+# %% [markdown] tags=["chapter"]
+# # Exercises 06: lidar simulation
+#
+# Five exercises that turn a drawn room into what a robot sees: three functions, a beam with two
+# bugs, and a whole drive assembled; the chapter is [Lidar
+# simulation](../06_lidar_simulation.ipynb). Replace each `...` and run the check below it as
+# often as you like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 06: lidar simulation
+#
+# The exercises are in [Exercises 06](../exercises/06_lidar_simulation.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+
+# %% active="ipynb" tags=["imports", "solution"]
+# import numpy as np
+#
+# from slamlab.sensors import Lidar
+# from slamlab.worlds import BitmapWorld
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: a beam through cells
+#
+# From grid line to grid line until a cell is occupied. Everything is in cells: the cell in row r
+# and column c is the square from (c, r) to (c + 1, r + 1).
 
 
-def _first_hit(occupied: Ints, x: float, y: float, angle: float) -> float:
-    """Range (cells) to the border of the first occupied cell (rows, columns); inf if none."""
+# %% tags=["exercise"]
+def first_hit(occupied: Ints, x: float, y: float, angle: float) -> float:
+    """Range of one beam.
+
+    Parameters
+    ----------
+    occupied : ndarray, shape (rows, columns)
+        1 where a cell is occupied; row 0 at the bottom.
+    x, y : float
+        Where the beam starts, inside the grid (cells).
+    angle : float
+        Direction (rad), counterclockwise from the x axis.
+
+    Returns
+    -------
+    float
+        Distance (cells) to the border of the first occupied cell: 0 if the start is
+        inside one, inf if the beam leaves the grid.
+    """
     dx, dy = float(np.cos(angle)), float(np.sin(angle))
     column, row, t = int(x), int(y), 0.0
     rows, columns = occupied.shape
@@ -42,31 +85,28 @@ def _first_hit(occupied: Ints, x: float, y: float, angle: float) -> float:
     return np.inf
 
 
-def _sampled(occupied: Ints, x: float, y: float, angle: float, step: float) -> float:
-    """Range by samples every `step` along the beam."""
-    for t in np.arange(0.0, 4.0 * sum(occupied.shape), step):
-        column, row = int(np.floor(x + t * np.cos(angle))), int(np.floor(y + t * np.sin(angle)))
-        if not (0 <= row < len(occupied) and 0 <= column < len(occupied[0])):
-            return np.inf
-        if occupied[row, column]:
-            return float(t)
-    return np.inf
+# %% active="ipynb" tags=["try"]
+# first_hit(np.array([[0, 0, 0, 1]]), 0.5, 0.5, 0.0)
 
+# %% [markdown] tags=["hint"]
+# Keep the current column, the current row and the distance t at which the beam entered this cell.
+# When do you stop?
 
-def _to_the_centre(occupied: Ints, x: float, y: float, angle: float) -> float:
-    t = _first_hit(occupied, x, y, angle)
-    if np.isinf(t):
-        return t
-    column, row = x + (t + 1e-9) * np.cos(angle), y + (t + 1e-9) * np.sin(angle)
-    return float(np.hypot(np.floor(column) + 0.5 - x, np.floor(row) + 0.5 - y))
+# %% [markdown] tags=["hint"]
+# A beam that runs to the right leaves column c at x = c + 1, one that runs to the left at x = c.
+# At which distance along the beam is that?
 
+# %% [markdown] tags=["hint"]
+# `t_x = (column + (dx > 0) - x) / dx` if `dx` is not zero, else infinity; the same for `t_y`;
+# step into the neighbour across the nearer of the two.
 
-def _fenced(occupied: Ints, x: float, y: float, angle: float) -> float:
-    return _first_hit(np.pad(occupied, 1, constant_values=1), x + 1, y + 1, angle)
-
-
+# %% tags=["cases"]
 _CELLS = np.zeros((6, 9), dtype=int)
+
+
 _CELLS[[1, 4, 5, 3], [7, 2, 0, 8]] = 1
+
+
 _DIAGONAL = np.eye(9, dtype=int)[::-1]
 
 
@@ -90,7 +130,7 @@ def _along(axis: float) -> Any:
 
 
 check_first_hit = Check(
-    _first_hit,
+    first_hit,
     "range",
     {
         "straight along a row": (_CELLS, 1.25, 1.5, 0.0),
@@ -105,45 +145,112 @@ check_first_hit = Check(
         "a start in the first row and the last column": (_CELLS, 8.5, 0.5, 2.2),
         "any grid, any beam": _beam,
     },
-    {
-        "one step a pixel of the longer side, as P5 has it: cells cut near a corner are skipped": (
-            lambda o, x, y, a: _sampled(o, x, y, a, 1 / max(abs(np.cos(a)), abs(np.sin(a))))
-        ),
-        "samples at fixed steps: never exact, and a small corner falls between them": (
-            lambda o, x, y, a: _sampled(o, x, y, a, 0.1)
-        ),
-        "this is the distance to the cell's centre: the beam ends at its border": _to_the_centre,
-        "a beam that leaves the grid met nothing: inf is due, not the way to the edge": _fenced,
-        "row 0 is at the bottom: the picture was turned over": (
-            lambda o, x, y, a: _first_hit(o[::-1], x, y, a)
-        ),
-        "rows and columns are exchanged: occupied[row, column], row from y": (
-            lambda o, x, y, a: _first_hit(o.T, x, y, a)
-        ),
-        "the angle is in radians": lambda o, x, y, a: _first_hit(o, x, y, np.deg2rad(a)),
-        "this is the way along x: the range runs along the beam": (
-            lambda o, x, y, a: _first_hit(o, x, y, a) * abs(np.cos(a))
-        ),
-        "the start was rounded: its cell is the whole part of x and y": (
-            "int(x), int(y) => round(x), round(y)"
-        ),
-        "the beam began in the middle of its cell": (
-            lambda o, x, y, a: _first_hit(o, int(x) + 0.5, int(y) + 0.5, a)
-        ),
-        "the angle grows counterclockwise: y upwards": lambda o, x, y, a: _first_hit(o, x, y, -a),
-        "the cell of the start was not looked at": (
-            "if occupied[row, column]: => if t and occupied[row, column]:"
-        ),
-    },
     draws=30,
 )
 
 
-# Exercise 2: the beams of a lidar.
+# %% tags=["mistakes"]
+def _sampled(occupied: Ints, x: float, y: float, angle: float, step: float) -> float:
+    """Range by samples every `step` along the beam."""
+    for t in np.arange(0.0, 4.0 * sum(occupied.shape), step):
+        column, row = int(np.floor(x + t * np.cos(angle))), int(np.floor(y + t * np.sin(angle)))
+        if not (0 <= row < len(occupied) and 0 <= column < len(occupied[0])):
+            return np.inf
+        if occupied[row, column]:
+            return float(t)
+    return np.inf
 
 
-def _beam_angles(n_beams: int, field_of_view: float) -> Array:
-    """Directions (n_beams,) of beams that fill the field of view (rad), counterclockwise."""
+def _to_the_centre(occupied: Ints, x: float, y: float, angle: float) -> float:
+    t = first_hit(occupied, x, y, angle)
+    if np.isinf(t):
+        return t
+    column, row = x + (t + 1e-9) * np.cos(angle), y + (t + 1e-9) * np.sin(angle)
+    return float(np.hypot(np.floor(column) + 0.5 - x, np.floor(row) + 0.5 - y))
+
+
+def _fenced(occupied: Ints, x: float, y: float, angle: float) -> float:
+    return first_hit(np.pad(occupied, 1, constant_values=1), x + 1, y + 1, angle)
+
+
+check_first_hit.mistakes = {
+    "one step a pixel of the longer side, as P5 has it: cells cut near a corner are skipped": (
+        lambda o, x, y, a: _sampled(o, x, y, a, 1 / max(abs(np.cos(a)), abs(np.sin(a))))
+    ),
+    "samples at fixed steps: never exact, and a small corner falls between them": (
+        lambda o, x, y, a: _sampled(o, x, y, a, 0.1)
+    ),
+    "this is the distance to the cell's centre: the beam ends at its border": _to_the_centre,
+    "a beam that leaves the grid met nothing: inf is due, not the way to the edge": _fenced,
+    "row 0 is at the bottom: the picture was turned over": (
+        lambda o, x, y, a: first_hit(o[::-1], x, y, a)
+    ),
+    "rows and columns are exchanged: occupied[row, column], row from y": (
+        lambda o, x, y, a: first_hit(o.T, x, y, a)
+    ),
+    "the angle is in radians": lambda o, x, y, a: first_hit(o, x, y, np.deg2rad(a)),
+    "this is the way along x: the range runs along the beam": (
+        lambda o, x, y, a: first_hit(o, x, y, a) * abs(np.cos(a))
+    ),
+    "the start was rounded: its cell is the whole part of x and y": (
+        "int(x), int(y) => round(x), round(y)"
+    ),
+    "the beam began in the middle of its cell": (
+        lambda o, x, y, a: first_hit(o, int(x) + 0.5, int(y) + 0.5, a)
+    ),
+    "the angle grows counterclockwise: y upwards": lambda o, x, y, a: first_hit(o, x, y, -a),
+    "the cell of the start was not looked at": (
+        "if occupied[row, column]: => if t and occupied[row, column]:"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 1: a beam through cells
+#
+# The beam enters each cell at a distance t that the last step has found, so when a cell turns out
+# to be occupied the answer is at hand. Computing `t_x` and `t_y` anew from the start, instead of
+# adding up, keeps rounding from piling up.
+
+# %% [markdown] tags=["solution"]
+# P5 takes one step a pixel along the longer side. It is shorter to write, and it skips what it
+# steps over:
+
+# %% active="ipynb" tags=["solution"]
+# def pixel_walk(occupied, x, y, angle):
+#     rows, columns = occupied.shape
+#     step = 1 / max(abs(np.cos(angle)), abs(np.sin(angle)))
+#     for t in np.arange(0.0, 100.0, step):
+#         column = int(np.floor(x + t * np.cos(angle)))
+#         row = int(np.floor(y + t * np.sin(angle)))
+#         if not (0 <= row < rows and 0 <= column < columns):
+#             return np.inf
+#         if occupied[row, column]:
+#             return t
+#
+# check_first_hit(pixel_walk)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: the beams of a lidar
+
+
+# %% tags=["exercise"]
+def beam_angles(n_beams: int, field_of_view: float) -> Array:
+    """Lay out the beams of a lidar.
+
+    Parameters
+    ----------
+    n_beams : int
+        At least one.
+    field_of_view : float
+        Opening angle (rad), at most 2 pi.
+
+    Returns
+    -------
+    ndarray, shape (n_beams,)
+        Directions (rad), counterclockwise. A full circle begins straight ahead. A part
+        of it lies around straight ahead, with a beam on both edges; a single beam looks
+        straight ahead. A full turn more or less does not matter.
+    """
     if field_of_view >= 2 * np.pi:
         return 2 * np.pi * np.arange(n_beams) / n_beams
     if n_beams == 1:
@@ -151,6 +258,17 @@ def _beam_angles(n_beams: int, field_of_view: float) -> Array:
     return np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)
 
 
+# %% active="ipynb" tags=["try"]
+# beam_angles(4, 2 * np.pi)
+
+# %% [markdown] tags=["hint"]
+# How many gaps are there between n beams on a full circle, and how many on a part of it?
+
+# %% [markdown] tags=["hint"]
+# `np.arange(n_beams) / n_beams` for the circle, `np.linspace` for a part of it.
+
+
+# %% tags=["cases"]
 def _up_to_turns(function: Function, n_beams: int, field_of_view: float) -> Any:
     """Let every turn of 2 pi pass; the half turn is +pi."""
     came = function(n_beams, field_of_view)
@@ -158,17 +276,8 @@ def _up_to_turns(function: Function, n_beams: int, field_of_view: float) -> Any:
     return np.where(angles < -np.pi + 1e-9, np.pi, angles)
 
 
-def _from_ahead(n: int, view: float) -> Array:
-    return _beam_angles(n, view) + (0.0 if view >= 2 * np.pi or n == 1 else view / 2)
-
-
-def _whole_degrees(n: int, view: float) -> Array:
-    full = view >= 2 * np.pi
-    return np.deg2rad(360 // n) * np.arange(n) if full else _beam_angles(n, view)
-
-
 check_beam_angles = Check(
-    _beam_angles,
+    beam_angles,
     "angles",
     {
         "a full circle begins ahead and has no beam twice": (8, 2 * np.pi),
@@ -183,44 +292,100 @@ check_beam_angles = Check(
             np.round(rng.uniform(0.1, 6), 2),
         ),
     },
-    {
-        "in a full circle the first and the last beam must not look the same way": (
-            "field_of_view >= 2 * np.pi => False"
-        ),
-        "these turn clockwise: angles grow counterclockwise": lambda n, v: -_beam_angles(n, v),
-        "these are degrees: radians are due": lambda n, v: np.rad2deg(_beam_angles(n, v)),
-        "a part of the circle has a beam on both of its edges": (
-            "np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)"
-            " => -field_of_view / 2 + field_of_view * np.arange(n_beams) / n_beams"
-        ),
-        "a part of the circle lies symmetrically around straight ahead": _from_ahead,
-        "whole degrees, as P5 has it: 360 // n leaves a gap or puts all beams on one ray": (
-            _whole_degrees
-        ),
-        "a single beam looks straight ahead, not along the edge": "n_beams == 1 => False",
-        "a full circle begins straight ahead, not behind": (
-            "2 * np.pi * np.arange(n_beams) / n_beams"
-            " => 2 * np.pi * np.arange(n_beams) / n_beams - np.pi"
-        ),
-        "the fan is twice as wide as the field of view": (
-            "-field_of_view / 2, field_of_view / 2, => -field_of_view, field_of_view,"
-        ),
-    },
     use=_up_to_turns,
 )
 
 
-# Exercise 3: points that keep their place.
+# %% tags=["mistakes"]
+def _from_ahead(n: int, view: float) -> Array:
+    return beam_angles(n, view) + (0.0 if view >= 2 * np.pi or n == 1 else view / 2)
 
 
-def _scan_to_points(pose: Array, ranges: Array, angles: Array) -> Array:
-    """Points (n, 2) in the world of a scan; NaN where a beam met nothing or was lost."""
+def _whole_degrees(n: int, view: float) -> Array:
+    full = view >= 2 * np.pi
+    return np.deg2rad(360 // n) * np.arange(n) if full else beam_angles(n, view)
+
+
+check_beam_angles.mistakes = {
+    "in a full circle the first and the last beam must not look the same way": (
+        "field_of_view >= 2 * np.pi => False"
+    ),
+    "these turn clockwise: angles grow counterclockwise": lambda n, v: -beam_angles(n, v),
+    "these are degrees: radians are due": lambda n, v: np.rad2deg(beam_angles(n, v)),
+    "a part of the circle has a beam on both of its edges": (
+        "np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)"
+        " => -field_of_view / 2 + field_of_view * np.arange(n_beams) / n_beams"
+    ),
+    "a part of the circle lies symmetrically around straight ahead": _from_ahead,
+    "whole degrees, as P5 has it: 360 // n leaves a gap or puts all beams on one ray": (
+        _whole_degrees
+    ),
+    "a single beam looks straight ahead, not along the edge": "n_beams == 1 => False",
+    "a full circle begins straight ahead, not behind": (
+        "2 * np.pi * np.arange(n_beams) / n_beams"
+        " => 2 * np.pi * np.arange(n_beams) / n_beams - np.pi"
+    ),
+    "the fan is twice as wide as the field of view": (
+        "-field_of_view / 2, field_of_view / 2, => -field_of_view, field_of_view,"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 2: the beams of a lidar
+#
+# On a circle there are as many gaps as beams; between two edges there is one less.
+
+# %% [markdown] tags=["solution"]
+# `linspace` over the whole circle looks behind the robot twice, and its beams are 360/(n - 1)
+# degrees apart:
+
+# %% active="ipynb" tags=["solution"]
+# def behind_twice(n_beams, field_of_view):
+#     if n_beams == 1:
+#         return np.zeros(1)
+#     return np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)
+#
+# check_beam_angles(behind_twice)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: points that keep their place
+
+
+# %% tags=["exercise"]
+def scan_to_points(pose: Array, ranges: Array, angles: Array) -> Array:
+    """Where the beams of a scan ended.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (3,)
+        x, y, heading of the lidar in the world (m, m, rad).
+    ranges : ndarray, shape (n,)
+        Distances (m); inf where a beam met nothing, NaN where its reading was lost.
+    angles : ndarray, shape (n,)
+        Directions of the beams from the robot's nose (rad), counterclockwise.
+
+    Returns
+    -------
+    ndarray, shape (n, 2)
+        Points in the world (m); NaN where there is none.
+    """
     kept = np.where(np.isfinite(ranges), ranges, np.nan)
     beams = pose[2] + angles
     x, y = pose[0] + kept * np.cos(beams), pose[1] + kept * np.sin(beams)
     return np.stack([x, y], -1)
 
 
+# %% active="ipynb" tags=["try"]
+# scan_to_points(np.array([1.0, 2.0, 0.0]), np.array([3.0, np.inf]), np.array([0.0, 1.0]))
+
+# %% [markdown] tags=["hint"]
+# In which direction of the world does a beam look if the robot is turned?
+
+# %% [markdown] tags=["hint"]
+# `np.where(np.isfinite(ranges), ranges, np.nan)` first: NaN then spreads by itself.
+
+
+# %% tags=["cases"]
 @drawn
 def _scan(rng: np.random.Generator, lost: bool) -> Any:
     n = int(rng.integers(1, 9)) + 2 * lost
@@ -231,7 +396,7 @@ def _scan(rng: np.random.Generator, lost: bool) -> Any:
 
 
 check_scan_to_points = Check(
-    _scan_to_points,
+    scan_to_points,
     "points",
     {
         "a robot at the origin looks along x": ([0, 0, 0], [1.0, 2.0, 3.0], [-1.0, 0.0, 0.9]),
@@ -240,62 +405,128 @@ check_scan_to_points = Check(
         "nothing came back at all": ([1.0, 2.0, 0.5], [np.inf, np.nan], [0.0, 1.0]),
         "a scan without beams": ([1.0, 2.0, 0.5], [], []),
     },
-    {
-        "beams without a return were left out: each beam keeps its place, missing ones as NaN": (
-            lambda p, r, a: _scan_to_points(p, r[np.isfinite(r)], a[np.isfinite(r)])
-        ),
-        "the list moved up, as P5's does: a distance now belongs to its neighbour's beam": (
-            lambda p, r, a: _scan_to_points(p, r[np.isfinite(r)], a[: np.isfinite(r).sum()])
-        ),
-        "inf is no place: a beam that met nothing gives NaN": (
-            "np.where(np.isfinite(ranges), ranges, np.nan) => ranges"
-        ),
-        "a missing return became a point on the robot: NaN is due": (
-            "ranges, np.nan => ranges, 0.0"
-        ),
-        "the heading is missing: beams turn with the robot": "pose[2] + angles => angles",
-        "the position is missing: these points are seen from the robot": (
-            "pose[0] +  => ",
-            "pose[1] +  => ",
-        ),
-        "the scan was turned against the heading: add it, do not subtract it": (
-            "pose[2] + angles => angles - pose[2]"
-        ),
-        "these angles are radians already": "pose[2] + angles => np.deg2rad(pose[2] + angles)",
-        "sine and cosine are exchanged: angle 0 points along x": (
-            "np.cos(beams), pose[1] + kept * np.sin(beams)"
-            " => np.sin(beams), pose[1] + kept * np.cos(beams)"
-        ),
-        "x and y are exchanged": "[x, y] => [y, x]",
-        "this is the transpose: one row a beam": "[x, y], -1 => [x, y]",
-        "the scan was turned about the wrong point: turn it first, then move it": (
-            lambda p, r, a: _turned_after(p, r, a)
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_scan_to_points.mistakes = {
+    "beams without a return were left out: each beam keeps its place, missing ones as NaN": (
+        lambda p, r, a: scan_to_points(p, r[np.isfinite(r)], a[np.isfinite(r)])
+    ),
+    "the list moved up, as P5's does: a distance now belongs to its neighbour's beam": (
+        lambda p, r, a: scan_to_points(p, r[np.isfinite(r)], a[: np.isfinite(r).sum()])
+    ),
+    "inf is no place: a beam that met nothing gives NaN": (
+        "np.where(np.isfinite(ranges), ranges, np.nan) => ranges"
+    ),
+    "a missing return became a point on the robot: NaN is due": ("ranges, np.nan => ranges, 0.0"),
+    "the heading is missing: beams turn with the robot": "pose[2] + angles => angles",
+    "the position is missing: these points are seen from the robot": (
+        "pose[0] +  => ",
+        "pose[1] +  => ",
+    ),
+    "the scan was turned against the heading: add it, do not subtract it": (
+        "pose[2] + angles => angles - pose[2]"
+    ),
+    "these angles are radians already": "pose[2] + angles => np.deg2rad(pose[2] + angles)",
+    "sine and cosine are exchanged: angle 0 points along x": (
+        "np.cos(beams), pose[1] + kept * np.sin(beams)"
+        " => np.sin(beams), pose[1] + kept * np.cos(beams)"
+    ),
+    "x and y are exchanged": "[x, y] => [y, x]",
+    "this is the transpose: one row a beam": "[x, y], -1 => [x, y]",
+    "the scan was turned about the wrong point: turn it first, then move it": (
+        lambda p, r, a: _turned_after(p, r, a)
+    ),
+}
 
-def _turned_after(pose: Array, ranges: Array, angles: Array) -> Array:
-    points = _scan_to_points(np.array([pose[0], pose[1], 0.0]), ranges, angles)
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return points @ np.array([[c, s], [-s, c]])
+# %% [markdown] tags=["solution"]
+# ## Solution 3: points that keep their place
+
+# %% [markdown] tags=["solution"]
+# Leaving out what is missing is tempting, for then no NaN appears in any plot. But the row of a
+# point is the number of its beam, and whoever uses that number later gets the neighbour's:
+
+# %% active="ipynb" tags=["solution"]
+# def left_out(pose, ranges, angles):
+#     there = np.isfinite(ranges)
+#     beams = pose[2] + angles[there]
+#     x = pose[0] + ranges[there] * np.cos(beams)
+#     y = pose[1] + ranges[there] * np.sin(beams)
+#     return np.stack([x, y], -1)
+#
+# check_scan_to_points(left_out)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: a bug to find
+#
+# A room can also be drawn as straight walls. A beam from $p$ in the direction $d$ meets the wall
+# from $a$ to $b$ where $p + t\,d = a + s\,(b - a)$: two equations, two unknowns. $t$ is the
+# range, $s$ says where on the wall.
+# With $u \times v = u_x v_y - u_y v_x$ they are
+#
+# $$
+# t = \frac{(a - p) \times (b - a)}{d \times (b - a)}, \qquad s = \frac{(a - p) \times d}
+# {d \times (b - a)} .
+# $$
+#
+# Derive both with a pencil: take the product of the equation with $b - a$, then with $d$. The
+# formulas in this program are right, and two other things are not. In a room with one wall nobody
+# notices. Run the check, find the two bugs, repair them.
 
 
-# Exercise 4: a beam against straight walls, with bugs.
+# %% tags=["exercise"]
+def nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
+    """Range of one beam in a room of straight walls.
 
+    Parameters
+    ----------
+    segments : ndarray, shape (n, 2, 2)
+        The two ends of each wall (m).
+    x, y : float
+        Where the beam starts (m).
+    angle : float
+        Its direction (rad), counterclockwise from the x axis.
 
-def _nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
-    """Range (m) to the nearest of the walls (n, 2, 2), each two ends; inf if none is met."""
+    Returns
+    -------
+    float
+        Distance (m) to the nearest wall that is met, its ends included; 0 if the beam
+        starts on it, inf if none is met. A wall that runs along the beam is not met.
+    """
     d = np.array([np.cos(angle), np.sin(angle)])
     along, to = segments[:, 1] - segments[:, 0], segments[:, 0] - np.array([x, y])
     det = d[0] * along[:, 1] - d[1] * along[:, 0]
-    with np.errstate(all="ignore"):  # a wall along the beam is met at no point: NaN or inf
-        t = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / det
-        s = (to[:, 0] * d[1] - to[:, 1] * d[0]) / det
+    along, to, det = along[det != 0], to[det != 0], det[det != 0]
+    t = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / det
+    s = (to[:, 0] * d[1] - to[:, 1] * d[0]) / det
     met = (t >= 0) & (s >= 0) & (s <= 1)
-    return float(t[met].min()) if met.any() else np.inf
+    return t[met].min() if met.any() else np.inf
 
 
+# %% active="ipynb" tags=["stub"]
+#     d = np.array([np.cos(angle), np.sin(angle)])
+#     along, to = segments[:, 1] - segments[:, 0], segments[:, 0] - np.array([x, y])
+#     det = d[0] * along[:, 1] - d[1] * along[:, 0]
+#     along, to, det = along[det != 0], to[det != 0], det[det != 0]
+#     t = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / det
+#     s = (to[:, 0] * d[1] - to[:, 1] * d[0]) / det
+#     met = (s >= 0) & (s <= 1)
+#     return np.abs(t[met])[0] if met.any() else np.inf
+
+# %% active="ipynb" tags=["try"]
+# float(nearest_wall(np.array([[[2.0, -1.0], [2.0, 1.0]]]), 0.5, 0.0, 0.0))
+
+# %% [markdown] tags=["hint"]
+# Draw the scene of the first property that fails. On which side of the lidar is the wall?
+
+# %% [markdown] tags=["hint"]
+# What does the sign of $t$ say? And what is left of it in the last line?
+
+# %% [markdown] tags=["hint"]
+# A beam may cross several walls. Which of them does the program report?
+
+
+# %% tags=["cases"]
 @drawn
 def _walls(rng: np.random.Generator, n: int) -> Any:
     start = np.round(rng.uniform(-5, 5, (n, 2)), 2)
@@ -315,7 +546,7 @@ def _on_one_line(rng: np.random.Generator) -> Any:
 
 
 check_nearest_wall = Check(
-    _nearest_wall,
+    nearest_wall,
     "range",
     {
         "one wall ahead": ([[[2.0, -1.0], [2.5, 1.0]]], 0.5, 0.0, 0.1),
@@ -335,44 +566,76 @@ check_nearest_wall = Check(
         "any walls, any beam": _walls(5),
         "no walls at all": (np.zeros((0, 2, 2)), 0.5, 0.0, 0.1),
     },
-    {
-        "walls behind the lidar are met as well: only those ahead count, t >= 0": (
-            "(t >= 0) &  => ",
-            "t[met].min() => np.abs(t[met]).min()",
-        ),
-        "a range is negative: walls behind the lidar do not count": "(t >= 0) &  => ",
-        "this is the first wall of the list that is met: the nearest is due": (
-            "t[met].min() => t[met][0]"
-        ),
-        "this is the last wall of the list that is met: the nearest is due": (
-            "t[met].min() => t[met][-1]"
-        ),
-        "this is the farthest wall that is met: the nearest hides it": "min() => max()",
-        "the walls go on for ever: each ends where s leaves 0 to 1": (
-            " & (s >= 0) & (s <= 1) => "
-        ),
-        "a wall goes on beyond its second end: s <= 1": " & (s <= 1) => ",
-        "a wall goes on before its first end: s >= 0": " & (s >= 0) => ",
-        "a wall was made twice as long: s runs from 0 to 1, not from -1": "s >= 0 => s >= -1",
-        "a beam that meets nothing gives inf": "else np.inf => else 0.0",
-        "t and s are exchanged: t runs along the beam, s along the wall": (
-            "met = (t => t, s = s, t\n    met = (t"
-        ),
-        "sine and cosine are exchanged: angle 0 points along x": (
-            "[np.cos(angle), np.sin(angle)] => [np.sin(angle), np.cos(angle)]"
-        ),
-        "x and y have no effect: the beam starts there": "- np.array([x, y]) => - 0.0",
-        "det has the wrong sign: it is d x along, not along x d": "det = d => det = -d",
-    },
     draws=15,
     tolerance=1e-8,
 )
 
 
-# Exercise 5: a whole drive, assembled.
+# %% tags=["mistakes"]
+def _turned_after(pose: Array, ranges: Array, angles: Array) -> Array:
+    points = scan_to_points(np.array([pose[0], pose[1], 0.0]), ranges, angles)
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return points @ np.array([[c, s], [-s, c]])
 
 
-def _record(
+check_nearest_wall.mistakes = {
+    "walls behind the lidar are met as well: only those ahead count, t >= 0": (
+        "(t >= 0) &  => ",
+        "t[met].min() => np.abs(t[met]).min()",
+    ),
+    "a range is negative: walls behind the lidar do not count": "(t >= 0) &  => ",
+    "this is the first wall of the list that is met: the nearest is due": (
+        "t[met].min() => t[met][0]"
+    ),
+    "this is the last wall of the list that is met: the nearest is due": (
+        "t[met].min() => t[met][-1]"
+    ),
+    "this is the farthest wall that is met: the nearest hides it": "min() => max()",
+    "the walls go on for ever: each ends where s leaves 0 to 1": (" & (s >= 0) & (s <= 1) => "),
+    "a wall goes on beyond its second end: s <= 1": " & (s <= 1) => ",
+    "a wall goes on before its first end: s >= 0": " & (s >= 0) => ",
+    "a wall was made twice as long: s runs from 0 to 1, not from -1": "s >= 0 => s >= -1",
+    "a beam that meets nothing gives inf": "else np.inf => else 0.0",
+    "t and s are exchanged: t runs along the beam, s along the wall": (
+        "met = (t => t, s = s, t\n    met = (t"
+    ),
+    "sine and cosine are exchanged: angle 0 points along x": (
+        "[np.cos(angle), np.sin(angle)] => [np.sin(angle), np.cos(angle)]"
+    ),
+    "x and y have no effect: the beam starts there": "- np.array([x, y]) => - 0.0",
+    "det has the wrong sign: it is d x along, not along x d": "det = d => det = -d",
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 4: a bug to find
+#
+# The product with $b - a$ removes $s$, since $(b - a) \times (b - a) = 0$; the product with $d$
+# removes $t$. So far the program was right. The first bug: a negative $t$ is a crossing *behind*
+# the lidar, and the absolute value hides it. The second: `[0]` takes the wall that
+# stands first in the list, not the nearest one. Both need a room with more than one wall to be
+# seen.
+
+# %% [markdown] tags=["solution"]
+# Who takes the smallest *absolute* value repairs the second bug only. A robot then sees the wall
+# at its back in every beam that looks away from it, and its room is as deep as it is behind:
+
+# %% active="ipynb" tags=["solution"]
+# def eyes_in_the_back(segments, x, y, angle):
+#     ahead = nearest_wall(segments, x, y, angle)
+#     return min(ahead, nearest_wall(segments, x, y, angle + np.pi))
+#
+# check_nearest_wall(eyes_in_the_back)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: a lidar on a drive
+#
+# Assemble it from your three functions: a picture whose cells have a side of `resolution` metres,
+# a robot at several poses, a lidar at its centre. Poses and results are in metres, `first_hit`
+# counts in cells. What is farther than `max_range` is not seen.
+
+
+# %% tags=["exercise"]
+def record(
     occupied: Ints,
     resolution: float,
     poses: Array,
@@ -380,20 +643,59 @@ def _record(
     field_of_view: float,
     max_range: float,
 ) -> tuple[Array, Array]:
-    """Ranges (k, n_beams) and points (k, n_beams, 2) of scans from k poses, all in metres."""
-    angles = _beam_angles(n_beams, field_of_view)
+    """Scans of a drive, as ranges and as points.
+
+    Parameters
+    ----------
+    occupied : ndarray of int, shape (rows, columns)
+        1 where a cell is occupied; row 0 at the bottom.
+    resolution : float
+        Side of a cell (m).
+    poses : ndarray, shape (k, 3)
+        x (m), y (m), heading (rad) of the lidar.
+    n_beams : int
+    field_of_view : float
+        In radians, as for `beam_angles`.
+    max_range : float
+        Reach of the lidar (m).
+
+    Returns
+    -------
+    ranges : ndarray, shape (k, n_beams)
+        In metres; inf where a beam met nothing within its reach.
+    points : ndarray, shape (k, n_beams, 2)
+        Where the beams ended, in the world (m); NaN where they met nothing.
+    """
+    angles = beam_angles(n_beams, field_of_view)
     ranges = np.full((len(poses), n_beams), np.inf)
     points = np.full((len(poses), n_beams, 2), np.nan)
     for k, (x, y, heading) in enumerate(poses):
+        column, row = x / resolution, y / resolution
         for i, angle in enumerate(angles):
-            r = resolution * _first_hit(
-                occupied, x / resolution, y / resolution, float(heading + angle)
-            )
-            ranges[k, i] = r if r <= max_range else np.inf
-        points[k] = _scan_to_points(poses[k], ranges[k], angles)
+            r = resolution * first_hit(occupied, column, row, heading + angle)
+            if r <= max_range:
+                ranges[k, i] = r
+        points[k] = scan_to_points(poses[k], ranges[k], angles)
     return ranges, points
 
 
+# %% active="ipynb" tags=["try"]
+# record(np.array([[0, 0, 0, 1]]), 0.5, np.array([[0.25, 0.25, 0.0]]), 1, 1.0, 5.0)
+
+# %% [markdown] tags=["hint"]
+# Two loops: over poses, and over the directions of the beams. In which direction of the world
+# does a beam look?
+
+# %% [markdown] tags=["hint"]
+# Metres go in, cells are counted, metres come out: a division before `first_hit` and a
+# multiplication after it.
+
+# %% [markdown] tags=["hint"]
+# `scan_to_points` turns by the heading itself: give it the directions as `beam_angles` has them.
+# inf becomes NaN there.
+
+
+# %% tags=["cases"]
 @drawn
 def _tour(
     rng: np.random.Generator, poses: int, n_beams: int, view: float, reach: float = np.inf
@@ -409,10 +711,13 @@ def _tour(
 
 
 _CORRIDOR = np.zeros((3, 8), dtype=int)
+
+
 _CORRIDOR[1, [5, 7]] = 1
 
+
 check_record = Check(
-    _record,
+    record,
     "ranges, points",
     {
         "one beam, one pose": _tour(1, 1, 1.0),
@@ -423,41 +728,99 @@ check_record = Check(
         "a wall just beyond the reach": (_CORRIDOR, 0.5, [[0.5, 0.75, 0.0]], 1, 1.0, 1.99),
         "no pose": (_CORRIDOR, 0.5, np.zeros((0, 3)), 4, 2 * np.pi, 5.0),
     },
-    {
-        "a pose is in metres, `first_hit` counts in cells: divide by the resolution": (
-            "x / resolution, y / resolution => x, y"
-        ),
-        "the ranges are in cells: metres are due": "r = resolution *  => r = ",
-        "the resolution was used the wrong way round: cells times resolution are metres": (
-            "r = resolution * _first_hit( => r = _first_hit(",
-            "if r <= => / resolution if r / resolution <=",
-        ),
-        "the beams do not turn with the robot: add its heading to the direction of the beam": (
-            "float(heading + angle) => float(angle)"
-        ),
-        "the heading counts twice in the points": (
-            "ranges[k], angles) => ranges[k], angles + heading)"
-        ),
-        "the points are seen from the robot: the world is due": (
-            "_scan_to_points(poses[k],  => _scan_to_points(np.zeros(3), "
-        ),
-        "every scan was taken from the first pose": (
-            lambda o, s, p, n, v, m: _record(o, s, np.repeat(p[:1], len(p), 0), n, v, m)
-        ),
-        "what is farther than max_range is not seen: inf is due": "if r <= max_range => if True",
-        "a beam that met nothing within its reach has the range inf, not max_range": (
-            "if r <= max_range else np.inf => if r <= max_range else max_range"
-        ),
-        "the points are right, but the range of a beam that met nothing is inf, not max_range": (
-            "return ranges, points => return np.minimum(ranges, max_range), points"
-        ),
-        "max_range is in metres: it was compared with cells": (
-            "if r <= max_range => if r / resolution <= max_range"
-        ),
-        "the points came in cells: metres are due": (
-            "return ranges, points => return ranges, points / resolution"
-        ),
-    },
     tolerance=1e-7,
     draws=4,
 )
+
+# %% tags=["mistakes"]
+check_record.mistakes = {
+    "a pose is in metres, `first_hit` counts in cells: divide by the resolution": (
+        "x / resolution, y / resolution => x, y"
+    ),
+    "the ranges are in cells: metres are due": "r = resolution *  => r = ",
+    "the resolution was used the wrong way round: cells times resolution are metres": (
+        "resolution * first_hit( => 1 / resolution * first_hit("
+    ),
+    "the beams do not turn with the robot: add its heading to the direction of the beam": (
+        "heading + angle) => angle)"
+    ),
+    "the heading counts twice in the points": (
+        "ranges[k], angles) => ranges[k], angles + heading)"
+    ),
+    "the points are seen from the robot: the world is due": (
+        "scan_to_points(poses[k],  => scan_to_points(np.zeros(3), "
+    ),
+    "every scan was taken from the first pose": (
+        lambda o, s, p, n, v, m: record(o, s, np.repeat(p[:1], len(p), 0), n, v, m)
+    ),
+    "what is farther than max_range is not seen: inf is due": "if r <= max_range => if True",
+    "a beam that met nothing within its reach has the range inf, not max_range": (
+        "ranges[k, i] = r\n"
+        " => ranges[k, i] = r\n            else:\n                ranges[k, i] = max_range\n"
+    ),
+    "the points are right, but the range of a beam that met nothing is inf, not max_range": (
+        "return ranges, points => return np.minimum(ranges, max_range), points"
+    ),
+    "max_range is in metres: it was compared with cells": (
+        "if r <= max_range => if r / resolution <= max_range"
+    ),
+    "the points came in cells: metres are due": (
+        "return ranges, points => return ranges, points / resolution"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: a lidar on a drive
+#
+# What to notice: the heading is used twice, once to send the beam and once to place its end, and
+# both times by the function that owns it. `resolution` appears where metres become cells and
+# where cells become metres, and nowhere else.
+
+# %% [markdown] tags=["solution"]
+# Now a drive in a room whose truth is known, 60 by 80 cells of 10 cm with a fence and two boxes:
+# twelve poses along a circle. Your ranges beside those of the library; then the map that the
+# points draw, every end of a beam moved on by a millimetre into the cell that stopped it. No cell
+# of it may be free in truth.
+
+# %% active="ipynb" tags=["solution"]
+# room = np.zeros((60, 80), dtype=int)
+# room[[0, -1], :] = room[:, [0, -1]] = 1
+# room[12:20, 50:62] = room[40:48, 15:22] = 1
+# turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+# poses = np.column_stack([4 + 1.5 * np.cos(turn), 3 + 1.2 * np.sin(turn), turn + 1.3])
+#
+# def false_cells(ranges, points):
+#     beams = poses[:, 2:] + beam_angles(60, 2 * np.pi)
+#     behind = points + 1e-3 * np.stack([np.cos(beams), np.sin(beams)], -1)
+#     column, row = np.floor(behind[np.isfinite(ranges)] / 0.1).astype(int).T
+#     drawn = set(zip(row.tolist(), column.tolist()))
+#     return len(drawn), len(drawn - set(zip(*np.nonzero(room))))
+#
+# ranges, points = record(room, 0.1, poses, 60, 2 * np.pi, 5.0)
+# library = Lidar(60, max_range=5.0).scan(BitmapWorld(room, 0.1), poses)
+# same = np.allclose(ranges, library, atol=1e-9)
+# drawn, wrong = false_cells(ranges, points)
+# came = np.isfinite(ranges).sum()
+# print(f"{came} of {ranges.size} beams came back, as in the library: {same}")
+# print(f"the points draw {drawn} cells, {wrong} of them free or outside")
+
+# %% [markdown] tags=["solution"]
+# The way to be wrong that a single scan never shows: the beams are sent without the heading, and
+# their ends placed with it. From one pose with heading zero everything fits. On a drive the walls
+# fall apart:
+
+# %% active="ipynb" tags=["solution"]
+# def forgets_the_heading(occupied, resolution, poses, n_beams, field_of_view, max_range):
+#     straight = poses * [1, 1, 0]
+#     beams = n_beams, field_of_view, max_range
+#     ranges, _ = record(occupied, resolution, straight, *beams)
+#     angles = beam_angles(n_beams, field_of_view)
+#     points = [scan_to_points(pose, scan, angles) for pose, scan in zip(poses, ranges)]
+#     return ranges, np.reshape(points, (len(poses), n_beams, 2))
+#
+# drawn, wrong = false_cells(*forgets_the_heading(room, 0.1, poses, 60, 2 * np.pi, 5.0))
+# print(f"the points draw {drawn} cells, {wrong} of them free or outside")
+# check_record(forgets_the_heading)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 06](../solutions/06_lidar_simulation.ipynb).
