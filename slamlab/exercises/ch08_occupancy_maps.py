@@ -1,4 +1,4 @@
-"""Checks of chapter 08: hints fused as odds, the evidence of one beam, the entropy of a map.
+"""Exercises, chapter 08: hints fused as odds, the evidence of one beam, the entropy of a map.
 
 P5, chapter 3.2.4, draws dots only; the rest is Moravec and Elfes.
 """
@@ -22,23 +22,82 @@ __all__ = [
 ]
 
 
-# Exercise 1: hints about one cell.
+# %% [markdown] tags=["chapter"]
+# # Exercises 08: occupancy maps
+#
+# Five exercises, from one cell to a map of a real building; the chapter is [Occupancy
+# maps](../08_occupancy_maps.ipynb). Replace each `...` and run the check below it as often as you
+# like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 08: occupancy maps
+#
+# The exercises are in [Exercises 08](../exercises/08_occupancy_maps.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+#
+# from slamlab.geometry import wrap_angle
+
+# %% active="ipynb" tags=["imports", "solution"]
+# import numpy as np
+# from scipy.special import expit
+#
+# import matplotlib.pyplot as plt
+# from slamlab import plots
+# from slamlab.datasets import killian
+# from slamlab.geometry import wrap_angle
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: hints about one cell
+#
+# Every hint is a probability that the cell is occupied given *one* reading and the prior. The
+# readings are independent given the cell.
 
 
-def _fuse(prior: float, hints: Array) -> float:
-    """Probability that a cell is occupied, from its prior and hints p(m | z), shape (k,)."""
+# %% tags=["exercise"]
+def fuse(prior: float, hints: Array) -> float:
+    """Probability that a cell is occupied after all hints.
+
+    Parameters
+    ----------
+    prior : float
+        Probability before any reading, between 0 and 1.
+    hints : ndarray, shape (k,)
+        p(m | z_i) for each reading; k may be 0.
+
+    Returns
+    -------
+    float
+        p(m | z_1, ..., z_k).
+    """
     start = np.log(prior / (1 - prior))
     total = start + np.sum(np.log(hints / (1 - hints)) - start)
     return 1 / (1 + np.exp(-total))
 
 
+# %% active="ipynb" tags=["try"]
+# fuse(0.5, np.array([0.7, 0.7]))
+
+# %% [markdown] tags=["hint"]
+# What multiplies, probabilities or odds?
+
+# %% [markdown] tags=["hint"]
+# Each hint holds the prior already. How often would it count if you left it in?
+
+# %% [markdown] tags=["hint"]
+# With `l(p) = np.log(p / (1 - p))` the answer has log odds `l(prior) + np.sum(l(hints) -
+# l(prior))`; back by `1 / (1 + np.exp(-l))`.
+
+
+# %% tags=["cases"]
 def _some_hints(rng: np.random.Generator) -> Any:
     prior, k = rng.uniform(0.05, 0.95), int(rng.integers(1, 6))
     return np.round(prior, 2), np.round(rng.uniform(0.05, 0.95, k), 2)
 
 
 check_fuse = Check(
-    _fuse,
+    fuse,
     "p",
     {
         "without hints the prior stays": (0.2, []),
@@ -48,42 +107,81 @@ check_fuse = Check(
         "hints that say nothing new change nothing": (0.3, [0.3, 0.3, 0.3, 0.3]),
         "any prior, any hints": _some_hints,
     },
-    {
-        "the prior is in every hint: take it out of each, or it counts again and again": (
-            "(np.log(hints / (1 - hints)) - start) => (np.log(hints / (1 - hints)))"
-        ),
-        "the prior was taken out once only: it is in every hint": (
-            "start + np.sum(np.log(hints / (1 - hints)) - start)"
-            " => np.sum(np.log(hints / (1 - hints)))"
-        ),
-        "the prior itself is missing: without any hint it is the answer": "start +  => ",
-        "the hints were averaged: agreeing hints must make the map surer than each of them": (
-            lambda p, h: np.mean([p, *h])
-        ),
-        "the log odds were averaged: evidence adds up": "start + np.sum( => start + np.mean(",
-        "probabilities were multiplied: odds multiply": lambda p, h: p * np.prod(h),
-        "only the last hint counts here: the earlier ones are evidence too": (
-            lambda p, h: h[-1] if len(h) else p
-        ),
-        "only the largest hint counts here: all are evidence": (
-            lambda p, h: h.max() if len(h) else p
-        ),
-        "these are log odds: return the probability": "1 / (1 + np.exp(-total)) => total",
-        "these are odds: return the probability": "1 / (1 + np.exp(-total)) => np.exp(total)",
-        "this is the probability that the cell is free": "np.exp(-total) => np.exp(total)",
-        "p / (1 + p) is no odds: p / (1 - p)": "hints / (1 - hints) => hints / (1 + hints)",
-    },
     tolerance=1e-8,
 )
 
+# %% tags=["mistakes"]
+check_fuse.mistakes = {
+    "the prior is in every hint: take it out of each, or it counts again and again": (
+        "(np.log(hints / (1 - hints)) - start) => (np.log(hints / (1 - hints)))"
+    ),
+    "the prior was taken out once only: it is in every hint": (
+        "start + np.sum(np.log(hints / (1 - hints)) - start)"
+        " => np.sum(np.log(hints / (1 - hints)))"
+    ),
+    "the prior itself is missing: without any hint it is the answer": "start +  => ",
+    "the hints were averaged: agreeing hints must make the map surer than each of them": (
+        lambda p, h: np.mean([p, *h])
+    ),
+    "the log odds were averaged: evidence adds up": "start + np.sum( => start + np.mean(",
+    "probabilities were multiplied: odds multiply": lambda p, h: p * np.prod(h),
+    "only the last hint counts here: the earlier ones are evidence too": (
+        lambda p, h: h[-1] if len(h) else p
+    ),
+    "only the largest hint counts here: all are evidence": (lambda p, h: h.max() if len(h) else p),
+    "these are log odds: return the probability": "1 / (1 + np.exp(-total)) => total",
+    "these are odds: return the probability": "1 / (1 + np.exp(-total)) => np.exp(total)",
+    "this is the probability that the cell is free": "np.exp(-total) => np.exp(total)",
+    "p / (1 + p) is no odds: p / (1 - p)": "hints / (1 - hints) => hints / (1 + hints)",
+}
 
-# Exercise 2: the evidence of one beam.
+# %% [markdown] tags=["solution"]
+# ## Solution 1: hints about one cell
+#
+# Odds multiply, so log odds add. Every hint contains the prior once; it is taken out of each, and
+# put in once at the start.
+
+# %% [markdown] tags=["solution"]
+# Leave the prior in, and four hints that say nothing new make a cell freer and freer. With the
+# prior one half nobody notices:
+
+# %% active="ipynb" tags=["solution"]
+# def prior_everywhere(prior, hints):
+#     total = np.log(prior / (1 - prior)) + np.sum(np.log(hints / (1 - hints)))
+#     return 1 / (1 + np.exp(-total))
+#
+# check_fuse(prior_everywhere)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: the evidence of one beam
+#
+# A robot stands at the left end of a row of cells of 1 m. Cell i reaches from i to i + 1 metres.
+# One beam runs along the row.
 
 
-def _beam_evidence(
+# %% tags=["exercise"]
+def beam_evidence(
     n_cells: int, distance: float, max_range: float, hit: float, miss: float
 ) -> Array:
-    """Log odds (n_cells,) that one beam adds to cells of 1 m from its start on."""
+    """Log odds that one beam adds to a row of cells.
+
+    Parameters
+    ----------
+    n_cells : int
+        Number of cells in the row.
+    distance : float
+        The reading (m). `max_range` and more, inf included: the beam met nothing within
+        `max_range`. NaN: the reading was lost.
+    max_range : float
+        Range of the lidar (m), a whole number here.
+    hit, miss : float
+        Log odds for the cell where a beam ended, and for one that it crossed.
+
+    Returns
+    -------
+    ndarray, shape (n_cells,)
+        Zero where the beam says nothing. The beam may end beyond the last cell.
+    """
     evidence = np.zeros(n_cells)
     if np.isnan(distance):
         return evidence
@@ -92,10 +190,22 @@ def _beam_evidence(
         return evidence
     end = int(distance)
     evidence[:end] = miss
-    evidence[end : end + 1] = hit
+    evidence[end : end + 1] = hit  # an empty slice beyond the last cell
     return evidence
 
 
+# %% active="ipynb" tags=["try"]
+# beam_evidence(6, 2.5, 5.0, 0.85, -0.41)
+
+# %% [markdown] tags=["hint"]
+# In which cell does a beam of 2.5 m end, and which cells did it cross before? What does it say
+# about the cells behind?
+
+# %% [markdown] tags=["hint"]
+# Begin with zeros. Three cases: the reading is lost; it met nothing; it met something.
+
+
+# %% tags=["cases"]
 @drawn
 def _row(rng: np.random.Generator, low: float, high: float) -> Any:
     """Draw a row of cells and a reading between two shares of its length, not on a border."""
@@ -106,7 +216,7 @@ def _row(rng: np.random.Generator, low: float, high: float) -> Any:
 
 
 check_beam_evidence = Check(
-    _beam_evidence,
+    beam_evidence,
     "evidence",
     {
         "a wall in the middle": (6, 2.5, 5, 0.85, -0.41),
@@ -122,74 +232,100 @@ check_beam_evidence = Check(
         "any beam in any row": _row(0.0, 1.0),
         "any beam, beyond the row too": _row(0.0, 2.0),
     },
-    {
-        "nobody saw what lies behind the wall: no evidence there": (
-            "evidence[:end] = miss => evidence[:] = miss"
-        ),
-        "this is P5's dot: the beam also says that the cells before its end are free": (
-            lambda n, d, m, hit, miss: _beam_evidence(n, d, m, hit, 0.0)
-        ),
-        "only the hit counts here; a beam that met nothing frees its way, as one that met a wall "
-        "frees the way to it": "evidence[:end] = miss => pass",
-        "the cell where the beam ended is not free as well: it gets the hit alone": (
-            "evidence[end : end + 1] = hit => evidence[end : end + 1] = hit + miss"
-        ),
-        "a beam that met nothing frees its way up to max_range": (
-            "evidence[: int(max_range)] = miss => pass"
-        ),
-        "a beam that met nothing hit nothing: there is no wall at max_range": (
-            lambda n, d, m, hit, miss: (
-                _beam_evidence(n, min(d, m), np.inf, hit, miss) if not np.isnan(d) else np.zeros(n)
-            )
-        ),
-        "a beam that met nothing says nothing beyond max_range": (
-            "evidence[: int(max_range)] => evidence[:]"
-        ),
-        "NaN is a lost reading: it says nothing, not even that the way is free": (
-            lambda n, d, m, hit, miss: _beam_evidence(
-                n, np.inf if np.isnan(d) else d, m, hit, miss
-            )
-        ),
-        "one cell too far: a beam of 2.5 m ends in cell number 2": (
-            "end = int(distance) => end = int(distance) + 1"
-        ),
-        "the distance was rounded: a beam of 2.7 m ends in cell number 2": (
-            "end = int(distance) => end = round(distance)"
-        ),
-        "the cell before the hit is free too": "[:end] = miss => [: max(end - 1, 0)] = miss",
-        "the first cell is free too: the robot looks through it": (
-            "evidence[:end] => evidence[1:end]"
-        ),
-        "a reading of exactly max_range met nothing": ">= => >",
-        "hit and miss are exchanged": (
-            lambda n, d, m, hit, miss: _beam_evidence(n, d, m, miss, hit)
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_beam_evidence.mistakes = {
+    "nobody saw what lies behind the wall: no evidence there": (
+        "evidence[:end] = miss => evidence[:] = miss"
+    ),
+    "this is P5's dot: the beam also says that the cells before its end are free": (
+        lambda n, d, m, hit, miss: beam_evidence(n, d, m, hit, 0.0)
+    ),
+    "only the hit counts here; a beam that met nothing frees its way, as one that met a wall "
+    "frees the way to it": "evidence[:end] = miss => pass",
+    "the cell where the beam ended is not free as well: it gets the hit alone": (
+        "evidence[end : end + 1] = hit => evidence[end : end + 1] = hit + miss"
+    ),
+    "a beam that met nothing frees its way up to max_range": (
+        "evidence[: int(max_range)] = miss => pass"
+    ),
+    "a beam that met nothing hit nothing: there is no wall at max_range": (
+        lambda n, d, m, hit, miss: (
+            beam_evidence(n, min(d, m), np.inf, hit, miss) if not np.isnan(d) else np.zeros(n)
+        )
+    ),
+    "a beam that met nothing says nothing beyond max_range": (
+        "evidence[: int(max_range)] => evidence[:]"
+    ),
+    "NaN is a lost reading: it says nothing, not even that the way is free": (
+        lambda n, d, m, hit, miss: beam_evidence(n, np.inf if np.isnan(d) else d, m, hit, miss)
+    ),
+    "one cell too far: a beam of 2.5 m ends in cell number 2": (
+        "end = int(distance) => end = int(distance) + 1"
+    ),
+    "the distance was rounded: a beam of 2.7 m ends in cell number 2": (
+        "end = int(distance) => end = round(distance)"
+    ),
+    "the cell before the hit is free too": "[:end] = miss => [: max(end - 1, 0)] = miss",
+    "the first cell is free too: the robot looks through it": (
+        "evidence[:end] => evidence[1:end]"
+    ),
+    "a reading of exactly max_range met nothing": ">= => >",
+    "hit and miss are exchanged": (lambda n, d, m, hit, miss: beam_evidence(n, d, m, miss, hit)),
+}
 
-# Exercise 3: what a map does not know.
+# %% [markdown] tags=["solution"]
+# ## Solution 2: the evidence of one beam
+
+# %% [markdown] tags=["solution"]
+# A reading at the limit of the range looks like any other number. Who draws a wall there builds a
+# ring of walls around the robot in every large hall:
+
+# %% active="ipynb" tags=["solution"]
+# def ring_of_walls(n_cells, distance, max_range, hit, miss):
+#     kept = distance if np.isnan(distance) else min(distance, max_range)
+#     return beam_evidence(n_cells, kept, np.inf, hit, miss)
+#
+# check_beam_evidence(ring_of_walls)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: what a map does not know
 
 
-def _map_entropy(log_odds: Array) -> float:
-    """Entropy (bits) of all cells together, from log odds of any shape; never NaN."""
+# %% tags=["exercise"]
+def map_entropy(log_odds: Array) -> float:
+    """Entropy of a map.
+
+    Parameters
+    ----------
+    log_odds : ndarray, any shape
+        ln(p / (1 - p)) of every cell; may be as large as 1000.
+
+    Returns
+    -------
+    float
+        Sum over all cells (bits).
+    """
     size = np.abs(log_odds)
     # With q = p of the less likely state: -q ln q - (1 - q) ln(1 - q).
     unlikely = np.exp(-size) / (1 + np.exp(-size))
     return float(np.sum(np.log1p(np.exp(-size)) + size * unlikely) / np.log(2))
 
 
-def _sure(log_odds: Array) -> Any:
-    return 1 / (1 + np.exp(-np.clip(log_odds, -700, 700)))
+# %% active="ipynb" tags=["try"]
+# map_entropy(np.zeros((2, 3)))
 
+# %% [markdown] tags=["hint"]
+# A cell has two states. Both belong into the sum.
 
-def _terms(p: Array) -> Any:
-    p = np.clip(p, 1e-300, 1 - 1e-16)
-    return -p * np.log2(p)
+# %% [markdown] tags=["hint"]
+# For a cell that is certain one of the two terms is 0 log 0, which counts as 0.
+# `scipy.special.xlogy(p, p)` knows that.
 
-
+# %% tags=["cases"]
 check_map_entropy = Check(
-    _map_entropy,
+    map_entropy,
     "bits",
     {
         "an unknown map holds one bit a cell": (np.zeros((3, 4)),),
@@ -200,46 +336,103 @@ check_map_entropy = Check(
         "a map": lambda rng: (np.round(rng.normal(0, 2, rng.integers(1, 6, 2)), 2),),
         "a block of cells": lambda rng: (np.round(rng.normal(0, 2, (2, 3, 2)), 2),),
     },
-    {
-        "0 log 0 is 0, not NaN: think of a cell that is certain": (
-            lambda log: np.sum(
-                -(1 / (1 + np.exp(-log))) * np.log2(1 / (1 + np.exp(-log)))
-                - (1 - 1 / (1 + np.exp(-log))) * np.log2(1 - 1 / (1 + np.exp(-log)))
-            )
-        ),
-        "these are nats: divide by ln 2 for bits": " / np.log(2) => ",
-        "this is the mean of the cells: their sum is due": "np.sum( => np.mean(",
-        "half is missing: free is a state too, -(1 - p) log(1 - p)": (
-            lambda log: np.sum(_terms(_sure(log)))
-        ),
-        "half is missing: occupied is a state too, -p log p": (
-            lambda log: np.sum(_terms(_sure(-log)))
-        ),
-        "the sign: entropy is not negative": lambda log: -_map_entropy(log),
-        "these were taken for probabilities: turn log odds into p first": (
-            lambda log: np.sum(_terms(np.abs(log)) + _terms(1 - np.abs(log)))
-        ),
-        "this counts the unknown cells: a cell that is half known has some entropy left": (
-            lambda log: float(np.sum(log == 0))
-        ),
-        "one value a cell came: their sum is due": (
-            lambda log: [_map_entropy(one) for one in log.ravel()]
-        ),
-        "these are decimal digits: divide by ln 2 for bits": "np.log(2) => np.log(10)",
-    },
     tolerance=1e-8,
 )
 
 
-# Exercise 4: how many hits make a map sure?
+# %% tags=["mistakes"]
+def _sure(log_odds: Array) -> Any:
+    return 1 / (1 + np.exp(-np.clip(log_odds, -700, 700)))
 
 
-def _hits_needed(p_hit: float, prior: float, goal: float) -> int:
-    """Smallest number of hits after which a cell is occupied with probability `goal` or more."""
+def _terms(p: Array) -> Any:
+    p = np.clip(p, 1e-300, 1 - 1e-16)
+    return -p * np.log2(p)
+
+
+check_map_entropy.mistakes = {
+    "0 log 0 is 0, not NaN: think of a cell that is certain": (
+        lambda log: np.sum(
+            -(1 / (1 + np.exp(-log))) * np.log2(1 / (1 + np.exp(-log)))
+            - (1 - 1 / (1 + np.exp(-log))) * np.log2(1 - 1 / (1 + np.exp(-log)))
+        )
+    ),
+    "these are nats: divide by ln 2 for bits": " / np.log(2) => ",
+    "this is the mean of the cells: their sum is due": "np.sum( => np.mean(",
+    "half is missing: free is a state too, -(1 - p) log(1 - p)": (
+        lambda log: np.sum(_terms(_sure(log)))
+    ),
+    "half is missing: occupied is a state too, -p log p": (
+        lambda log: np.sum(_terms(_sure(-log)))
+    ),
+    "the sign: entropy is not negative": lambda log: -map_entropy(log),
+    "these were taken for probabilities: turn log odds into p first": (
+        lambda log: np.sum(_terms(np.abs(log)) + _terms(1 - np.abs(log)))
+    ),
+    "this counts the unknown cells: a cell that is half known has some entropy left": (
+        lambda log: float(np.sum(log == 0))
+    ),
+    "one value a cell came: their sum is due": (
+        lambda log: [map_entropy(one) for one in log.ravel()]
+    ),
+    "these are decimal digits: divide by ln 2 for bits": "np.log(2) => np.log(10)",
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 3: what a map does not know
+
+# %% [markdown] tags=["solution"]
+# The formula as it stands in every book gives NaN for a single cell that is certain, and with it
+# for the whole map:
+
+# %% active="ipynb" tags=["solution"]
+# def by_the_book(log_odds):
+#     p = expit(np.asarray(log_odds))
+#     with np.errstate(divide="ignore", invalid="ignore"):
+#         return -np.sum(p * np.log2(p) + (1 - p) * np.log2(1 - p))
+#
+# check_map_entropy(by_the_book)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: how many hits? (pencil first)
+#
+# A sensor reports hits on a cell, each with $p(m \mid z) = p_{\mathrm{hit}}$; the prior is $p_0$.
+# After how many hits in a row does the map believe the cell to be occupied with probability $g$
+# or more? Set up the sum of log odds on paper, solve it for the number, and round it the right
+# way.
+
+
+# %% tags=["exercise"]
+def hits_needed(p_hit: float, prior: float, goal: float) -> int:
+    """Smallest number of hits after which p(m) >= goal.
+
+    Parameters
+    ----------
+    p_hit : float
+        p(m | z) of one hit, larger than the prior.
+    prior, goal : float
+        Probabilities in (0, 1).
+
+    Returns
+    -------
+    int
+        0 if the prior is enough.
+    """
     start, step, end = (np.log(p / (1 - p)) for p in (prior, p_hit, goal))
     return max(0, int(np.ceil((end - start) / (step - start))))
 
 
+# %% active="ipynb" tags=["try"]
+# hits_needed(0.7, 0.5, 0.99)
+
+# %% [markdown] tags=["hint"]
+# After $k$ hits the log odds are $l_0 + k\,(l_{\mathrm{hit}} - l_0)$.
+
+# %% [markdown] tags=["hint"]
+# For which real number $k$ do they equal the log odds of the goal? Which whole numbers are enough?
+
+
+# %% tags=["cases"]
 def _goal(rng: np.random.Generator) -> Any:
     prior = float(np.round(rng.uniform(0.1, 0.5), 3))
     p_hit = float(np.round(rng.uniform(prior + 0.05, 0.95), 3))
@@ -247,7 +440,7 @@ def _goal(rng: np.random.Generator) -> Any:
 
 
 check_hits_needed = Check(
-    _hits_needed,
+    hits_needed,
     "hits",
     {
         "half a doubt, hits of 0.7, sure to 0.99": (0.7, 0.5, 0.99),
@@ -256,33 +449,54 @@ check_hits_needed = Check(
         "sure enough before the first": (0.7, 0.5, 0.2),
         "any sensor": _goal,
     },
-    {
-        "rounded down: after so many hits the map is not sure yet": "np.ceil => np.floor",
-        "rounded to the nearest: after so many hits the map may not be sure yet": (
-            "np.ceil => np.round"
-        ),
-        "each hit adds log odds of p_hit *less those of the prior*": "(step - start) => step",
-        "the map does not begin at zero: it begins at the prior": "(end - start) => end",
-        "the prior was taken for one half": (
-            "for p in (prior, p_hit, goal) => for p in (0.5, p_hit, goal)"
-        ),
-        "probabilities were multiplied: hits multiply odds": (
-            lambda p_hit, prior, goal: max(0, int(np.ceil(np.log(1 - goal) / np.log(1 - p_hit))))
-        ),
-        "a negative number of hits: a map that is sure enough needs none": (
-            "max(0,  => max(-99, "
-        ),
-        "at least one hit was asked for: a map that is sure enough needs none": (
-            "max(0,  => max(1, "
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_hits_needed.mistakes = {
+    "rounded down: after so many hits the map is not sure yet": "np.ceil => np.floor",
+    "rounded to the nearest: after so many hits the map may not be sure yet": (
+        "np.ceil => np.round"
+    ),
+    "each hit adds log odds of p_hit *less those of the prior*": "(step - start) => step",
+    "the map does not begin at zero: it begins at the prior": "(end - start) => end",
+    "the prior was taken for one half": (
+        "for p in (prior, p_hit, goal) => for p in (0.5, p_hit, goal)"
+    ),
+    "probabilities were multiplied: hits multiply odds": (
+        lambda p_hit, prior, goal: max(0, int(np.ceil(np.log(1 - goal) / np.log(1 - p_hit))))
+    ),
+    "a negative number of hits: a map that is sure enough needs none": ("max(0,  => max(-99, "),
+    "at least one hit was asked for: a map that is sure enough needs none": ("max(0,  => max(1, "),
+}
 
-# Exercise 5: a scan goes into a grid.
+# %% [markdown] tags=["solution"]
+# ## Solution 4: how many hits
+#
+# $l_0 + k\,(l_{\mathrm{hit}} - l_0) \ge l_g$, so $k$ is the quotient, rounded up, and never
+# negative.
+
+# %% [markdown] tags=["solution"]
+# Whoever lets the prior stand in every hit needs too many of them where the floor is mostly free:
+
+# %% active="ipynb" tags=["solution"]
+# def prior_in_every_hit(p_hit, prior, goal):
+#     start, step, end = (np.log(p / (1 - p)) for p in (prior, p_hit, goal))
+#     return max(0, int(np.ceil((end - start) / step)))
+#
+# check_hits_needed(prior_in_every_hit)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: a scan goes into a grid
+#
+# Now the whole plane. For every cell ask: in which direction does its centre lie, seen from the
+# robot, and which beam points nearest to that direction? If the centre is nearer than the end of
+# that beam by more than half a cell, the cell was looked through: add `miss`. If it lies within
+# half a cell of the end, add `hit`. Behind that nobody has seen anything. A beam of `max_range`
+# or more met nothing, and frees what is nearer than `max_range`. NaN says nothing at all.
 
 
-def _insert(
+# %% tags=["exercise"]
+def insert(
     log_odds: Array,
     pose: Array,
     ranges: Array,
@@ -292,7 +506,28 @@ def _insert(
     hit: float,
     miss: float,
 ) -> Array:
-    """Log odds (rows, columns) after a scan: for each cell the nearest beam decides."""
+    """Log odds of a grid after a scan.
+
+    Parameters
+    ----------
+    log_odds : ndarray, shape (rows, columns)
+        Cell (0, 0) has its lower left corner at the origin; rows go up.
+    pose : ndarray, shape (3,)
+        Of the lidar (m, m, rad).
+    ranges, angles : ndarray, shape (n,)
+        Ranges (m), inf where a beam met nothing, NaN where it was lost, and
+        directions of the beams seen from the lidar (rad).
+    cell : float
+        Side of a cell (m).
+    max_range : float
+        How far the lidar sees (m).
+    hit, miss : float
+        What is added to the log odds.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns)
+    """
     rows, columns = log_odds.shape
     dx = (np.arange(columns) + 0.5) * cell - pose[0]
     dy = ((np.arange(rows) + 0.5) * cell - pose[1])[:, None]
@@ -306,6 +541,22 @@ def _insert(
     return new
 
 
+# %% active="ipynb" tags=["try"]
+# insert(np.zeros((1, 4)), np.array([0.1, 0.5, 0.0]), np.array([2.4]), np.array([0.0]),
+#        1.0, 9.0, 0.8, -0.4)
+
+# %% [markdown] tags=["hint"]
+# `np.arange(columns) + 0.5` are the centres of the columns, in cells.
+
+# %% [markdown] tags=["hint"]
+# A difference of angles has to be wrapped before its size says which beam is nearest.
+
+# %% [markdown] tags=["hint"]
+# Make arrays of the shape of the grid: distance, direction, number of the nearest beam, end of
+# that beam. Comparisons with NaN are False, which is what you want here.
+
+
+# %% tags=["cases"]
 @drawn
 def _scanned(rng: np.random.Generator, rows: int, columns: int, heading: float = 0.0) -> Any:
     n = int(rng.integers(5, 12))
@@ -318,7 +569,7 @@ def _scanned(rng: np.random.Generator, rows: int, columns: int, heading: float =
 
 
 check_insert = Check(
-    _insert,
+    insert,
     "log_odds",
     {
         "one beam along a row": (
@@ -365,50 +616,94 @@ check_insert = Check(
         "a room, high": _scanned(12, 6),
         "a robot that looks back": _scanned(8, 8, np.pi),
     },
-    {
-        "what was known before was forgotten: evidence adds to the old log odds": (
-            "new = log_odds.copy() => new = np.zeros_like(log_odds)"
-        ),
-        "nothing was freed: cells before the end were looked through": "] += miss => ] += 0.0",
-        "nothing was hit: the cell at the end is occupied": "] += hit => ] += 0.0",
-        "hit and miss are exchanged": (
-            "] += miss => ] += hit",
-            "cell / 2] += hit => cell / 2] += miss",
-        ),
-        "cells behind the end were freed: nobody has seen them": (
-            "distance < np.minimum(end - cell / 2, max_range)"
-            " => (distance < max_range) & (np.abs(distance - end) > cell / 2)"
-        ),
-        "the heading was forgotten: beams turn with the robot": (
-            "np.arctan2(dy, dx) - pose[2] => np.arctan2(dy, dx)"
-        ),
-        "the heading was added: the direction of a cell is seen from the robot": (
-            "np.arctan2(dy, dx) - pose[2] => np.arctan2(dy, dx) + pose[2]"
-        ),
-        "the nearest beam was looked for without a wrap": (
-            "np.abs(wrap_angle(direction[..., None] - angles))"
-            " => np.abs(direction[..., None] - angles)"
-        ),
-        "the corners of cells were used: their centres are half a cell on": (
-            "(np.arange(columns) + 0.5) * cell => np.arange(columns) * cell",
-            "((np.arange(rows) + 0.5) * cell => (np.arange(rows) * cell",
-        ),
-        "rows and columns are exchanged: rows go up, y": (
-            "dx = (np.arange(columns) + 0.5) * cell - pose[0]"
-            " => dx = ((np.arange(rows) + 0.5) * cell - pose[0])[:, None]",
-            "dy = ((np.arange(rows) + 0.5) * cell - pose[1])[:, None]"
-            " => dy = (np.arange(columns) + 0.5) * cell - pose[1]",
-        ),
-        "a beam that met nothing was left out: it frees everything up to its reach": (
-            "np.where(ranges >= max_range, np.inf, ranges)"
-            " => np.where(ranges >= max_range, np.nan, ranges)"
-        ),
-        "a beam that met nothing freed without end: the lidar sees no farther than its reach": (
-            "np.minimum(end - cell / 2, max_range) => (end - cell / 2)"
-        ),
-        "the map was overwritten: evidence adds up": (
-            "] += miss => ] = miss",
-            "cell / 2] += hit => cell / 2] = hit",
-        ),
-    },
 )
+
+# %% tags=["mistakes"]
+check_insert.mistakes = {
+    "what was known before was forgotten: evidence adds to the old log odds": (
+        "new = log_odds.copy() => new = np.zeros_like(log_odds)"
+    ),
+    "nothing was freed: cells before the end were looked through": "] += miss => ] += 0.0",
+    "nothing was hit: the cell at the end is occupied": "] += hit => ] += 0.0",
+    "hit and miss are exchanged": (
+        "] += miss => ] += hit",
+        "cell / 2] += hit => cell / 2] += miss",
+    ),
+    "cells behind the end were freed: nobody has seen them": (
+        "distance < np.minimum(end - cell / 2, max_range)"
+        " => (distance < max_range) & (np.abs(distance - end) > cell / 2)"
+    ),
+    "the heading was forgotten: beams turn with the robot": (
+        "np.arctan2(dy, dx) - pose[2] => np.arctan2(dy, dx)"
+    ),
+    "the heading was added: the direction of a cell is seen from the robot": (
+        "np.arctan2(dy, dx) - pose[2] => np.arctan2(dy, dx) + pose[2]"
+    ),
+    "the nearest beam was looked for without a wrap": (
+        "np.abs(wrap_angle(direction[..., None] - angles))"
+        " => np.abs(direction[..., None] - angles)"
+    ),
+    "the corners of cells were used: their centres are half a cell on": (
+        "(np.arange(columns) + 0.5) * cell => np.arange(columns) * cell",
+        "((np.arange(rows) + 0.5) * cell => (np.arange(rows) * cell",
+    ),
+    "rows and columns are exchanged: rows go up, y": (
+        "dx = (np.arange(columns) + 0.5) * cell - pose[0]"
+        " => dx = ((np.arange(rows) + 0.5) * cell - pose[0])[:, None]",
+        "dy = ((np.arange(rows) + 0.5) * cell - pose[1])[:, None]"
+        " => dy = (np.arange(columns) + 0.5) * cell - pose[1]",
+    ),
+    "a beam that met nothing was left out: it frees everything up to its reach": (
+        "np.where(ranges >= max_range, np.inf, ranges)"
+        " => np.where(ranges >= max_range, np.nan, ranges)"
+    ),
+    "a beam that met nothing freed without end: the lidar sees no farther than its reach": (
+        "np.minimum(end - cell / 2, max_range) => (end - cell / 2)"
+    ),
+    "the map was overwritten: evidence adds up": (
+        "] += miss => ] = miss",
+        "cell / 2] += hit => cell / 2] = hit",
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: a scan goes into a grid
+#
+# Arrays of the shape of the grid, and two comparisons. What to notice: the wrap, and that a lost
+# beam needs no line of its own.
+
+# %% [markdown] tags=["solution"]
+# Freeing what lies behind a wall is the mistake that costs most: a corridor on the other side of
+# it vanishes from the map whenever the robot looks at the wall.
+
+# %% active="ipynb" tags=["solution"]
+# def free_behind(log_odds, pose, ranges, angles, cell, max_range, hit, miss):
+#     new = insert(log_odds, pose, ranges, angles, cell, max_range, hit, miss)
+#     x = (np.arange(log_odds.shape[1]) + 0.5) * cell - pose[0]
+#     y = ((np.arange(log_odds.shape[0]) + 0.5) * cell - pose[1])[:, None]
+#     untouched = (new == log_odds) & (np.hypot(x, y) < max_range)
+#     return np.where(untouched, new + miss, new)
+#
+# check_insert(free_behind)
+
+# %% [markdown] tags=["solution"]
+# Your grid on a real building: twenty scans of MIT Killian Court, the beginning of the drive,
+# from dead-reckoned poses that are still good there.
+
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "An occupancy grid of a corridor of Killian Court: free floor light, walls dark on both sides, unknown grey."}}
+# court = killian()
+# log = court.log
+# poses = court.dead_reckoned()
+# rows = np.arange(0, 60, 3)
+# corner = poses[rows, :2].min(0) - 8.0
+# size = np.ceil((poses[rows, :2].max(0) + 8.0 - corner) / 0.25).astype(int)
+# grid = np.zeros(size[::-1])
+# for k in rows:
+#     pose = poses[k] - [*corner, 0.0]
+#     scan = log.ranges[k], log.scan.beam_angles
+#     grid = insert(grid, pose, *scan, 0.25, 7.5, 0.85, -0.4)
+# print(f"{(grid > 0).sum()} cells occupied, {(grid < 0).sum()} free, of {grid.size}")
+# fig, ax = plt.subplots(figsize=(7, 4))
+# plots.occupancy(ax, expit(grid), [0, 0.25 * size[0], 0, 0.25 * size[1]])
+# plots.floor(ax)
+# _ = ax.set_title("Killian Court, by twelve lines of your own")
