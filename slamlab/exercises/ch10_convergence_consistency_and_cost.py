@@ -1,8 +1,11 @@
-"""Checks of chapter 10: a difference, P2 (9), the accounts of a region, a filter made consistent.
+"""Exercises, chapter 10: a difference, P2 (9), the accounts of a region, a filter made consistent.
 
 P2's springs between landmarks, its time update (9) with the cross block, the recursions of the
 compressed EKF, and first-estimates Jacobians (Huang, Mourikis and Roumeliotis, 2008).
 """
+
+# mypy: disable-error-code="var-annotated"
+# A solution is written as a student writes it, without types inside.
 
 from __future__ import annotations
 
@@ -24,25 +27,77 @@ __all__ = [
 ]
 
 
-# Exercise 1: the spring between two landmarks.
+# %% [markdown] tags=["chapter"]
+# # Exercises 10: convergence, consistency and cost
+#
+# Five exercises: three pieces of the arithmetic of maps, an update with two bugs, and a filter
+# that does not learn where north is; the chapter is [Convergence, consistency and
+# cost](../10_convergence_consistency_and_cost.ipynb). Replace each `...` and run the check below
+# it as often as you like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 10: convergence, consistency and cost
+#
+# The exercises are in [Exercises 10](../exercises/10_convergence_consistency_and_cost.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+#
+# from slamlab.geometry import wrap_angle
+
+# %% active="ipynb" tags=["imports", "solution"]
+# import numpy as np
+#
+# from slamlab.evaluation import chi2_band
+# from slamlab.geometry import wrap_angle
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: the spring between two landmarks
+#
+# How well is the *difference* of two landmarks known? The state is $(x, y, \theta, m_1, m_2)$,
+# each landmark two numbers.
 
 
-def _difference_cov(P: Array) -> Array:
-    """Covariance (2, 2) of m1 - m2 from that of (pose, m1, m2), (7, 7)."""
+# %% tags=["exercise"]
+def difference_cov(P: Array) -> Array:
+    """Covariance of m1 - m2.
+
+    Parameters
+    ----------
+    P : ndarray, shape (7, 7)
+        Covariance of pose and two landmarks (m, rad).
+
+    Returns
+    -------
+    ndarray, shape (2, 2)
+        In square metres.
+    """
     one, two, cross = P[3:5, 3:5], P[5:7, 5:7], P[3:5, 5:7]
     return one + two - cross - cross.T
 
 
-def _interleaved(P: Array) -> Array:
-    one, two, cross = P[3::2, 3::2], P[4::2, 4::2], P[3::2, 4::2]
-    return one + two - cross - cross.T
+# %% active="ipynb" tags=["try"]
+# difference_cov(np.eye(7))
 
+# %% [markdown] tags=["hint"]
+# Without ties between the landmarks the variances add.
 
+# %% [markdown] tags=["hint"]
+# $m_1 - m_2$ is a linear map of the state, $A = [\,0\ \ I\ -I\,]$. What becomes of a covariance
+# under a linear map?
+
+# %% [markdown] tags=["hint"]
+# `P[3:5, 3:5] + P[5:7, 5:7]`, less two cross blocks, one the transpose of the other.
+
+# %% tags=["cases"]
 _RIGID = np.zeros((7, 7))
+
+
 _RIGID[3:, 3:] = np.tile(0.04 * np.eye(2), (2, 2))
 
+
 check_difference_cov = Check(
-    _difference_cov,
+    difference_cov,
     "cov",
     {
         "two landmarks without any cross-covariance": (
@@ -51,39 +106,94 @@ check_difference_cov = Check(
         "a rigid pair, known only together": (_RIGID,),
         "a general map": lambda rng: (a_covariance(rng, 7),),
     },
-    {
-        "the cross-covariances are missing: they are the spring": " - cross - cross.T => ",
-        "this is the covariance of m1 + m2: the cross blocks come off": (
-            "- cross - cross.T => + cross + cross.T"
-        ),
-        "one cross block is not enough: both come off, one of them transposed": " - cross.T => ",
-        "the second cross block is the transpose of the first: P_21 = P_12^T": (
-            "- cross - cross.T => - 2 * cross"
-        ),
-        "variances of a difference add, they do not subtract": "one + two => one - two",
-        "the state starts with three numbers of the pose: m1 stands at 3 and 4": (
-            "P[3:5, 3:5], P[5:7, 5:7], P[3:5, 5:7] => P[2:4, 2:4], P[4:6, 4:6], P[2:4, 4:6]"
-        ),
-        "x and y of a landmark stand side by side: (x, y, theta, x1, y1, x2, y2)": _interleaved,
-        "this is the covariance of pose and first landmark": lambda P: P[:2, :2] + P[3:5, 3:5],
-        "only the first landmark's covariance came": lambda P: P[3:5, 3:5].copy(),
-    },
 )
 
 
-# Exercise 2: the time update of the whole covariance.
+# %% tags=["mistakes"]
+def _interleaved(P: Array) -> Array:
+    one, two, cross = P[3::2, 3::2], P[4::2, 4::2], P[3::2, 4::2]
+    return one + two - cross - cross.T
 
 
-def _predict_cov(P: Array, F: Array, Q: Array) -> Array:
-    """Covariance (N, N) after a prediction of the pose by F (3, 3) with noise Q (3, 3)."""
+check_difference_cov.mistakes = {
+    "the cross-covariances are missing: they are the spring": " - cross - cross.T => ",
+    "this is the covariance of m1 + m2: the cross blocks come off": (
+        "- cross - cross.T => + cross + cross.T"
+    ),
+    "one cross block is not enough: both come off, one of them transposed": " - cross.T => ",
+    "the second cross block is the transpose of the first: P_21 = P_12^T": (
+        "- cross - cross.T => - 2 * cross"
+    ),
+    "variances of a difference add, they do not subtract": "one + two => one - two",
+    "the state starts with three numbers of the pose: m1 stands at 3 and 4": (
+        "P[3:5, 3:5], P[5:7, 5:7], P[3:5, 5:7] => P[2:4, 2:4], P[4:6, 4:6], P[2:4, 4:6]"
+    ),
+    "x and y of a landmark stand side by side: (x, y, theta, x1, y1, x2, y2)": _interleaved,
+    "this is the covariance of pose and first landmark": lambda P: P[:2, :2] + P[3:5, 3:5],
+    "only the first landmark's covariance came": lambda P: P[3:5, 3:5].copy(),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 1: the spring between two landmarks
+#
+# The difference is a linear map of the state, so its covariance is the map from both sides.
+# Written out, that is two variances less the two cross blocks: what two landmarks have in common,
+# the doubt of the robot that saw both, does not count.
+
+# %% [markdown] tags=["solution"]
+# Leave the cross blocks out and the rigid pair of the check, whose difference is known exactly,
+# seems to have a σ of 28 cm:
+
+# %% active="ipynb" tags=["solution"]
+# def without_ties(P):
+#     return P[3:5, 3:5] + P[5:7, 5:7]
+#
+# check_difference_cov(without_ties)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: the time update that P2 (9) does not finish
+#
+# The pose moves by $F$ with noise $Q$; landmarks do not. Predict the *whole* covariance.
+
+
+# %% tags=["exercise"]
+def predict_cov(P: Array, F: Array, Q: Array) -> Array:
+    """Covariance of pose and map after a prediction.
+
+    Parameters
+    ----------
+    P : ndarray, shape (3 + 2n, 3 + 2n)
+        Before.
+    F : ndarray, shape (3, 3)
+        Derivative of the new pose by the old one.
+    Q : ndarray, shape (3, 3)
+        Covariance of the motion noise.
+
+    Returns
+    -------
+    ndarray, shape (3 + 2n, 3 + 2n)
+    """
     predicted = P.copy()
-    strip = F @ P[:3, 3:]
-    predicted[:3, 3:] = strip
-    predicted[3:, :3] = strip.T
+    predicted[:3, 3:] = F @ P[:3, 3:]
+    predicted[3:, :3] = predicted[:3, 3:].T
     predicted[:3, :3] = F @ P[:3, :3] @ F.T + Q
     return predicted
 
 
+# %% active="ipynb" tags=["try"]
+# predict_cov(np.eye(5), np.eye(3), 0.1 * np.eye(3))
+
+# %% [markdown] tags=["hint"]
+# Which blocks of $P$ speak of the pose? There are three.
+
+# %% [markdown] tags=["hint"]
+# The derivative of the whole state is $F$ in the corner of an identity matrix.
+
+# %% [markdown] tags=["hint"]
+# `P[:3, 3:] = F @ P[:3, 3:]`, and its transpose on the other side. Then the block of the pose.
+
+
+# %% tags=["cases"]
 @drawn
 def _drive(rng: np.random.Generator, landmarks: int, noise: float = 1.0) -> Any:
     F = np.eye(3) + np.round(rng.normal(0, 0.5, (3, 3)), 2)
@@ -91,7 +201,7 @@ def _drive(rng: np.random.Generator, landmarks: int, noise: float = 1.0) -> Any:
 
 
 check_predict_cov = Check(
-    _predict_cov,
+    predict_cov,
     "P",
     {
         "a pose without landmarks": _drive(0),
@@ -104,62 +214,113 @@ check_predict_cov = Check(
             a_covariance(rng, 3),
         ),
     },
-    {
-        "P_xm stayed as it was: it turns with the robot, F P_xm": "F @ P[:3, 3:] => P[:3, 3:]",
-        "P_xm turned in the rows only: a covariance is symmetric, P_mx = P_xm^T": (
-            "predicted[3:, :3] = strip.T => pass"
-        ),
-        "P_mx turned in the columns only: a covariance is symmetric, P_mx = P_xm^T": (
-            "predicted[:3, 3:] = strip => pass"
-        ),
-        "P_xm turned twice: one F from the side of the pose is due": (
-            "F @ P[:3, 3:] => F @ F @ P[:3, 3:]"
-        ),
-        "P_xm turned by the transposed F": "F @ P[:3, 3:] => F.T @ P[:3, 3:]",
-        "the motion noise Q is missing": " + Q => ",
-        "the motion noise went through F too: it is added after the motion": (
-            "F @ P[:3, :3] @ F.T + Q => F @ (P[:3, :3] + Q) @ F.T"
-        ),
-        "Q was added to the landmarks as well: they do not move": (
-            lambda P, F, Q: _predict_cov(P, F, Q) + _noisy_map(P, Q)
-        ),
-        "this is F^T P F: F P F^T is due": (
-            "F @ P[:3, 3:] => F.T @ P[:3, 3:]",
-            "F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F",
-        ),
-        "the pose block is F^T P F: F P F^T is due": (
-            "F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F"
-        ),
-        "the pose block needs F from both sides: F P_xx F^T": (
-            "F @ P[:3, :3] @ F.T => F @ P[:3, :3]"
-        ),
-        "the second F of the pose block is not transposed: F P_xx F^T": "@ F.T => @ F",
-        "P_xm became zero: pose and map stay correlated": "strip = F => strip = 0 * F",
-        "only the block of the pose came: the whole covariance is due": (
-            "return predicted => return predicted[:3, :3]"
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_predict_cov.mistakes = {
+    "P_xm stayed as it was: it turns with the robot, F P_xm": "F @ P[:3, 3:] => P[:3, 3:]",
+    "P_xm turned in the rows only: a covariance is symmetric, P_mx = P_xm^T": (
+        "predicted[3:, :3] = predicted[:3, 3:].T => pass"
+    ),
+    "P_mx turned in the columns only: a covariance is symmetric, P_mx = P_xm^T": (
+        "predicted[:3, 3:] = F @ P[:3, 3:]\n    predicted[3:, :3] = predicted[:3, 3:].T"
+        " => predicted[3:, :3] = (F @ P[:3, 3:]).T"
+    ),
+    "P_xm turned twice: one F from the side of the pose is due": (
+        "F @ P[:3, 3:] => F @ F @ P[:3, 3:]"
+    ),
+    "P_xm turned by the transposed F": "F @ P[:3, 3:] => F.T @ P[:3, 3:]",
+    "the motion noise Q is missing": " + Q => ",
+    "the motion noise went through F too: it is added after the motion": (
+        "F @ P[:3, :3] @ F.T + Q => F @ (P[:3, :3] + Q) @ F.T"
+    ),
+    "Q was added to the landmarks as well: they do not move": (
+        lambda P, F, Q: predict_cov(P, F, Q) + _noisy_map(P, Q)
+    ),
+    "this is F^T P F: F P F^T is due": (
+        "F @ P[:3, 3:] => F.T @ P[:3, 3:]",
+        "F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F",
+    ),
+    "the pose block is F^T P F: F P F^T is due": ("F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F"),
+    "the pose block needs F from both sides: F P_xx F^T": ("F @ P[:3, :3] @ F.T => F @ P[:3, :3]"),
+    "the second F of the pose block is not transposed: F P_xx F^T": "@ F.T => @ F",
+    "P_xm became zero: pose and map stay correlated": (
+        "predicted[:3, 3:] = F => predicted[:3, 3:] = 0 * F"
+    ),
+    "only the block of the pose came: the whole covariance is due": (
+        "return predicted => return predicted[:3, :3]"
+    ),
+}
 
-def _noisy_map(P: Array, Q: Array) -> Array:
-    noise = np.zeros_like(P)
-    noise[3:, 3:] = Q[0, 0] * np.eye(len(P) - 3)
-    return noise
+# %% [markdown] tags=["solution"]
+# ## Solution 2: the time update that P2 (9) does not finish
+#
+# Three blocks speak of the pose. The corner is turned from both sides and gets the noise; the two
+# strips are turned from the side of the pose. The rest stays.
+
+# %% [markdown] tags=["solution"]
+# This is also the O(n) form: no matrix of the size of the map is multiplied. (9) read alone
+# touches the corner only:
+
+# %% active="ipynb" tags=["solution"]
+# def corner_only(P, F, Q):
+#     predicted = P.copy()
+#     predicted[:3, :3] = F @ P[:3, :3] @ F.T + Q
+#     return predicted
+#
+# check_predict_cov(corner_only)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: the accounts of a region
+#
+# While the robot works in a region with state $a$, the compressed EKF keeps three accounts:
+# $\Phi$, $\Psi$ and $\vartheta$. Book one update.
 
 
-# Exercise 3: what the rest of the map is owed.
-
-
-def _accounts(
+# %% tags=["exercise"]
+def accounts(
     Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
 ) -> tuple[Array, Array, Array]:
-    """Phi, Psi (a, a) and theta (a,) after an update within the region."""
+    """Accounts of the compressed EKF after one update within the region.
+
+    Parameters
+    ----------
+    Phi, Psi : ndarray, shape (a, a)
+    theta : ndarray, shape (a,)
+    H : ndarray, shape (m, a)
+        Derivative of the measurement by the state of the region.
+    S : ndarray, shape (m, m)
+        Covariance of the innovation.
+    v : ndarray, shape (m,)
+        Innovation, measured minus predicted.
+    K : ndarray, shape (a, m)
+        Gain.
+
+    Returns
+    -------
+    Phi, Psi : ndarray, shape (a, a)
+    theta : ndarray, shape (a,)
+    """
     G = H @ Phi
     W = np.linalg.inv(S)
     return Phi - K @ G, Psi + G.T @ W @ G, theta + G.T @ W @ v
 
 
+# %% active="ipynb" tags=["try"]
+# I = np.eye(2)
+# accounts(I, np.zeros((2, 2)), np.zeros(2), I, 2 * I, np.ones(2), 0.5 * I)
+
+# %% [markdown] tags=["hint"]
+# Three formulas of the chapter, three lines. Return three things.
+
+# %% [markdown] tags=["hint"]
+# All three use the $\Phi$ from before the update.
+
+# %% [markdown] tags=["hint"]
+# $H\Phi$ appears in all of them: compute it once.
+
+
+# %% tags=["cases"]
 @drawn
 def _region(rng: np.random.Generator, fresh: bool) -> Any:
     a, m = int(rng.integers(2, 8)), int(rng.integers(1, 4))
@@ -172,62 +333,109 @@ def _region(rng: np.random.Generator, fresh: bool) -> Any:
 
 
 check_accounts = Check(
-    _accounts,
+    accounts,
     "Phi, Psi, theta",
     {
         "the first update after entering": _region(fresh=True),
         "an update later on": _region(fresh=False),
     },
-    {
-        "Phi was changed before Psi and theta used it: they need the Phi from before": (
-            "G = H @ Phi => G = H @ (Phi - K @ H @ Phi)",
-            "K @ G => K @ H @ Phi",
-        ),
-        "Phi is missing: H speaks of the region now, the accounts of the region as entered": (
-            "G = H @ Phi => G = H",
-            "K @ G => K @ H @ Phi",
-        ),
-        "Phi is multiplied from the left: (I - K H) Phi": "Phi - K @ G => Phi - Phi @ K @ H",
-        "Phi lost its past: (I - K H) multiplies the old Phi": (
-            "Phi - K @ G => np.eye(len(Phi)) - K @ H"
-        ),
-        "Phi has the wrong sign: (I - K H) Phi": "Phi - K @ G => Phi + K @ G",
-        "S must be inverted": "np.linalg.inv(S) => S",
-        "S is missing: its inverse weighs the measurement": "np.linalg.inv(S) => np.eye(len(S))",
-        "Psi is a sum over all updates: the old Psi is missing": "Psi + G => G",
-        "Psi has the wrong sign: information adds up": "Psi + G => Psi - G",
-        "theta is a sum over all updates: the old theta is missing": "theta + G => G",
-        "theta has the wrong sign: v is measured minus predicted and adds": (
-            "theta + G => theta - G"
-        ),
-        "theta took the state's correction K v: it gathers Phi^T H^T S^-1 v": (
-            "theta + G.T @ W @ v => theta + K @ v"
-        ),
-        "Psi and theta are exchanged": (
-            lambda *given: (_accounts(*given)[0], *_accounts(*given)[:0:-1])
-        ),
-    },
     tolerance=1e-8,
 )
 
 
-# Exercise 4: an update at first estimates, with bugs.
+# %% tags=["mistakes"]
+def _noisy_map(P: Array, Q: Array) -> Array:
+    noise = np.zeros_like(P)
+    noise[3:, 3:] = Q[0, 0] * np.eye(len(P) - 3)
+    return noise
 
 
-def _update(
-    mean: Array, P: Array, first: Array, z: Array, i: int, R: Array
-) -> tuple[Array, Array]:
-    """State (n,) and covariance (n, n) after range and bearing z of landmark i.
+check_accounts.mistakes = {
+    "Phi was changed before Psi and theta used it: they need the Phi from before": (
+        "G = H @ Phi => G = H @ (Phi - K @ H @ Phi)",
+        "K @ G => K @ H @ Phi",
+    ),
+    "Phi is missing: H speaks of the region now, the accounts of the region as entered": (
+        "G = H @ Phi => G = H",
+        "K @ G => K @ H @ Phi",
+    ),
+    "Phi is multiplied from the left: (I - K H) Phi": "Phi - K @ G => Phi - Phi @ K @ H",
+    "Phi lost its past: (I - K H) multiplies the old Phi": (
+        "Phi - K @ G => np.eye(len(Phi)) - K @ H"
+    ),
+    "Phi has the wrong sign: (I - K H) Phi": "Phi - K @ G => Phi + K @ G",
+    "S must be inverted": "np.linalg.inv(S) => S",
+    "S is missing: its inverse weighs the measurement": "np.linalg.inv(S) => np.eye(len(S))",
+    "Psi is a sum over all updates: the old Psi is missing": "Psi + G => G",
+    "Psi has the wrong sign: information adds up": "Psi + G => Psi - G",
+    "theta is a sum over all updates: the old theta is missing": "theta + G => G",
+    "theta has the wrong sign: v is measured minus predicted and adds": ("theta + G => theta - G"),
+    "theta took the state's correction K v: it gathers Phi^T H^T S^-1 v": (
+        "theta + G.T @ W @ v => theta + K @ v"
+    ),
+    "Psi and theta are exchanged": (
+        lambda *given: (accounts(*given)[0], *accounts(*given)[:0:-1])
+    ),
+}
 
-    Jacobians are taken at `first` (n,), the pose as predicted and the landmarks as first placed;
-    the innovation at `mean`.
+# %% [markdown] tags=["solution"]
+# ## Solution 3: the accounts of a region
+#
+# $\Phi$ carries the state of the region as it was when the region was entered to now. A look now,
+# with $H$, is therefore a look with $H\Phi$ at the region as entered, and only through that do
+# the landmarks outside share an error with it. What they have to be told later is the information
+# of that look, $\Phi^\top H^\top S^{-1} H \Phi$, and its news, $\Phi^\top H^\top S^{-1} v$.
+
+# %% [markdown] tags=["solution"]
+# The order matters. Whoever updates $\Phi$ first books a look that has already been used:
+
+# %% active="ipynb" tags=["solution"]
+# def phi_first(Phi, Psi, theta, H, S, v, K):
+#     Phi = Phi - K @ H @ Phi
+#     weighted = np.linalg.solve(S, H @ Phi).T
+#     return Phi, Psi + weighted @ H @ Phi, theta + weighted @ v
+#
+# check_accounts(phi_first)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: a bug to find
+#
+# First-estimates Jacobians: `H` is taken where everything was estimated *first*, the pose as
+# predicted and each landmark as it was placed. The innovation is what it always is, measured
+# minus what the filter expects now. So there are two states here: `mean` moves with every
+# correction, `first` does not.
+#
+# As long as both are equal this update is right. Run the check, find the two bugs, repair them.
+
+
+# %% tags=["exercise"]
+def update(mean: Array, P: Array, first: Array, z: Array, i: int, R: Array) -> tuple[Array, Array]:
+    """State and covariance after landmark number i was seen.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (3 + 2 n,)
+        Latest estimate: pose (m, m, rad), then n landmarks (m).
+    P : ndarray, shape (3 + 2 n, 3 + 2 n)
+    first : ndarray, shape (3 + 2 n,)
+        Where Jacobians are taken: the pose as predicted, the landmarks as first placed.
+    z : ndarray, shape (2,)
+        Range (m) and bearing (rad), the sensor at the centre of the robot.
+    i : int
+        Which landmark, from 0.
+    R : ndarray, shape (2, 2)
+
+    Returns
+    -------
+    mean, P : ndarray
+        The heading in (-pi, pi].
     """
     k = 3 + 2 * i
     dx, dy = first[k : k + 2] - first[:2]
     squared = dx**2 + dy**2
     rho = np.sqrt(squared)
     H = np.zeros((2, len(mean)))
-    H[:, :3] = [[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]]
+    H[:, :3] = [[-dx / rho, -dy / rho, 0], [dy / squared, -dx / squared, -1]]
     H[:, k : k + 2] = [[dx / rho, dy / rho], [-dy / squared, dx / squared]]
     east, north = mean[k : k + 2] - mean[:2]
     v = z - np.array([np.hypot(east, north), np.arctan2(north, east) - mean[2]])
@@ -238,6 +446,38 @@ def _update(
     return new, (np.eye(len(mean)) - K @ H) @ P
 
 
+# %% active="ipynb" tags=["stub"]
+#     k = 3 + 2 * i
+#     dx, dy = mean[k : k + 2] - first[:2]
+#     squared = dx**2 + dy**2
+#     rho = np.sqrt(squared)
+#     H = np.zeros((2, len(mean)))
+#     H[:, :3] = [[-dx / rho, -dy / rho, 0], [dy / squared, -dx / squared, -1]]
+#     H[:, k : k + 2] = [[dx / rho, dy / rho], [-dy / squared, dx / squared]]
+#     v = z - np.array([rho, np.arctan2(dy, dx) - first[2]])
+#     v[1] = wrap_angle(v[1])
+#     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+#     new = mean + K @ v
+#     new[2] = wrap_angle(new[2])
+#     return new, (np.eye(len(mean)) - K @ H) @ P
+
+# %% active="ipynb" tags=["try"]
+# state, z = np.array([0, 0, 0, 3.0, 1.0]), np.array([3.2, 0.4])
+# update(state, 0.1 * np.eye(5), state, z, 0, 0.01 * np.eye(2))[0].round(3)
+
+# %% [markdown] tags=["hint"]
+# Which of the two states does each line use? Write it beside the line, and beside that which one
+# it should use.
+
+# %% [markdown] tags=["hint"]
+# The same $dx, dy$ serve two purposes here. Can they?
+
+# %% [markdown] tags=["hint"]
+# A landmark that was corrected ten times: where was it when its first Jacobian was taken? And
+# where does the filter expect it now?
+
+
+# %% tags=["cases"]
 @drawn
 def _in_a_map(
     rng: np.random.Generator, landmarks: int, i: int, moved: float = 0.3, behind: bool = False
@@ -255,7 +495,7 @@ def _in_a_map(
 
 
 check_update = Check(
-    _update,
+    update,
     "mean, P",
     {
         "estimates that have not moved since the first": _in_a_map(2, 1, 0.0),
@@ -272,68 +512,126 @@ check_update = Check(
             0.01 * np.eye(2),
         ),
     },
-    {
-        "H takes the landmark at its latest estimate: its first one is due, for ever": (
-            "first[k : k + 2] - first[:2] => mean[k : k + 2] - first[:2]"
-        ),
-        "H takes the pose at its latest estimate: the predicted one in `first` is due": (
-            "first[k : k + 2] - first[:2] => first[k : k + 2] - mean[:2]"
-        ),
-        "H is taken at the latest estimates: this is the usual EKF, which learns where north is": (
-            "first[k : k + 2] - first[:2] => mean[k : k + 2] - mean[:2]"
-        ),
-        "the innovation was taken at the first estimates: what is expected now is due": (
-            "mean[k : k + 2] - mean[:2] => first[k : k + 2] - first[:2]",
-            "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
-        ),
-        "the innovation takes the pose from `first`: what is expected now is due": (
-            "mean[k : k + 2] - mean[:2] => mean[k : k + 2] - first[:2]",
-            "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
-        ),
-        "the innovation takes the landmark from `first`: what is expected now is due": (
-            "mean[k : k + 2] - mean[:2] => first[k : k + 2] - mean[:2]"
-        ),
-        "the innovation takes the heading from `first`: what is expected now is due": (
-            "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]"
-        ),
-        "the correction was added to the first estimates: they stay, the mean moves": (
-            "mean + K @ v => first + K @ v"
-        ),
-        "landmark i begins at 3 + 2 i: each takes two rows": "3 + 2 * i => 3 + i",
-        "the innovation is not wrapped": "wrap_angle(v[1]) => v[1]",
-        "the heading is not wrapped after the correction": ("wrap_angle(new[2]) => new[2]"),
-        "R is missing in S": "H @ P @ H.T + R => H @ P @ H.T",
-        "the covariance did not shrink: (I - K H) P is due": (
-            "(np.eye(len(mean)) - K @ H) @ P => P.copy()"
-        ),
-        "the innovation has the wrong sign: measured minus predicted": (
-            "mean + K @ v => mean - K @ v"
-        ),
-    },
     tolerance=1e-6,
 )
 
+# %% tags=["mistakes"]
+check_update.mistakes = {
+    "H takes the landmark at its latest estimate: its first one is due, for ever": (
+        "first[k : k + 2] - first[:2] => mean[k : k + 2] - first[:2]"
+    ),
+    "H takes the pose at its latest estimate: the predicted one in `first` is due": (
+        "first[k : k + 2] - first[:2] => first[k : k + 2] - mean[:2]"
+    ),
+    "H is taken at the latest estimates: this is the usual EKF, which learns where north is": (
+        "first[k : k + 2] - first[:2] => mean[k : k + 2] - mean[:2]"
+    ),
+    "the innovation was taken at the first estimates: what is expected now is due": (
+        "mean[k : k + 2] - mean[:2] => first[k : k + 2] - first[:2]",
+        "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
+    ),
+    "the innovation takes the pose from `first`: what is expected now is due": (
+        "mean[k : k + 2] - mean[:2] => mean[k : k + 2] - first[:2]",
+        "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
+    ),
+    "the innovation takes the landmark from `first`: what is expected now is due": (
+        "mean[k : k + 2] - mean[:2] => first[k : k + 2] - mean[:2]"
+    ),
+    "the innovation takes the heading from `first`: what is expected now is due": (
+        "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]"
+    ),
+    "the correction was added to the first estimates: they stay, the mean moves": (
+        "mean + K @ v => first + K @ v"
+    ),
+    "landmark i begins at 3 + 2 i: each takes two rows": "3 + 2 * i => 3 + i",
+    "the innovation is not wrapped": "wrap_angle(v[1]) => v[1]",
+    "the heading is not wrapped after the correction": ("wrap_angle(new[2]) => new[2]"),
+    "R is missing in S": "H @ P @ H.T + R => H @ P @ H.T",
+    "the covariance did not shrink: (I - K H) P is due": (
+        "(np.eye(len(mean)) - K @ H) @ P => P.copy()"
+    ),
+    "the innovation has the wrong sign: measured minus predicted": (
+        "mean + K @ v => mean - K @ v"
+    ),
+}
 
-# Exercise 5: a filter that does not learn where north is.
+# %% [markdown] tags=["solution"]
+# ## Solution 4: a bug to find
+#
+# One pair $dx, dy$ cannot serve two purposes. The first bug: in `H` it took the landmark where it
+# is believed to be now; that is the leak through which the filter learns its heading. The second:
+# in the innovation it took the pose where it was predicted; the filter compares a measurement
+# with what it no longer expects.
+
+# %% [markdown] tags=["solution"]
+# Who takes *everything* at the first estimates has a filter whose Jacobians agree and whose
+# measurements say the same thing again and again: the innovation does not shrink when the
+# estimate moves, and the correction is made once more with every measurement.
+
+# %% active="ipynb" tags=["solution"]
+# def everything_first(mean, P, first, z, i, R):
+#     moved, smaller = update(first, P, first, z, i, R)
+#     new = mean + moved - first
+#     new[2] = wrap_angle(new[2])
+#     return new, smaller
+#
+# check_update(everything_first)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: a filter that does not learn where north is
+#
+# Assemble it. As in [Exercises 09](09_ekf_slam.ipynb) a unicycle moves by $v\,dt$ along the
+# heading it had before, then turns by $\omega\,dt$; after each step it may see one landmark, with
+# a name. The start is in doubt this time: the state begins at zero with the covariance $P_0$.
+#
+# In the motion, $F$ is the identity but for its third column, where a turn of the heading swings
+# the way: $(-\Delta y, \Delta x)$. The usual EKF takes the way from the corrected pose to the new
+# prediction. First-estimates Jacobians take it from the pose *as it was predicted a step ago*,
+# which is what `first` holds. Then the new prediction goes into `first`, and a landmark that
+# comes in stands there for ever. Use your `predict_cov` and `update`.
 
 
-def _slam(
+# %% tags=["exercise"]
+def slam(
     P0: Array, u: Array, dt: float, V: Array, z: Array, ids: Ints, R: Array
 ) -> tuple[Array, Array]:
-    """State and covariance after a drive from a doubted start, by first-estimates Jacobians."""
-    known: list[int] = []
-    mean, P, first = np.zeros(3), P0.copy(), np.zeros(3)
-    for (v, omega), seen, name in zip(u, z, ids, strict=True):
+    """EKF-SLAM with first-estimates Jacobians.
+
+    Parameters
+    ----------
+    P0 : ndarray, shape (3, 3)
+        Covariance of the first pose, which is zero.
+    u : ndarray, shape (T, 2)
+        Speed (m/s) and turn rate (rad/s) of every step.
+    dt : float
+        Duration of a step (s).
+    V : ndarray, shape (2, 2)
+        Covariance of speed and turn rate.
+    z : ndarray, shape (T, 2)
+        Range (m) and bearing (rad) after every step; NaN where nothing was seen.
+    ids : ndarray of int, shape (T,)
+        Name of the landmark that was seen; -1 where nothing was.
+    R : ndarray, shape (2, 2)
+
+    Returns
+    -------
+    mean : ndarray, shape (3 + 2 n,)
+        Pose, heading in (-pi, pi], and n landmarks in the order in which they
+        were first seen.
+    P : ndarray, shape (3 + 2 n, 3 + 2 n)
+    """
+    mean, P, first, known = np.zeros(3), P0, np.zeros(3), []
+    for (v, omega), seen, name in zip(u, z, ids):
         c, s = np.cos(mean[2]), np.sin(mean[2])
         G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
         mean[:2] += v * dt * np.array([c, s])
         mean[2] = wrap_angle(mean[2] + omega * dt)
         F = np.eye(3)
         F[:2, 2] = first[1] - mean[1], mean[0] - first[0]
-        P = _predict_cov(P, F, G @ V @ G.T)
+        P = predict_cov(P, F, G @ V @ G.T)
         first[:3] = mean[:3]
         if name in known:
-            mean, P = _update(mean, P, first, seen, known.index(name), R)
+            mean, P = update(mean, P, first, seen, known.index(name), R)
         elif name >= 0:
             c, s = np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])
             G_pose = np.array([[1.0, 0.0, -seen[0] * s], [0.0, 1.0, seen[0] * c]])
@@ -341,15 +639,36 @@ def _slam(
             point = mean[:2] + seen[0] * np.array([c, s])
             mean, first = np.append(mean, point), np.append(first, point)
             cross = G_pose @ P[:3]
-            P = np.block([[P, cross.T], [cross, cross[:, :3] @ G_pose.T + G_z @ R @ G_z.T]])
+            own = cross[:, :3] @ G_pose.T + G_z @ R @ G_z.T
+            P = np.block([[P, cross.T], [cross, own]])
             known.append(name)
     return mean, P
 
 
+# %% active="ipynb" tags=["try"]
+# V = R = 0.01 * np.eye(2)
+# slam(0.1 * np.eye(3), np.array([[1.0, 0.2]]), 0.5, V, np.array([[2.0, 0.3]]),
+#      np.array([7]), R)
+
+# %% [markdown] tags=["hint"]
+# Begin with your filter of exercise 09.5 and a second state, `first`, three zeros long. What
+# changes in the prediction, what in the update, what when a landmark comes in?
+
+# %% [markdown] tags=["hint"]
+# The way in F leads from `first[:2]` to the new `mean[:2]`. Use it before `first` is moved on.
+# The noise of the motion, $G V G^\top$, is that of exercise 09.5.
+
+# %% [markdown] tags=["hint"]
+# A new landmark's cross-covariances are $G_x$ times the first three rows of `P`, its own block
+# $G_x P_{xx} G_x^\top + G_z R G_z^\top$. In the step in which it comes in, the pose is still the
+# predicted one.
+
+# %% tags=["cases"]
 _in_the_room = partial(in_the_room, dt=0.4, doubt=0.02)
 
+
 check_slam = Check(
-    _slam,
+    slam,
     "mean, P",
     {
         "a drive on which nothing is seen": _in_the_room(4, 1, 1.0),
@@ -368,45 +687,134 @@ check_slam = Check(
             0.01 * np.eye(2),
         ),
     },
-    {
-        "this is the usual EKF: F and H are taken at the latest estimates": (
-            "first[1] - mean[1], mean[0] - first[0] => -v * dt * s, v * dt * c",
-            "_update(mean, P, first,  => _update(mean, P, mean, ",
-        ),
-        "H is taken at the latest estimates: landmarks in `first` stay where they were placed": (
-            "_update(mean, P, first,  => _update(mean, P, mean, "
-        ),
-        "F runs from the corrected pose: it runs from the pose as predicted a step ago": (
-            "first[1] - mean[1], mean[0] - first[0] => -v * dt * s, v * dt * c"
-        ),
-        "the pose in `first` stayed at the start: it is the predicted one, step by step": (
-            "first[:3] = mean[:3] => pass"
-        ),
-        "the start is in doubt: P begins as P0": "P0.copy() => np.zeros((3, 3))",
-        "the noise of the motion is missing: add G V G^T to the block of the pose": (
-            "G @ V @ G.T) => np.zeros((3, 3)))"
-        ),
-        "nothing was predicted: the robot moves before it looks": (
-            "mean[:2] += v * dt * np.array([c, s]) => mean[:2] += 0.0"
-        ),
-        "F is the identity here: a doubt of the heading becomes one of the place": (
-            "F[:2, 2] = first[1] - mean[1], mean[0] - first[0] => pass"
-        ),
-        "the turn in F goes the wrong way: (-y, x) of the way is due": (
-            "first[1] - mean[1], mean[0] - first[0] => mean[1] - first[1], first[0] - mean[0]"
-        ),
-        "a new landmark has no cross-covariances: it was placed from the pose": (
-            "[[P, cross.T], [cross,  => [[P, 0 * cross.T], [0 * cross, "
-        ),
-        "landmarks known already are not used: update with them": (
-            "mean, P = _update(mean, P, first, seen, known.index(name), R) => pass"
-        ),
-        "the heading is not wrapped after the motion": (
-            "wrap_angle(mean[2] + omega * dt) => mean[2] + omega * dt"
-        ),
-        "only the pose came: state and covariance of all landmarks are due": (
-            "return mean, P => return mean[:3], P[:3, :3]"
-        ),
-    },
     tolerance=1e-6,
 )
+
+# %% tags=["mistakes"]
+check_slam.mistakes = {
+    "this is the usual EKF: F and H are taken at the latest estimates": (
+        "first[1] - mean[1], mean[0] - first[0] => -v * dt * s, v * dt * c",
+        "update(mean, P, first,  => update(mean, P, mean, ",
+    ),
+    "H is taken at the latest estimates: landmarks in `first` stay where they were placed": (
+        "update(mean, P, first,  => update(mean, P, mean, "
+    ),
+    "F runs from the corrected pose: it runs from the pose as predicted a step ago": (
+        "first[1] - mean[1], mean[0] - first[0] => -v * dt * s, v * dt * c"
+    ),
+    "the pose in `first` stayed at the start: it is the predicted one, step by step": (
+        "first[:3] = mean[:3] => pass"
+    ),
+    "the start is in doubt: P begins as P0": (
+        "np.zeros(3), P0, np => np.zeros(3), np.zeros((3, 3)), np"
+    ),
+    "the noise of the motion is missing: add G V G^T to the block of the pose": (
+        "G @ V @ G.T) => np.zeros((3, 3)))"
+    ),
+    "nothing was predicted: the robot moves before it looks": (
+        "mean[:2] += v * dt * np.array([c, s]) => mean[:2] += 0.0"
+    ),
+    "F is the identity here: a doubt of the heading becomes one of the place": (
+        "F[:2, 2] = first[1] - mean[1], mean[0] - first[0] => pass"
+    ),
+    "the turn in F goes the wrong way: (-y, x) of the way is due": (
+        "first[1] - mean[1], mean[0] - first[0] => mean[1] - first[1], first[0] - mean[0]"
+    ),
+    "a new landmark has no cross-covariances: it was placed from the pose": (
+        "[[P, cross.T], [cross,  => [[P, 0 * cross.T], [0 * cross, "
+    ),
+    "landmarks known already are not used: update with them": (
+        "mean, P = update(mean, P, first, seen, known.index(name), R) => pass"
+    ),
+    "the heading is not wrapped after the motion": (
+        "wrap_angle(mean[2] + omega * dt) => mean[2] + omega * dt"
+    ),
+    "only the pose came: state and covariance of all landmarks are due": (
+        "return mean, P => return mean[:3], P[:3, :3]"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: a filter that does not learn where north is
+#
+# What to notice: it is the filter of chapter 09 with one more vector, and that vector is written
+# in two places only, after a prediction and when a landmark comes in. Nothing that a measurement
+# says ever reaches it.
+
+# %% [markdown] tags=["solution"]
+# The usual EKF beside it: the way in $F$ from the corrected pose, and `update` at the latest
+# estimates.
+
+# %% active="ipynb" tags=["solution"]
+# def usual(P0, u, dt, V, z, ids, R):
+#     mean, P, known = np.zeros(3), P0, []
+#     for (v, omega), seen, name in zip(u, z, ids):
+#         c, s = np.cos(mean[2]), np.sin(mean[2])
+#         F = np.array([[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c], [0.0, 0.0, 1.0]])
+#         G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
+#         mean[:2] += v * dt * np.array([c, s])
+#         mean[2] = wrap_angle(mean[2] + omega * dt)
+#         P = predict_cov(P, F, G @ V @ G.T)
+#         if name in known:
+#             mean, P = update(mean, P, mean, seen, known.index(name), R)
+#         elif name >= 0:
+#             c, s = np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])
+#             G_pose = np.array([[1.0, 0.0, -seen[0] * s], [0.0, 1.0, seen[0] * c]])
+#             G_z = np.array([[c, -seen[0] * s], [s, seen[0] * c]])
+#             mean = np.append(mean, mean[:2] + seen[0] * np.array([c, s]))
+#             cross = G_pose @ P[:3]
+#             own = cross[:, :3] @ G_pose.T + G_z @ R @ G_z.T
+#             P = np.block([[P, cross.T], [cross, own]])
+#             known.append(name)
+#     return mean, P
+#
+# check_slam(usual)
+
+# %% [markdown] tags=["solution"]
+# Which of the two may be believed? Sixty robots, each with 10° of doubt about its heading and no
+# compass, look at four stones in turn: once they stand still, once they drive in a circle.
+# Nothing they see tells them where north is, so they should still doubt it by 10° at the end. The
+# squared error of the heading in units of the variance that the filter claims has the mean 1; the
+# band says how far the mean of sixty may be from it.
+
+# %% active="ipynb" tags=["solution"]
+# def drive(rng, u):
+#     stones = np.array([[4.0, 2.0], [3.0, -4.0], [-4.0, 3.0], [-3.0, -3.0]])
+#     P0, R = np.diag([1e-6, 1e-6, np.deg2rad(10) ** 2]), np.diag([0.05, 0.03]) ** 2
+#     V = np.diag([0.03, 0.03]) ** 2 * (u != 0).any()
+#     pose = np.array([0.0, 0.0, np.deg2rad(10) * rng.standard_normal()])
+#     z, ids = [], np.arange(len(u)) % 4
+#     for k, (v, omega) in enumerate(rng.multivariate_normal([0, 0], V, len(u)) + u):
+#         pose = pose + 0.5 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+#         d = stones[ids[k]] - pose[:2]
+#         bearing = wrap_angle(np.arctan2(d[1], d[0]) - pose[2])
+#         z.append([np.hypot(*d), bearing] + rng.multivariate_normal([0, 0], R))
+#     return (P0, u, 0.5, V, np.array(z), ids, R), pose
+
+# %% active="ipynb" tags=["solution"]
+# def heading(filter_, u):
+#     claimed, squared = [], []
+#     for seed in range(60):
+#         given, pose = drive(np.random.default_rng(seed), u)
+#         mean, P = filter_(*given)
+#         claimed.append(np.rad2deg(np.sqrt(P[2, 2])))
+#         squared.append(wrap_angle(mean[2] - pose[2]) ** 2 / P[2, 2])
+#     return np.mean(claimed), np.mean(squared)
+#
+# low, high = chi2_band(1, 60)
+# print(f"mean NEES of the heading is due between {low:.2f} and {high:.2f}")
+# speeds = {"standing": np.zeros((60, 2)), "driving": np.tile([0.5, 0.4], (60, 1))}
+# for name, u in speeds.items():
+#     for filter_ in (usual, slam):
+#         claimed, squared = heading(filter_, u)
+#         print(f"{name:9s} {filter_.__name__:6s} claims {claimed:4.1f} deg, "
+#               f"NEES {squared:5.2f}")
+
+# %% [markdown] tags=["solution"]
+# The usual EKF claims less than a third of its doubt, and errs by more than three times what it
+# claims. It has learned a heading that nobody measured, from the differences between its own
+# Jacobians. With one vector that stays where it was put, the doubt stays at what it is, and the
+# band holds the error.
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 10](../solutions/10_convergence_consistency_and_cost.ipynb).
