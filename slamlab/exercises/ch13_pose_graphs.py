@@ -1,7 +1,10 @@
-"""Checks of chapter 13: a graph on a line, the blocks of an edge, frames, kernels, a whole graph.
+"""Exercises, chapter 13: a graph on a line, the blocks of an edge, frames, kernels, a whole graph.
 
 Formulas (A), (B), (E) and (F) of the chapter; Grisetti et al. 2010, Agarwal et al. 2013.
 """
+
+# mypy: disable-error-code="return-value"
+# A solution is written as a student writes it, without types inside.
 
 from __future__ import annotations
 
@@ -25,23 +28,74 @@ __all__ = [
 ]
 
 
-# Exercise 1: three poses on a line.
+# %% [markdown] tags=["chapter"]
+# # Exercises 13: Pose graphs
+#
+# Six exercises, from a pencil to a whole pose graph; the chapter is [Pose
+# graphs](../13_pose_graphs.ipynb). Replace each `...` by your own lines and run the cell: the
+# check below it tries your function and says what came and what was due.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 13: Pose graphs
+#
+# The exercises are in [Exercises 13](../exercises/13_pose_graphs.ipynb). Try them first: a check
+# that has told you your own slip teaches more than this page.
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+#
+# from slamlab.datasets import town_with_false_closures
+# from slamlab.geometry import compose, rotation
+# from slamlab.slam import PoseGraph
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: three poses on a line (pencil first)
+#
+# The first pose stands at 0. Measured are the step $z_{01}$, the step $z_{12}$ and both together,
+# $z_{02}$, with weights $w_{01}, w_{12}, w_{02}$. The cost is $w_{01}(x_1 - z_{01})^2 +
+# w_{12}(x_2 - x_1 - z_{12})^2 + w_{02}(x_2 - z_{02})^2$. Set both derivatives to zero on paper,
+# then write the two positions down.
 
 
-def _line(z: Array, w: Array) -> Array:
-    """Positions x_1, x_2, shape (2,), from z_01, z_12, z_02, shape (3,), with weights w (3,)."""
-    # (x_1 - z_01), (x_2 - x_1 - z_12), (x_2 - z_02)
-    J = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, 1.0]])
-    W = np.diag(w)
-    return np.linalg.solve(J.T @ W @ J, J.T @ W @ z)
+# %% tags=["exercise"]
+def line(z: Array, w: Array) -> Array:
+    """Best positions of two poses on a line.
+
+    Parameters
+    ----------
+    z : ndarray, shape (3,)
+        z_01, z_12, z_02 (m).
+    w : ndarray, shape (3,)
+        Their weights (1/m^2).
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        x_1 and x_2 (m).
+    """
+    H = np.array([[w[0] + w[1], -w[1]], [-w[1], w[1] + w[2]]])
+    b = np.array([w[0] * z[0] - w[1] * z[1], w[1] * z[1] + w[2] * z[2]])
+    return np.linalg.solve(H, b)
 
 
+# %% active="ipynb" tags=["try"]
+# line(np.array([1.0, 1.0, 2.3]), np.ones(3))
+
+# %% [markdown] tags=["hint"]
+# The derivative by $x_1$: $w_{01}(x_1 - z_{01}) - w_{12}(x_2 - x_1 - z_{12}) = 0$.
+
+# %% [markdown] tags=["hint"]
+# Two equations, two unknowns: the matrix is $\begin{bmatrix} w_{01} + w_{12} & -w_{12} \\ -w_{12}
+# & w_{12} + w_{02}\end{bmatrix}$. `np.linalg.solve` does the rest.
+
+
+# %% tags=["cases"]
 def _some_line(rng: np.random.Generator) -> Any:
     return np.round(rng.uniform(0.5, 3.0, 3), 2), np.round(rng.uniform(0.5, 4.0, 3), 1)
 
 
 check_line = Check(
-    _line,
+    line,
     "positions",
     {
         "the 0.3 m of the chapter are shared equally": ([1.0, 1.0, 2.3], [1.0, 1.0, 1.0]),
@@ -49,44 +103,91 @@ check_line = Check(
         "a sure closure is kept, the steps give way": ([1.0, 1.0, 2.3], [1.0, 1.0, 9.0]),
         "anything": _some_line,
     },
-    {
-        "the closure z_02 was ignored: this is dead reckoning": lambda z, w: np.array(
-            [z[0], z[0] + z[1]]
-        ),
-        "all three count alike: the weights were forgotten": "np.diag(w) => np.eye(3)",
-        "the weights are inverted: a large weight means a sure measurement": (
-            "np.diag(w) => np.diag(1.0 / w)"
-        ),
-        "the weights are squared: each error counts w times its square": (
-            "np.diag(w) => np.diag(w**2)"
-        ),
-        "z_12 is the motion from x_1 to x_2: its error is x_2 - x_1 - z_12": (
-            "[-1.0, 1.0] => [1.0, -1.0]"
-        ),
-        "the closure was taken as exact: it has an error like the others": lambda z, w: np.array(
-            [z[0] + (z[2] - z[0] - z[1]) * w[1] / (w[0] + w[1]), z[2]]
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_line.mistakes = {
+    "the closure z_02 was ignored: this is dead reckoning": lambda z, w: np.array(
+        [z[0], z[0] + z[1]]
+    ),
+    "all three count alike: the weights were forgotten": (
+        "H = np.array => w = np.ones(3)\n    H = np.array"
+    ),
+    "the weights are inverted: a large weight means a sure measurement": (
+        "H = np.array => w = 1.0 / w\n    H = np.array"
+    ),
+    "the weights are squared: each error counts w times its square": (
+        "H = np.array => w = w**2\n    H = np.array"
+    ),
+    "z_12 is the motion from x_1 to x_2: its error is x_2 - x_1 - z_12": (
+        "z[0] - w[1] * z[1], w[1] * z[1] + => z[0] + w[1] * z[1], -w[1] * z[1] +"
+    ),
+    "the closure was taken as exact: it has an error like the others": lambda z, w: np.array(
+        [z[0] + (z[2] - z[0] - z[1]) * w[1] / (w[0] + w[1]), z[2]]
+    ),
+}
 
-# Exercise 2: what one edge adds to H and g.
+# %% [markdown] tags=["solution"]
+# ## Solution 1: three poses on a line
+#
+# Both derivatives set to zero are two linear equations. On the diagonal stands the weight of all
+# edges that hold a pose, off it minus the weight of the edge between both.
+
+# %% [markdown] tags=["solution"]
+# Trusting the closure alone bends only the last step. It looks right whenever the closure is very
+# sure.
+
+# %% active="ipynb" tags=["solution"]
+# check_line(lambda z, w: np.array([z[0], z[2]]))
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: what one edge adds
+#
+# Formula (A) of the chapter: five products.
 
 
-def _blocks(
-    A: Array, B: Array, Omega: Array, e: Array
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Blocks H_ii, H_ij, H_jj (3, 3) and pieces g_i, g_j (3,) of an edge, formula (A)."""
-    return A.T @ Omega @ A, A.T @ Omega @ B, B.T @ Omega @ B, A.T @ Omega @ e, B.T @ Omega @ e
+# %% tags=["exercise"]
+def blocks(A: Array, B: Array, Omega: Array, e: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """What one edge adds to H and g.
+
+    Parameters
+    ----------
+    A, B : ndarray, shape (3, 3)
+        Derivatives of the error by pose i and by pose j.
+    Omega : ndarray, shape (3, 3)
+        Information of the edge.
+    e : ndarray, shape (3,)
+        Its error.
+
+    Returns
+    -------
+    H_ii, H_ij, H_jj : ndarray, shape (3, 3)
+    g_i, g_j : ndarray, shape (3,)
+    """
+    AO, BO = A.T @ Omega, B.T @ Omega
+    return AO @ A, AO @ B, BO @ B, AO @ e, BO @ e
 
 
+# %% active="ipynb" tags=["try"]
+# blocks(-np.eye(3), np.eye(3), np.eye(3), np.array([0.1, 0.0, 0.0]))
+
+# %% [markdown] tags=["hint"]
+# The cost of the edge after a step is $(\mathbf e + A\,\Delta_i + B\,\Delta_j)^\top \Omega\,
+# (\mathbf e + A\,\Delta_i + B\,\Delta_j)$. Multiply out: what stands between $\Delta_i^\top$ and
+# $\Delta_j$?
+
+# %% [markdown] tags=["hint"]
+# The transposed derivative stands on the left: `A.T @ Omega @ B`.
+
+
+# %% tags=["cases"]
 def _an_edge(rng: np.random.Generator) -> Any:
     A, B = np.round(rng.normal(size=(2, 3, 3)), 2)
     return A, B, a_covariance(rng, 3), np.round(rng.normal(size=3), 2)
 
 
 check_blocks = Check(
-    _blocks,
+    blocks,
     "H_ii, H_ij, H_jj, g_i, g_j",
     {
         "no error, no force": (
@@ -103,38 +204,89 @@ check_blocks = Check(
         ),
         "any edge": _an_edge,
     },
-    {
-        "Omega was forgotten": lambda A, B, Omega, e: _blocks(A, B, np.eye(3), e),
-        "A and B are exchanged: A is the derivative by pose i": lambda A, B, Omega, e: _blocks(
-            B, A, Omega, e
-        ),
-        "the transposes are on the wrong side: A^T stands on the left": (
-            lambda A, B, Omega, e: _blocks(A.T, B.T, Omega, e)
-        ),
-        "H_ij is transposed: rows belong to pose i, columns to pose j": (
-            "A.T @ Omega @ B => B.T @ Omega @ A"
-        ),
-        "g has the wrong sign: the minus stands in the step -H^-1 g": (
-            "A.T @ Omega @ e, B.T @ Omega @ e => -A.T @ Omega @ e, -B.T @ Omega @ e"
-        ),
-        "the information was inverted: Omega is already the inverse of the covariance": (
-            lambda A, B, Omega, e: _blocks(A, B, np.linalg.inv(Omega), e)
-        ),
-    },
     tolerance=1e-8,
 )
 
+# %% tags=["mistakes"]
+check_blocks.mistakes = {
+    "Omega was forgotten": lambda A, B, Omega, e: blocks(A, B, np.eye(3), e),
+    "A and B are exchanged: A is the derivative by pose i": lambda A, B, Omega, e: blocks(
+        B, A, Omega, e
+    ),
+    "the transposes are on the wrong side: A^T stands on the left": (
+        lambda A, B, Omega, e: blocks(A.T, B.T, Omega, e)
+    ),
+    "H_ij is transposed: rows belong to pose i, columns to pose j": (
+        "AO @ A, AO @ B, => AO @ A, BO @ A,"
+    ),
+    "g has the wrong sign: the minus stands in the step -H^-1 g": (
+        "AO @ e, BO @ e => -AO @ e, -BO @ e"
+    ),
+    "the information was inverted: Omega is already the inverse of the covariance": (
+        lambda A, B, Omega, e: blocks(A, B, np.linalg.inv(Omega), e)
+    ),
+}
 
-# Exercise 3: a covariance in the wrong frame (a bug to find).
+# %% [markdown] tags=["solution"]
+# ## Solution 2: what one edge adds
+#
+# Multiply the linearised cost out and read off what stands between the two steps.
+
+# %% [markdown] tags=["solution"]
+# With the transpose on the wrong side every matrix still has the right shape, and an edge without
+# error passes.
+
+# %% active="ipynb" tags=["solution"]
+# check_blocks(lambda A, B, Omega, e: blocks(A.T, B.T, Omega, e))
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: a bug to find
+#
+# A matcher reports covariances in the frame of the *world*. Someone wrote the function below to
+# make information matrices of them, and the maps came out soft along one street and stiff along
+# the next. Run the check, find the bug, repair it.
 
 
-def _information(cov: Array, theta_i: float, z: Array) -> Array:
-    """Omega (3, 3) of an edge from a covariance (3, 3) in the frame of the world, formula (B)."""
+# %% tags=["exercise"]
+def information(cov: Array, theta_i: float, z: Array) -> Array:
+    """Information of an edge from a covariance in the frame of the world.
+
+    Parameters
+    ----------
+    cov : ndarray, shape (3, 3)
+        Covariance of the measured pose j, x and y along the axes of the world.
+    theta_i : float
+        Heading of pose i in the world (rad).
+    z : ndarray, shape (3,)
+        Measured pose of j seen from pose i.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Omega in the frame of the error.
+    """
     turn = np.eye(3)
     turn[:2, :2] = rotation(theta_i + z[2]).T
-    return np.asarray(np.linalg.inv(turn @ cov @ turn.T), dtype=np.float64)
+    return np.linalg.inv(turn @ cov @ turn.T)
 
 
+# %% active="ipynb" tags=["stub"]
+#     turn = np.eye(3)
+#     turn[:2, :2] = rotation(theta_i).T
+#     return np.linalg.inv(turn @ cov @ turn.T)
+
+# %% active="ipynb" tags=["try"]
+# information(np.diag([0.09, 0.01, 0.01]), 0.0, np.array([1.0, 0.0, np.pi / 2])).round(1)
+
+# %% [markdown] tags=["hint"]
+# In which frame does $\mathbf e$ stand? Look at the last rotation in its formula.
+
+# %% [markdown] tags=["hint"]
+# From the world into pose *i* is one turn, from there into pose *j* as measured another. What is
+# the heading of pose *j* as measured?
+
+
+# %% tags=["cases"]
 def _a_match(rng: np.random.Generator) -> Any:
     cov = np.diag([0.09, 0.0004, 0.0001])
     turn = np.eye(3)
@@ -144,8 +296,9 @@ def _a_match(rng: np.random.Generator) -> Any:
 
 _LONG = np.diag([0.09, 0.0004, 0.0001])
 
+
 check_information = Check(
-    _information,
+    information,
     "Omega",
     {
         "no turn at all: the inverse": (_LONG, 0.0, [1.0, 0.0, 0.0]),
@@ -153,39 +306,84 @@ check_information = Check(
         "the turn of the measurement counts too": (_LONG, 0.0, [1.0, 0.0, np.pi / 2]),
         "any match": _a_match,
     },
-    {
-        "this is the covariance in the frame of the error: the edge needs its inverse": (
-            "np.linalg.inv(turn @ cov @ turn.T) => (turn @ cov @ turn.T)"
-        ),
-        "it was not turned at all: the error does not stand in the frame of the world": (
-            "np.linalg.inv(turn @ cov @ turn.T) => np.linalg.inv(cov)"
-        ),
-        "turned into the frame of pose i only: R_z^T turns the error on into that of pose j": (
-            "theta_i + z[2] => theta_i"
-        ),
-        "turned by the measurement only: the world must first be turned into pose i": (
-            "theta_i + z[2] => z[2]"
-        ),
-        "turned the wrong way round: R^T takes the world into the body": ").T\n => )\n",
-        "the measured turn is added to the heading, not taken off": (
-            "theta_i + z[2] => theta_i - z[2]"
-        ),
-    },
     tolerance=1e-6,
 )
 
+# %% tags=["mistakes"]
+check_information.mistakes = {
+    "this is the covariance in the frame of the error: the edge needs its inverse": (
+        "np.linalg.inv(turn @ cov @ turn.T) => (turn @ cov @ turn.T)"
+    ),
+    "it was not turned at all: the error does not stand in the frame of the world": (
+        "np.linalg.inv(turn @ cov @ turn.T) => np.linalg.inv(cov)"
+    ),
+    "turned into the frame of pose i only: R_z^T turns the error on into that of pose j": (
+        "theta_i + z[2] => theta_i"
+    ),
+    "turned by the measurement only: the world must first be turned into pose i": (
+        "theta_i + z[2] => z[2]"
+    ),
+    "turned the wrong way round: R^T takes the world into the body": ").T\n => )\n",
+    "the measured turn is added to the heading, not taken off": (
+        "theta_i + z[2] => theta_i - z[2]"
+    ),
+}
 
-# Exercise 4: the weight of a kernel.
+# %% [markdown] tags=["solution"]
+# ## Solution 3: a bug to find
+#
+# The error stands in the frame of pose *j* as measured, whose heading in the world is $\theta_i +
+# \theta_z$. The function stopped at pose *i*.
+
+# %% [markdown] tags=["solution"]
+# As given it passes wherever the robot measured no turn, on every straight street:
+
+# %% active="ipynb" tags=["solution"]
+# def as_given(cov, theta_i, z):
+#     turn = np.eye(3)
+#     turn[:2, :2] = rotation(theta_i).T
+#     return np.linalg.inv(turn @ cov @ turn.T)
+#
+# check_information(as_given)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: the weight of a kernel
+#
+# Formula (E): the weight $s^2$ of dynamic covariance scaling.
 
 
-def _weight(x: float, width: float) -> float:
-    """Weight of DCS, formula (E), of an edge with x = e^T Omega e."""
+# %% tags=["exercise"]
+def weight(x: float, width: float) -> float:
+    """Weight of an edge under DCS.
+
+    Parameters
+    ----------
+    x : float
+        e^T Omega e of the edge.
+    width : float
+        Mahalanobis distance from which the kernel begins to doubt.
+
+    Returns
+    -------
+    float
+        In [0, 1].
+    """
     phi = width**2
     return min(1.0, 2 * phi / (phi + x)) ** 2
 
 
+# %% active="ipynb" tags=["try"]
+# weight(12.0, 2.0)
+
+# %% [markdown] tags=["hint"]
+# $\Phi$ is the square of the width, because $x$ is a squared distance.
+
+# %% [markdown] tags=["hint"]
+# At $x = \Phi$ the fraction is exactly 1. Below it the weight must not grow further.
+
+# %% tags=["cases"]
 check_weight = Check(
-    _weight,
+    weight,
     "weight",
     {
         "a small error counts in full": (0.5, 2.0),
@@ -195,28 +393,74 @@ check_weight = Check(
         "a wider kernel is more patient": (4000.0, 50.0),
         "any error": lambda rng: (round(rng.uniform(0, 60), 2), round(rng.uniform(0.5, 9), 2)),
     },
-    {
-        "the square is missing: s scales the error, so the square of the error gets s^2": (
-            " ** 2\n => \n"
-        ),
-        "Phi is the square of the width": "width**2 => width",
-        "the 2 before Phi is missing: then even a perfect edge is doubted": (
-            "2 * phi / (phi => phi / (phi"
-        ),
-        "the weight must never exceed 1: min(1, ...)": (
-            "min(1.0, 2 * phi / (phi + x)) => (2 * phi / (phi + x))"
-        ),
-        "this is Huber's weight, width over distance": lambda x, width: min(
-            1.0, width / np.sqrt(max(x, 1e-300))
-        ),
-        "a hard gate: DCS lets the weight fall gradually": lambda x, width: float(x <= width**2),
-    },
 )
 
+# %% tags=["mistakes"]
+check_weight.mistakes = {
+    "the square is missing: s scales the error, so the square of the error gets s^2": (
+        " ** 2\n => \n"
+    ),
+    "Phi is the square of the width": "width**2 => width",
+    "the 2 before Phi is missing: then even a perfect edge is doubted": (
+        "2 * phi / (phi => phi / (phi"
+    ),
+    "the weight must never exceed 1: min(1, ...)": (
+        "min(1.0, 2 * phi / (phi + x)) => (2 * phi / (phi + x))"
+    ),
+    "this is Huber's weight, width over distance": lambda x, width: min(
+        1.0, width / np.sqrt(max(x, 1e-300))
+    ),
+    "a hard gate: DCS lets the weight fall gradually": lambda x, width: float(x <= width**2),
+}
 
-# Exercise 5: a kernel to tune.
+# %% [markdown] tags=["solution"]
+# ## Solution 4: the weight of a kernel
+#
+# The error is scaled by $s$, so its square, which is what the cost counts, is scaled by $s^2$.
+
+# %% [markdown] tags=["solution"]
+# A hard gate decides too early: it has no way back.
+
+# %% active="ipynb" tags=["solution"]
+# check_weight(lambda x, width: 1.0 if x <= width**2 else 0.0)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: a kernel to tune
+#
+# Two towns, each with six lies among its closures and a start that has drifted. Find widths with
+# which DCS rejects no true closure and believes no lie, in both towns. The same widths for both;
+# begin with one width and look at what the check counts.
 
 
+# %% tags=["exercise"]
+def widths(town: int) -> tuple[float, ...]:
+    """Widths of the kernel, each run from where the one before ended.
+
+    Parameters
+    ----------
+    town : int
+        Number of the town; do not look at it.
+
+    Returns
+    -------
+    sequence of float
+    """
+    return 30.0, 10.0, 3.0
+
+
+# %% active="ipynb" tags=["try"]
+# widths(3)
+
+# %% [markdown] tags=["hint"]
+# Return `(2.8,)` and `(300.0,)` and compare the two numbers: the first counts true closures that
+# were rejected, the second lies that were believed.
+
+# %% [markdown] tags=["hint"]
+# Begin wide enough for the drift, and end near three standard deviations. `graph, false =
+# town_with_false_closures(3)` gives you the graph to play with.
+
+
+# %% tags=["cases"]
 def _outcome(function: Function, town: int) -> Any:
     """Count the true closures that were rejected and the lies that were believed."""
     graph, false = town_with_false_closures(town)
@@ -226,38 +470,78 @@ def _outcome(function: Function, town: int) -> Any:
     return int((rejected & graph.closures & ~false).sum()), int((~rejected & false).sum())
 
 
-def _widths(town: int) -> tuple[float, ...]:
-    """Widths of DCS, one after the other; the same for every town."""
-    return 30.0, 10.0, 3.0
-
-
 check_widths = Check(
-    _widths,
+    widths,
     "rejected_true, believed_lies",
     {"town 3: no true closure rejected, no lie believed": (3,), "town 9 with the same": (9,)},
-    {
-        "too strict from the start: true closures look like lies while the map is drifted": (
-            lambda town: (1.0,)
-        ),
-        "the usual width of 2.8 at once is still too strict for a drifted start": (
-            lambda town: (2.7955,)
-        ),
-        "too wide at the end: lies are still believed": lambda town: (30.0,),
-        "a kernel that wide is no kernel: every lie is believed": lambda town: (1000.0,),
-        "too wide at the start: the lies bend the map before they are doubted": (
-            lambda town: (300.0, 100.0, 30.0, 10.0, 3.0)
-        ),
-        "too strict at the end: honest noise is rejected": lambda town: (30.0, 1.0),
-    },
     use=_outcome,
 )
 
+# %% tags=["mistakes"]
+check_widths.mistakes = {
+    "too strict from the start: true closures look like lies while the map is drifted": (
+        lambda town: (1.0,)
+    ),
+    "the usual width of 2.8 at once is still too strict for a drifted start": (
+        lambda town: (2.7955,)
+    ),
+    "too wide at the end: lies are still believed": lambda town: (30.0,),
+    "a kernel that wide is no kernel: every lie is believed": lambda town: (1000.0,),
+    "too wide at the start: the lies bend the map before they are doubted": (
+        lambda town: (300.0, 100.0, 30.0, 10.0, 3.0)
+    ),
+    "too strict at the end: honest noise is rejected": lambda town: (30.0, 1.0),
+}
 
-# Exercise 6: assemble a pose graph.
+# %% [markdown] tags=["solution"]
+# ## Solution 5: a kernel to tune
+#
+# Wide enough for the drift at first, three sigmas at the end, something in between.
+
+# %% [markdown] tags=["solution"]
+# The usual width at once is too strict for this start; beginning too wide believes lies.
+
+# %% active="ipynb" tags=["solution"]
+# check_widths(lambda town: (2.7955,))
+
+# %% active="ipynb" tags=["solution"]
+# check_widths(lambda town: (300.0, 100.0, 30.0, 10.0, 3.0))
+
+# %% [markdown] tags=["solution"]
+# Where do the lies go? Their weights at the end, beside the smallest weight of a true closure:
+
+# %% active="ipynb" tags=["solution"]
+# graph, false = town_with_false_closures(3)
+# result = graph.optimize(kernel="dcs", kernel_width=(30, 10, 3))
+# print("heaviest lie below a thousandth:", result.weights[false].max() < 1e-3)
+# true = graph.closures & ~false
+# print("lightest true closure above a half:", result.weights[true].min() > 0.5)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 6: assemble a pose graph
+#
+# Motions, closures, sigmas: draw the best map. `PoseGraph` is the only tool you need. The first
+# pose stands at the origin; every measurement has the same three standard deviations.
 
 
-def _map_of(odometry: Array, closures: Array, sigma: Array) -> Array:
-    """Poses (n + 1, 3) from motions (n, 3) and closures (m, 5): i, j and the relative pose."""
+# %% tags=["exercise"]
+def map_of(odometry: Array, closures: Array, sigma: Array) -> Array:
+    """Best poses of a drive.
+
+    Parameters
+    ----------
+    odometry : ndarray, shape (n, 3)
+        Motion from each pose to the next, in the frame of the first of both
+        (m, m, rad).
+    closures : ndarray, shape (m, 5)
+        Rows i, j, x, y, theta: pose j seen from pose i.
+    sigma : ndarray, shape (3,)
+        Standard deviations of every measurement (m, m, rad).
+
+    Returns
+    -------
+    ndarray, shape (n + 1, 3)
+    """
     n = len(odometry)
     start = [np.zeros(3)]
     for motion in odometry:
@@ -265,10 +549,27 @@ def _map_of(odometry: Array, closures: Array, sigma: Array) -> Array:
     chain = np.column_stack([np.arange(n), np.arange(1, n + 1)])
     edges = np.vstack([chain, closures[:, :2].astype(int)])
     measurements = np.vstack([odometry, closures[:, 2:]])
-    graph = PoseGraph(np.array(start), edges, measurements, np.diag(1.0 / sigma**2))
+    graph = PoseGraph(start, edges, measurements, np.diag(sigma**-2.0))
     return graph.chordal_initialisation().optimize(tolerance=1e-12).poses
 
 
+# %% active="ipynb" tags=["try"]
+# odometry, closures = np.array([[1.0, 0, 0], [1, 0, 0]]), np.array([[0, 2, 2.3, 0, 0]])
+# map_of(odometry, closures, 0.1 * np.ones(3))
+
+# %% [markdown] tags=["hint"]
+# Four things go into `PoseGraph(poses, edges, measurements, information)`: dead reckoning as a
+# start, pairs of row numbers, relative poses, and the inverse of the covariance.
+
+# %% [markdown] tags=["hint"]
+# `edges = np.vstack([chain, closures[:, :2].astype(int)])` with `chain` the pairs (0, 1), (1, 2),
+# and so on.
+
+# %% [markdown] tags=["hint"]
+# `graph.chordal_initialisation().optimize(tolerance=1e-12).poses`
+
+
+# %% tags=["cases"]
 def _a_walk(rng: np.random.Generator) -> Any:
     n = 12
     true = [np.zeros(3)]
@@ -283,7 +584,7 @@ def _a_walk(rng: np.random.Generator) -> Any:
 
 
 check_map = Check(
-    _map_of,
+    map_of,
     "poses",
     {
         "without a closure it is dead reckoning": (
@@ -298,30 +599,43 @@ check_map = Check(
         ),
         "a walk round some blocks": _a_walk,
     },
-    {
-        "the closures were ignored: this is dead reckoning": lambda odometry, closures, sigma: (
-            _map_of(odometry, closures[:0], sigma)
-        ),
-        "the closures are read backwards: j is seen from i": (
-            lambda odometry, closures, sigma: _map_of(
-                odometry, closures[:, [1, 0, 2, 3, 4]], sigma
-            )
-        ),
-        "all coordinates count alike: the information is the inverse of the squared sigma": (
-            "np.diag(1.0 / sigma**2) => np.eye(3)"
-        ),
-        "the information is 1 / sigma: the square is missing": "sigma**2 => sigma",
-        "sigma^2 is a covariance: the graph wants its inverse": (
-            "np.diag(1.0 / sigma**2) => np.diag(sigma**2)"
-        ),
-        "the start came back: call optimize and return its poses": (
-            "graph.chordal_initialisation().optimize(tolerance=1e-12).poses "
-            "=> graph.chordal_initialisation().poses"
-        ),
-        "only the first closure was used": lambda odometry, closures, sigma: _map_of(
-            odometry, closures[:1], sigma
-        ),
-    },
     tolerance=1e-5,
     draws=3,
 )
+
+# %% tags=["mistakes"]
+check_map.mistakes = {
+    "the closures were ignored: this is dead reckoning": lambda odometry, closures, sigma: map_of(
+        odometry, closures[:0], sigma
+    ),
+    "the closures are read backwards: j is seen from i": (
+        lambda odometry, closures, sigma: map_of(odometry, closures[:, [1, 0, 2, 3, 4]], sigma)
+    ),
+    "all coordinates count alike: the information is the inverse of the squared sigma": (
+        "np.diag(sigma**-2.0) => np.eye(3)"
+    ),
+    "the information is 1 / sigma: the square is missing": ("sigma**-2.0 => sigma**-1.0"),
+    "sigma^2 is a covariance: the graph wants its inverse": ("sigma**-2.0 => sigma**2.0"),
+    "the start came back: call optimize and return its poses": (
+        "graph.chordal_initialisation().optimize(tolerance=1e-12).poses "
+        "=> graph.chordal_initialisation().poses"
+    ),
+    "only the first closure was used": lambda odometry, closures, sigma: map_of(
+        odometry, closures[:1], sigma
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 6: assemble a pose graph
+#
+# Everything of this chapter in ten lines.
+
+# %% [markdown] tags=["solution"]
+# With all coordinates alike the graph still closes its loops, a little beside the best map; only
+# the comparison of the numbers shows it:
+
+# %% active="ipynb" tags=["solution"]
+# def unweighted(odometry, closures, sigma):
+#     return map_of(odometry, closures, np.ones(3))
+#
+# check_map(unweighted)
