@@ -1,4 +1,4 @@
-"""Checks of chapter 14: a Jacobian, a weight, a slope with a bug, a bound, an ICP of one's own."""
+"""Exercises of 14: a Jacobian, a weight, a slope with a bug, a bound, an ICP of one's own."""
 
 from __future__ import annotations
 
@@ -18,59 +18,147 @@ __all__ = [
 ]
 
 
-# Exercise 1: the Jacobian of point to line.
+# %% [markdown] tags=["chapter"]
+# # Exercises 14: scan matching and Hector
+#
+# Five functions on the way from two drawings of a wall to a robot that knows where it is; the
+# chapter is [Scan matching, Hector, and a map from a raw
+# log](../14_scan_matching_and_hector.ipynb). Replace each `...` and run the check below it as
+# often as you like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 14: scan matching and Hector
+#
+# The exercises are in [Exercises 14](../exercises/14_scan_matching_and_hector.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: the lever, with a pencil
+#
+# Derive it on paper first: how does the distance of a point across a wall change when the scan is
+# shifted a little, and when it is turned a little?
 
 
-def _line_jacobian(pose: Array, point: Array, normal: Array) -> Array:
-    """Return the derivative (3,) of n . (R s + p - q) by the pose x, y, psi."""
+# %% tags=["exercise"]
+def line_jacobian(pose: Array, point: Array, normal: Array) -> Array:
+    """Derivative of the error of point to line by the pose.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (3,)
+        x, y, heading (m, m, rad).
+    point : ndarray, shape (2,)
+        A point of the scan in the frame of the robot (m).
+    normal : ndarray, shape (2,)
+        Unit vector across the wall, in the world.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Derivative of n . (R(heading) point + (x, y) - q) by x, y and heading.
+    """
     c, s = np.cos(pose[2]), np.sin(pose[2])
     x, y = c * point[0] - s * point[1], s * point[0] + c * point[1]
     return np.array([normal[0], normal[1], normal[1] * x - normal[0] * y])
 
 
+# %% active="ipynb" tags=["try"]
+# line_jacobian(np.array([1.0, 2.0, 0.0]), np.array([3.0, 0.5]), np.array([0.0, 1.0]))
+
+# %% [markdown] tags=["hint"]
+# Where does a point two metres ahead of you go when you turn to the left by a hundredth of a
+# radian?
+
+# %% [markdown] tags=["hint"]
+# With `x, y` the turned point, the derivative of the turned point by the heading is `(-y, x)`.
+# What is its part along the normal?
+
+
+# %% tags=["cases"]
 def _unit(rng: np.random.Generator) -> Array:
     angle = np.round(rng.uniform(-3, 3), 2)
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 check_line_jacobian = Check(
-    _line_jacobian,
+    line_jacobian,
     "row",
     {
         "no turn, a wall to the left": ([1.0, 2.0, 0.0], [3.0, 0.5], [0.0, 1.0]),
         "half a turn": ([1.0, 2.0, np.pi], [3.0, 0.5], [0.6, 0.8]),
         "any pose, any wall": lambda rng: (a_pose(rng), rng.normal(size=2), _unit(rng)),
     },
-    {
-        "the lever is not turned: the scan has turned by psi": lambda p, s, n: np.array(
-            [*n, n[1] * s[0] - n[0] * s[1]]
-        ),
-        "the lever has the wrong sign: a left turn moves a point ahead to the left": (
-            "normal[1] * x - normal[0] * y => normal[0] * y - normal[1] * x"
-        ),
-        "the lever lies along the point: the derivative of R turns it by a quarter": (
-            "normal[1] * x - normal[0] * y => normal[0] * x + normal[1] * y"
-        ),
-        "the lever is missing: a turn moves every point": "normal[1] * x - normal[0] * y => 0.0",
-        "the scan was turned backwards": "np.sin(pose[2]) => -np.sin(pose[2])",
-        "the lever begins at the robot: p falls out of the derivative": (
-            "normal[1] * x - normal[0] * y"
-            " => normal[1] * (x + pose[0]) - normal[0] * (y + pose[1])"
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_line_jacobian.mistakes = {
+    "the lever is not turned: the scan has turned by psi": lambda p, s, n: np.array(
+        [*n, n[1] * s[0] - n[0] * s[1]]
+    ),
+    "the lever has the wrong sign: a left turn moves a point ahead to the left": (
+        "normal[1] * x - normal[0] * y => normal[0] * y - normal[1] * x"
+    ),
+    "the lever lies along the point: the derivative of R turns it by a quarter": (
+        "normal[1] * x - normal[0] * y => normal[0] * x + normal[1] * y"
+    ),
+    "the lever is missing: a turn moves every point": "normal[1] * x - normal[0] * y => 0.0",
+    "the scan was turned backwards": "np.sin(pose[2]) => -np.sin(pose[2])",
+    "the lever begins at the robot: p falls out of the derivative": (
+        "normal[1] * x - normal[0] * y => normal[1] * (x + pose[0]) - normal[0] * (y + pose[1])"
+    ),
+}
 
-# Exercise 2: how much a pair counts.
+# %% [markdown] tags=["solution"]
+# ## Solution 1: the lever, with a pencil
+#
+# Shifted by $dx$, the point moves by $dx$, and across the wall by $n_x\,dx$: the first two
+# entries are the normal itself. Turned by $d\psi$, the point $R\mathbf s = (x, y)$ moves by $(-y,
+# x)\,d\psi$, and across the wall by $(n_y x - n_x y)\,d\psi$.
+
+# %% [markdown] tags=["solution"]
+# Whoever forgets to turn the point has a Jacobian that is right at heading zero, the pose of many
+# a first test:
+
+# %% active="ipynb" tags=["solution"]
+# def not_turned(pose, point, normal):
+#     return np.array([*normal, normal[1] * point[0] - normal[0] * point[1]])
+#
+# check_line_jacobian(not_turned)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: how much a pair counts
+#
+# A pair far apart is probably no pair. Geman and McClure's weight is $\big(k^2 / (k^2 +
+# e^2)\big)^2$ with the width $k$.
 
 
-def _weight(error: Array, width: float) -> Array:
-    """Geman and McClure: (width^2 / (width^2 + error^2))^2."""
+# %% tags=["exercise"]
+def weight(error: Array, width: float) -> Array:
+    """Weight of pairs in the least squares.
+
+    Parameters
+    ----------
+    error : ndarray, shape (n,)
+        Errors of the pairs (m), of either sign.
+    width : float
+        The error (m) whose weight is a quarter.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Between 0 and 1.
+    """
     return (width**2 / (width**2 + error**2)) ** 2
 
 
+# %% active="ipynb" tags=["try"]
+# weight(np.array([0.0, 0.05, 0.5]), 0.05)
+
+# %% tags=["cases"]
 check_weight = Check(
-    _weight,
+    weight,
     "weight",
     {
         "no error counts whole": ([0.0], 0.05),
@@ -80,77 +168,152 @@ check_weight = Check(
             np.round(rng.uniform(0.02, 2), 2),
         ),
     },
-    {
-        "metres were added to square metres (KISS-ICP's released weight): square the error": (
-            lambda e, w: w**2 / (w + e**2) ** 2
-        ),
-        "the whole fraction is squared": lambda e, w: w**2 / (w**2 + e**2),
-        "this is Gauss' bell: it forgets far pairs altogether": (
-            lambda e, w: np.exp(-((e / w) ** 2))
-        ),
-        "this is Huber's weight": lambda e, w: w / np.maximum(w, np.abs(e)),
-        "this is one minus the weight": lambda e, w: 1 - _weight(e, w),
-        "the error is not squared": lambda e, w: (w**2 / (w**2 + np.abs(e))) ** 2,
-    },
 )
 
+# %% tags=["mistakes"]
+check_weight.mistakes = {
+    "metres were added to square metres (KISS-ICP's released weight): square the error": (
+        lambda e, w: w**2 / (w + e**2) ** 2
+    ),
+    "the whole fraction is squared": lambda e, w: w**2 / (w**2 + e**2),
+    "this is Gauss' bell: it forgets far pairs altogether": (lambda e, w: np.exp(-((e / w) ** 2))),
+    "this is Huber's weight": lambda e, w: w / np.maximum(w, np.abs(e)),
+    "this is one minus the weight": lambda e, w: 1 - weight(e, w),
+    "the error is not squared": lambda e, w: (w**2 / (w**2 + np.abs(e))) ** 2,
+}
 
-# Exercise 3: a bug to find.
+# %% [markdown] tags=["solution"]
+# ## Solution 2: how much a pair counts
+
+# %% [markdown] tags=["statement"]
+# <details><summary>Hint</summary>
+#
+# Check the units: what may be added to square metres? A released program adds metres there, and
+# works nearly as well.
+#
+# </details>
+#
+# ## Exercise 3: a bug to find
+#
+# This function should give the slope of a field between the centres of its cells, (5) and (6) of
+# the chapter. It has the slip of Hector's released program, and its author never noticed. Compare
+# it with finite differences, then mend it.
 
 
-def _slope(cells: Array, x: float, y: float) -> Array:
-    """Slope (2,) of a field in x and y, of cells (rows, columns) with side 1."""
+# %% tags=["exercise"]
+def slope(cells: Array, x: float, y: float) -> Array:
+    """Slope of a field of square cells with side 1.
+
+    Parameters
+    ----------
+    cells : ndarray, shape (rows, columns)
+        Values at the centres of the cells; row 0 at the bottom.
+    x, y : float
+        A place at least half a cell inside the sheet.
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        Derivatives by x and by y.
+    """
     column, row = int(np.floor(x - 0.5)), int(np.floor(y - 0.5))
     a, b = x - 0.5 - column, y - 0.5 - row
     low, high = cells[row], cells[row + 1]
-    dx = (1 - b) * (low[column + 1] - low[column]) + b * (high[column + 1] - high[column])
-    dy = (1 - a) * (high[column] - low[column]) + a * (high[column + 1] - low[column + 1])
+    left, right = column, column + 1
+    dx = (1 - b) * (low[right] - low[left]) + b * (high[right] - high[left])
+    dy = (1 - a) * (high[left] - low[left]) + a * (high[right] - low[right])
     return np.array([dx, dy])
 
 
-_SWAPPED = "a, b = x - 0.5 - column, y - 0.5 - row => b, a = x - 0.5 - column, y - 0.5 - row"
+# %% active="ipynb" tags=["stub"]
+#     column, row = int(np.floor(x - 0.5)), int(np.floor(y - 0.5))
+#     a, b = x - 0.5 - column, y - 0.5 - row
+#     low, high = cells[row], cells[row + 1]
+#     left, right = column, column + 1
+#     dx = (1 - a) * (low[right] - low[left]) + a * (high[right] - high[left])
+#     dy = (1 - b) * (high[left] - low[left]) + b * (high[right] - low[right])
+#     return np.array([dx, dy])
+
+# %% active="ipynb" tags=["try"]
+# slope(np.arange(12.0).reshape(3, 4), 1.7, 1.2)
 
 
+# %% tags=["cases"]
 def _cells(rng: np.random.Generator) -> Any:
     return np.round(rng.random((6, 8)), 2), *np.round(rng.uniform([0.6, 0.6], [7.4, 5.4]), 2)
 
 
 check_slope = Check(
-    _slope,
+    slope,
     "slope",
     {
         "a ramp in x": (np.tile(np.arange(5.0), (4, 1)), 1.7, 2.2),
         "a ramp in y": (np.tile(np.arange(4.0)[:, None], (1, 5)), 2.3, 1.6),
         "any cells, any place": _cells,
     },
-    {
-        "a weighs the slope in y and b that in x: here they have changed places": _SWAPPED,
-        "values belong to the centres of cells: half a cell is missing": lambda c, x, y: _slope(
-            np.pad(c, 1, mode="edge"), x + 1.5, y + 1.5
-        ),
-        "x and y were exchanged: cells[row, column], row from y": lambda c, x, y: (
-            _slope(c.T, *np.minimum([y, x], [len(c) - 0.6, len(c[0]) - 0.6]))
-            if 0.5 <= y <= len(c[0]) - 0.5 and 0.5 <= x <= len(c) - 0.5
-            else np.zeros(2)
-        ),
-        "the two slopes came in the wrong order: x first": lambda c, x, y: _slope(c, x, y)[::-1],
-        "this slope is downhill: right minus left, upper minus lower": lambda c, x, y: (
-            -_slope(c, x, y)
-        ),
-        "the fractions count from the other side: at a = 0 the left column counts": (
-            "a, b = x - 0.5 - column, y - 0.5 - row"
-            " => a, b = 1 - (x - 0.5 - column), 1 - (y - 0.5 - row)"
-        ),
-    },
     draws=12,
 )
 
+# %% tags=["mistakes"]
+_SWAPPED = "a, b = x - 0.5 - column, y - 0.5 - row => b, a = x - 0.5 - column, y - 0.5 - row"
 
-# Exercise 4: what a block can promise.
+
+check_slope.mistakes = {
+    "a weighs the slope in y and b that in x: here they have changed places": _SWAPPED,
+    "values belong to the centres of cells: half a cell is missing": lambda c, x, y: slope(
+        np.pad(c, 1, mode="edge"), x + 1.5, y + 1.5
+    ),
+    "x and y were exchanged: cells[row, column], row from y": lambda c, x, y: (
+        slope(c.T, *np.minimum([y, x], [len(c) - 0.6, len(c[0]) - 0.6]))
+        if 0.5 <= y <= len(c[0]) - 0.5 and 0.5 <= x <= len(c) - 0.5
+        else np.zeros(2)
+    ),
+    "the two slopes came in the wrong order: x first": lambda c, x, y: slope(c, x, y)[::-1],
+    "this slope is downhill: right minus left, upper minus lower": lambda c, x, y: -slope(c, x, y),
+    "the fractions count from the other side: at a = 0 the left column counts": (
+        "a, b = x - 0.5 - column, y - 0.5 - row"
+        " => a, b = 1 - (x - 0.5 - column), 1 - (y - 0.5 - row)"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 3: a bug to find
+#
+# Each slope is a mean of two differences: that of x is taken along the lower and along the upper
+# pair of cells, and *b* says how high the place lies between the pairs. Along a ramp both weights
+# give the same, which is why ramps are poor tests.
+
+# %% [markdown] tags=["statement"]
+# <details><summary>Hint</summary>
+#
+# The slope in x is taken once along the lower pair of cells and once along the upper pair. Which
+# of the two numbers a, b says how far up the place lies between them?
+#
+# </details>
+#
+# ## Exercise 4: what a block can promise
+#
+# Branch and bound leaves a block of shifts unopened if its promise is too small. What can the
+# square block of cells that begins in each cell promise at most?
 
 
-def _block_bound(cells: Array, width: int) -> Array:
-    """Largest value (rows, columns) of the block of width x width cells that begins in each."""
+# %% tags=["exercise"]
+def block_bound(cells: Array, width: int) -> Array:
+    """Bound for blocks of cells.
+
+    Parameters
+    ----------
+    cells : ndarray, shape (rows, columns)
+        Values, not negative.
+    width : int
+        Cells a side of a block.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns)
+        Entry [r, c] belongs to the block of the rows r to r + width - 1 and the columns
+        c to c + width - 1; what lies beyond the sheet does not count.
+    """
     rows, columns = cells.shape
     out = np.zeros((rows, columns))
     for r in range(rows):
@@ -159,13 +322,18 @@ def _block_bound(cells: Array, width: int) -> Array:
     return out
 
 
+# %% active="ipynb" tags=["try"]
+# block_bound(np.array([[0.1, 0.9, 0.2], [0.3, 0.4, 0.5]]), 2)
+
+
+# %% tags=["cases"]
 def _grid(rng: np.random.Generator) -> Any:
     shape = rng.integers(2, 8, 2)
     return np.round(rng.random(shape), 2), int(rng.integers(1, 5))
 
 
 check_block_bound = Check(
-    _block_bound,
+    block_bound,
     "bound",
     {
         "one cell promises itself": (np.arange(6.0).reshape(2, 3) / 6, 1),
@@ -173,30 +341,76 @@ check_block_bound = Check(
         "a block may hang over the edge": ([[0.2, 0.7], [0.5, 0.1]], 4),
         "any cells, any width": _grid,
     },
-    {
-        "a mean is no bound: one good cell may still win": "max() => mean()",
-        "this is the worst of the block: the best is what it can promise": "max() => min()",
-        "the block begins in its cell: this one ends there": lambda m, w: _block_bound(
-            m[::-1, ::-1], w
-        )[::-1, ::-1],
-        "the block has one cell too many on each side": (
-            "cells[r : r + width, c : c + width] => cells[r : r + width + 1, c : c + width + 1]"
-        ),
-        "the block has one cell too few on each side": (
-            "cells[r : r + width, c : c + width]"
-            " => cells[r : r + max(width - 1, 1), c : c + max(width - 1, 1)]"
-        ),
-        "the block is square: it reaches across columns as well": "c : c + width => c : c + 1",
-    },
     draws=10,
 )
 
+# %% tags=["mistakes"]
+check_block_bound.mistakes = {
+    "a mean is no bound: one good cell may still win": "max() => mean()",
+    "this is the worst of the block: the best is what it can promise": "max() => min()",
+    "the block begins in its cell: this one ends there": lambda m, w: block_bound(
+        m[::-1, ::-1], w
+    )[::-1, ::-1],
+    "the block has one cell too many on each side": (
+        "cells[r : r + width, c : c + width] => cells[r : r + width + 1, c : c + width + 1]"
+    ),
+    "the block has one cell too few on each side": (
+        "cells[r : r + width, c : c + width]"
+        " => cells[r : r + max(width - 1, 1), c : c + max(width - 1, 1)]"
+    ),
+    "the block is square: it reaches across columns as well": "c : c + width => c : c + 1",
+}
 
-# Exercise 5: an ICP of one's own.
+# %% [markdown] tags=["solution"]
+# ## Solution 4: what a block can promise
+
+# %% [markdown] tags=["solution"]
+# The mean is what a coarser map would have. It looks reasonable, and the search then throws away
+# the best pose without a word:
+
+# %% active="ipynb" tags=["solution"]
+# def mean_of_blocks(cells, width):
+#     rows, columns = cells.shape
+#     blocks = [[cells[r : r + width, c : c + width].mean() for c in range(columns)]
+#               for r in range(rows)]
+#     return np.array(blocks)
+#
+# check_block_bound(mean_of_blocks)
+
+# %% [markdown] tags=["statement"]
+# <details><summary>Hint</summary>
+#
+# A slice such as `cells[r:r + width]` simply ends at the edge.
+#
+# </details>
+#
+# ## Exercise 5: assemble your ICP
+#
+# A robot stands in a room of 5 m by 4 m with a pillar. It knows points on the walls and the
+# normals there, and a guess that is off by some centimetres and degrees. Bring its scan home. Two
+# points of the scan are on somebody who walks by far away.
 
 
-def _icp(reference: Array, normals: Array, points: Array, guess: Array) -> Array:
-    """Lay points (k, 2) upon the walls through reference (m, 2); the pose (3,)."""
+# %% tags=["exercise"]
+def icp(reference: Array, normals: Array, points: Array, guess: Array) -> Array:
+    """Lay a scan upon walls.
+
+    Parameters
+    ----------
+    reference : ndarray, shape (m, 2)
+        Points on the walls (m).
+    normals : ndarray, shape (m, 2)
+        Unit vectors across the wall at these points.
+    points : ndarray, shape (k, 2)
+        The scan in the frame of the robot (m).
+    guess : ndarray, shape (3,)
+        Where to begin (m, m, rad).
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Where the scan was taken, to 2 mm and 0.001 rad.
+    """
     pose = guess.copy()
     for _ in range(30):
         c, s = np.cos(pose[2]), np.sin(pose[2])
@@ -211,6 +425,24 @@ def _icp(reference: Array, normals: Array, points: Array, guess: Array) -> Array
     return pose
 
 
+# %% active="ipynb" tags=["try"]
+# reference = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, 2.0]])
+# icp(reference, np.eye(3, 2), np.zeros((2, 2)), np.zeros(3))
+
+# %% [markdown] tags=["hint"]
+# Five lines in a loop: move the points, find the nearest reference point of each, keep the pairs
+# that are near, write down errors and Jacobians, take the step.
+
+# %% [markdown] tags=["hint"]
+# `np.linalg.norm(moved[:, None] - reference, axis=-1)` has all distances; `argmin(axis=1)` the
+# partners.
+
+# %% [markdown] tags=["hint"]
+# `J = np.column_stack([n, n[:, 1] * arm[:, 0] - n[:, 0] * arm[:, 1]])` with `arm = moved -
+# pose[:2]`; the step is `np.linalg.lstsq(J, -e, rcond=None)[0]`.
+
+
+# %% tags=["cases"]
 def _room() -> tuple[Array, Array]:
     """Points on the walls of a room of 5 m x 4 m with a pillar, and their normals."""
     points, normals = [], []
@@ -250,7 +482,7 @@ def _gap(
 
 
 check_icp = Check(
-    _icp,
+    icp,
     "how far from its place the scan ended (m; m; rad)",
     {
         "a scan that already lies well": _task(np.array([1.5, 2.0, 0.4]), np.zeros(3)),
@@ -260,21 +492,46 @@ check_icp = Check(
             np.array([4.3, 3.0, 2.8]), np.array([-0.12, 0.1, -0.07])
         ),
     },
-    {
-        "it ran away: the step goes against the error": "-e => e",
-        "two points on a passer-by outweigh the walls: keep near pairs only": (
-            "gaps.min(axis=1) < 0.6 => gaps.min(axis=1) < 1e9"
-        ),
-        "one round is not enough: the pairs were guesses, find them anew": (
-            "range(30) => range(1)"
-        ),
-        "the heading never changes: its column of J is missing": (
-            "n[:, 1] * arm[:, 0] - n[:, 0] * arm[:, 1] => 0 * n[:, 0]"
-        ),
-        "it began at zero: begin at the guess": "guess.copy() => np.zeros(3)",
-        "the scan was turned backwards": "[[c, s], [-s, c]] => [[c, -s], [s, c]]",
-    },
     tolerance=2e-3,
     draws=3,
     use=_gap,
 )
+
+# %% tags=["mistakes"]
+check_icp.mistakes = {
+    "it ran away: the step goes against the error": "-e => e",
+    "two points on a passer-by outweigh the walls: keep near pairs only": (
+        "gaps.min(axis=1) < 0.6 => gaps.min(axis=1) < 1e9"
+    ),
+    "one round is not enough: the pairs were guesses, find them anew": ("range(30) => range(1)"),
+    "the heading never changes: its column of J is missing": (
+        "n[:, 1] * arm[:, 0] - n[:, 0] * arm[:, 1] => 0 * n[:, 0]"
+    ),
+    "it began at zero: begin at the guess": "guess.copy() => np.zeros(3)",
+    "the scan was turned backwards": "[[c, s], [-s, c]] => [[c, -s], [s, c]]",
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: assemble your ICP
+
+# %% [markdown] tags=["solution"]
+# Try it without the lever's second half, or with `moved` for `arm`: the check passes. Where every
+# error is zero every step is zero too, whatever the Jacobian; a wrong one is only slower, and
+# with noise, less exact. But without the line that keeps near pairs only, two points on a
+# passer-by outweigh a hundred on walls:
+
+# %% active="ipynb" tags=["solution"]
+# def everybody_counts(reference, normals, points, guess):
+#     pose = guess.copy()
+#     for _ in range(30):
+#         c, s = np.cos(pose[2]), np.sin(pose[2])
+#         moved = points @ np.array([[c, s], [-s, c]]) + pose[:2]
+#         j = np.linalg.norm(moved[:, None] - reference, axis=-1).argmin(axis=1)
+#         n, arm = normals[j], moved - pose[:2]
+#         e = ((moved - reference[j]) * n).sum(axis=1)
+#         J = np.column_stack([n, n[:, 1] * arm[:, 0] - n[:, 0] * arm[:, 1]])
+#         pose = pose + np.linalg.lstsq(J, -e, rcond=None)[0]
+#     return pose
+#
+# report = check_icp(everybody_counts)     # it wanders off, and its digits mean nothing
+# print(f"{report.held} of {report.total} properties hold")
