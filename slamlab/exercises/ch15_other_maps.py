@@ -1,4 +1,4 @@
-"""Checks of chapter 15: a gamma update, a beam, a tree of ancestors, weights of the same data."""
+"""Exercises, chapter 15: a gamma update, a beam, a tree of ancestors, weights of the same data."""
 
 from __future__ import annotations
 
@@ -19,17 +19,69 @@ __all__ = [
 ]
 
 
-# Exercise 1: what a cell learns.
+# %% [markdown] tags=["chapter"]
+# # Exercises 15: two other answers to "what is a map?"
+#
+# Five functions, from a cell that learns how rough it is to particles that are weighed by the
+# ground under them; the chapter is [Two other answers to "what is a
+# map?"](../15_other_maps.ipynb). Replace each `...` and run the check below it as often as you
+# like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 15: two other answers to "what is a map?"
+#
+# The exercises are in [Exercises 15](../exercises/15_other_maps.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+
+# %% active="ipynb" tags=["imports", "solution"]
+# import math
+#
+# import numpy as np
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: what a cell learns, with a pencil
+#
+# Heights are normal with the precision $\tau$, and $\tau$ is gamma distributed: $p(\tau) \propto
+# \tau^{\alpha - 1} e^{-\beta\tau}$. On paper: multiply by the density of $n$ heights, average
+# over their unknown mean (it leaves $\tau^{(n-1)/2}$ and the squares about the sample mean), and
+# read off the new $\alpha$ and $\beta$.
 
 
-def _gamma_update(alpha: float, beta: float, heights: Array) -> Any:
-    """Return shape and rate of the precision after heights (n,)."""
+# %% tags=["exercise"]
+def gamma_update(alpha: float, beta: float, heights: Array) -> Any:
+    """Belief of a cell after heights.
+
+    Parameters
+    ----------
+    alpha, beta : float
+        Shape, and rate (m^2).
+    heights : ndarray, shape (n,)
+        One or more (m).
+
+    Returns
+    -------
+    alpha, beta : float
+    """
     nu = len(heights) - 1
     return alpha + nu / 2, beta + np.sum((heights - heights.mean()) ** 2) / 2
 
 
+# %% active="ipynb" tags=["try"]
+# gamma_update(1.0, 0.001, np.array([0.0, 0.1, 0.2]))
+
+# %% [markdown] tags=["hint"]
+# The density of one height is $\sqrt{\tau/2\pi}\; e^{-\tau (z - \mu)^2/2}$. How does the sum of
+# the squares split into squares about the sample mean and a square of the sample mean?
+
+# %% [markdown] tags=["hint"]
+# $\tau^{\alpha - 1}\,\tau^{\nu/2}$ has the shape $\alpha + \nu/2$, and $e^{-\beta\tau}\,e^{-\tau
+# S/2}$ the rate $\beta + S/2$.
+
+# %% tags=["cases"]
 check_gamma_update = Check(
-    _gamma_update,
+    gamma_update,
     "alpha, beta",
     {
         "0, 10 and 20 cm": (1.0, 0.001, [0.0, 0.1, 0.2]),
@@ -41,32 +93,70 @@ check_gamma_update = Check(
             np.round(rng.normal(0.4, 0.2, rng.integers(2, 9)), 2),
         ),
     },
-    {
-        "the mean costs one degree of freedom: nu = n - 1": "len(heights) - 1 => len(heights)",
-        "alpha grows by half of nu": "alpha + nu / 2 => alpha + nu",
-        "beta grows by half of the sum of squares": "** 2) / 2 => ** 2)",
-        "beta grows by nu s^2 / 2, not by s^2 / 2": "** 2) / 2 => ** 2) / 2 / max(nu, 1)",
-        "s^2 was taken over n, and nu is n - 1": "** 2) / 2 => ** 2) / 2 * nu / (nu + 1)",
-        "heights scatter about their mean, not about zero": (
-            "heights - heights.mean() => heights"
-        ),
-        "the squares are missing": ") ** 2) / 2 => )) / 2",
-    },
 )
 
+# %% tags=["mistakes"]
+check_gamma_update.mistakes = {
+    "the mean costs one degree of freedom: nu = n - 1": "len(heights) - 1 => len(heights)",
+    "alpha grows by half of nu": "alpha + nu / 2 => alpha + nu",
+    "beta grows by half of the sum of squares": "** 2) / 2 => ** 2)",
+    "beta grows by nu s^2 / 2, not by s^2 / 2": "** 2) / 2 => ** 2) / 2 / max(nu, 1)",
+    "s^2 was taken over n, and nu is n - 1": "** 2) / 2 => ** 2) / 2 * nu / (nu + 1)",
+    "heights scatter about their mean, not about zero": ("heights - heights.mean() => heights"),
+    "the squares are missing": ") ** 2) / 2 => )) / 2",
+}
 
-# Exercise 2: where a beam ends.
+# %% [markdown] tags=["solution"]
+# ## Solution 1: what a cell learns, with a pencil
+#
+# The squares split: $\sum (z_i - \mu)^2 = S + n(\bar z - \mu)^2$ with $S = \sum (z_i - \bar
+# z)^2$. Averaged over $\mu$, the second part leaves $\sqrt{2\pi/n\tau}$, so one of the $n$ roots
+# of $\tau$ is gone: what is left is $\tau^{(n-1)/2} e^{-\tau S/2}$. Times the gamma density that
+# is a gamma density again.
+
+# %% [markdown] tags=["solution"]
+# Whoever takes the heights about zero has a map that knows how high the robot stood:
+
+# %% active="ipynb" tags=["solution"]
+# def about_zero(alpha, beta, heights):
+#     return alpha + (len(heights) - 1) / 2, beta + np.sum(heights**2) / 2
+#
+# check_gamma_update(about_zero)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: where a beam ends
+#
+# A laser beam crosses a row of cells. Each stops it with the chance (B) of the chapter.
 
 
-def _beam_ends(hits: Array, metres: Array, side: float) -> Array:
-    """Return the chance (n,) that a beam ends in each cell of a row."""
+# %% tags=["exercise"]
+def beam_ends(hits: Array, metres: Array, side: float) -> Array:
+    """Chance that a beam ends in each cell.
+
+    Parameters
+    ----------
+    hits : ndarray, shape (n,)
+        Beams that ended in each cell so far, the nearest cell first.
+    metres : ndarray, shape (n,)
+        Metres that beams travelled in it.
+    side : float
+        Way of this beam in each cell (m).
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
     stop = 1 - np.exp(-hits / metres * side)
     comes = np.cumprod(np.append(1.0, 1 - stop))[:-1]
     return comes * stop
 
 
+# %% active="ipynb" tags=["try"]
+# beam_ends(np.array([0.0, 3.0, 40.0]), np.array([2.0, 2.0, 2.0]), 0.1)
+
+# %% tags=["cases"]
 check_beam_ends = Check(
-    _beam_ends,
+    beam_ends,
     "chance",
     {
         "one cell of 3 hits on 2 m": ([3.0], [2.0], 0.1),
@@ -78,36 +168,68 @@ check_beam_ends = Check(
             np.round(rng.uniform(0.05, 0.5), 2),
         ),
     },
-    {
-        "it must come to the cell first: multiply by the chance to pass all cells before": (
-            "comes * stop => stop"
-        ),
-        "to end in a cell it need not pass that cell: the product runs over the cells before": (
-            "np.cumprod(np.append(1.0, 1 - stop))[:-1] => np.cumprod(1 - stop)"
-        ),
-        "this is the chance to come to the cell; it must stop there too": (
-            "comes * stop => comes"
-        ),
-        "the length of the way in a cell is missing": " * side => ",
-        "hits a metre: divide by the metres": "hits / metres => hits",
-        "this is metres a hit: hits over metres": (
-            "hits / metres => metres / np.maximum(hits, 1e-12)"
-        ),
-        "1 - exp(-x), not x: a cell cannot stop more than all": (
-            "1 - np.exp(-hits / metres * side) => hits / metres * side"
-        ),
-        "this is the chance to pass a cell: 1 minus it": (
-            "stop = 1 - np.exp(-hits / metres * side) => stop = np.exp(-hits / metres * side)"
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_beam_ends.mistakes = {
+    "it must come to the cell first: multiply by the chance to pass all cells before": (
+        "comes * stop => stop"
+    ),
+    "to end in a cell it need not pass that cell: the product runs over the cells before": (
+        "np.cumprod(np.append(1.0, 1 - stop))[:-1] => np.cumprod(1 - stop)"
+    ),
+    "this is the chance to come to the cell; it must stop there too": ("comes * stop => comes"),
+    "the length of the way in a cell is missing": " * side => ",
+    "hits a metre: divide by the metres": "hits / metres => hits",
+    "this is metres a hit: hits over metres": (
+        "hits / metres => metres / np.maximum(hits, 1e-12)"
+    ),
+    "1 - exp(-x), not x: a cell cannot stop more than all": (
+        "1 - np.exp(-hits / metres * side) => hits / metres * side"
+    ),
+    "this is the chance to pass a cell: 1 minus it": (
+        "stop = 1 - np.exp(-hits / metres * side) => stop = np.exp(-hits / metres * side)"
+    ),
+}
 
-# Exercise 3: a bug to find.
+# %% [markdown] tags=["solution"]
+# ## Solution 2: where a beam ends
+
+# %% [markdown] tags=["solution"]
+# In front of the first cell stands nothing, so its factor is 1. Without the product every cell
+# would be lit as if the wall before it were air.
+
+# %% [markdown] tags=["statement"]
+# <details><summary>Hint</summary>
+#
+# To end in the third cell it must pass the first and the second. `np.cumprod` multiplies from the
+# left; what does the first cell need in front of it?
+#
+# </details>
+#
+# ## Exercise 3: a bug to find
+#
+# This function asks a node, then its parent, and so on. It was used for a month before somebody
+# noticed that parts of the oldest map were missing. Find the mistake and mend it.
 
 
-def _look_up(parents: Ints, entries: Array, node: int, cell: int) -> float:
-    """Return the entry of a cell as a node sees it, NaN if nobody has one."""
+# %% tags=["exercise"]
+def look_up(parents: Ints, entries: Array, node: int, cell: int) -> float:
+    """Entry of a cell as a particle sees it.
+
+    Parameters
+    ----------
+    parents : ndarray of int, shape (nodes,)
+        Parent of each node, -1 for the root.
+    entries : ndarray, shape (nodes, cells)
+        What each node wrote, NaN where it wrote nothing.
+    node, cell : int
+
+    Returns
+    -------
+    float
+        The youngest entry on the way to the root, NaN if there is none.
+    """
     while node >= 0:
         if not np.isnan(entries[node, cell]):
             return float(entries[node, cell])
@@ -116,6 +238,18 @@ def _look_up(parents: Ints, entries: Array, node: int, cell: int) -> float:
     return float("nan")
 
 
+# %% active="ipynb" tags=["stub"]
+#     while parents[node] >= 0:
+#         if not np.isnan(entries[node, cell]):
+#             return float(entries[node, cell])
+#         node = parents[node]
+#     return float("nan")
+
+# %% active="ipynb" tags=["try"]
+# look_up(np.array([-1, 0]), np.array([[4.0, 2.0], [np.nan, 3.0]]), 1, 1)
+
+
+# %% tags=["cases"]
 def _a_tree(rng: np.random.Generator) -> Any:
     n = int(rng.integers(4, 9))
     parents = [-1, *(int(rng.integers(0, k)) for k in range(1, n))]
@@ -125,8 +259,9 @@ def _a_tree(rng: np.random.Generator) -> Any:
 
 _NONE = float("nan")
 
+
 check_look_up = Check(
-    _look_up,
+    look_up,
     "entry",
     {
         "its own entry": ([-1, 0], [[4.0], [5.0]], 1, 0),
@@ -135,45 +270,65 @@ check_look_up = Check(
         "nobody has one": ([-1, 0], [[_NONE], [_NONE]], 1, 0),
         "any tree, any node": _a_tree,
     },
-    {
-        "the root is never asked: its parent is -1, but it may have an entry": (
-            "while node >= 0 => while parents[node] >= 0"
-        ),
-        "the parent is parents[node], not the node before": (
-            "min(parents[node], node - 1) => node - 1"
-        ),
-        "ask the node itself first, then its parent": (
-            "while node >= 0: => node = parents[node]\n    while node >= 0:"
-        ),
-        "the youngest entry wins: this is the oldest": lambda p, e, node, c: _oldest(
-            p, e, node, c
-        ),
-        "0 is a number that somebody wrote; NaN is no entry": (
-            "if not np.isnan(entries[node, cell]):"
-            " => if not np.isnan(entries[node, cell]) and entries[node, cell]:"
-        ),
-        "what nobody has seen is NaN": 'float("nan") => 0.0',
-        "one step up is not enough: go on to the root": (
-            "while node >= 0 => for node in [n for n in (node, parents[node]) if n >= 0]"
-        ),
-    },
     draws=20,
 )
 
+# %% tags=["mistakes"]
+check_look_up.mistakes = {
+    "the root is never asked: its parent is -1, but it may have an entry": (
+        "while node >= 0 => while parents[node] >= 0"
+    ),
+    "the parent is parents[node], not the node before": (
+        "min(parents[node], node - 1) => node - 1"
+    ),
+    "ask the node itself first, then its parent": (
+        "while node >= 0: => node = parents[node]\n    while node >= 0:"
+    ),
+    "the youngest entry wins: this is the oldest": lambda p, e, node, c: _oldest(p, e, node, c),
+    "0 is a number that somebody wrote; NaN is no entry": (
+        "if not np.isnan(entries[node, cell]):"
+        " => if not np.isnan(entries[node, cell]) and entries[node, cell]:"
+    ),
+    "what nobody has seen is NaN": 'float("nan") => 0.0',
+    "one step up is not enough: go on to the root": (
+        "while node >= 0 => for node in [n for n in (node, parents[node]) if n >= 0]"
+    ),
+}
 
-def _oldest(parents: Ints, entries: Array, node: int, cell: int) -> float:
-    found = _NONE
-    while node >= 0:
-        found = found if np.isnan(entries[node, cell]) else float(entries[node, cell])
-        node = parents[node]
-    return found
+# %% [markdown] tags=["solution"]
+# ## Solution 3: a bug to find
+#
+# The loop ended when the *parent* was no node, that is, at the root, before the root was asked.
+# It ends right when the *node* is none.
+
+# %% [markdown] tags=["statement"]
+# <details><summary>Hint</summary>
+#
+# Follow it with a pencil for a cell that only the root has written. When does the loop end?
+#
+# </details>
+#
+# ## Exercise 4: who is left in the tree
+#
+# Prune nodes that lead to no particle, then merge every node that has one child left with that
+# child. Which nodes remain? (Count them for $M$ particles: never more than $2M - 1$.)
 
 
-# Exercise 4: which nodes are left.
+# %% tags=["exercise"]
+def survivors(parents: Ints, particles: Ints) -> Mask:
+    """Nodes that stay.
 
+    Parameters
+    ----------
+    parents : ndarray of int, shape (n,)
+        Parent of each node, -1 for node 0, the root; a parent has a smaller number.
+    particles : ndarray of int, shape (M,)
+        Nodes that are particles; they have no children.
 
-def _survivors(parents: Ints, particles: Ints) -> Mask:
-    """Return which nodes (n,) are left when the tree is pruned and merged."""
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
     n = len(parents)
     leads, branches = np.zeros(n, bool), np.zeros(n, int)
     leads[particles] = True
@@ -186,6 +341,18 @@ def _survivors(parents: Ints, particles: Ints) -> Mask:
     return left
 
 
+# %% active="ipynb" tags=["try"]
+# survivors(np.array([-1, 0, 0, 1, 1]), np.array([3, 4]))
+
+# %% [markdown] tags=["hint"]
+# Go through the nodes from the last to the first: a child tells its parent whether it leads to a
+# particle.
+
+# %% [markdown] tags=["hint"]
+# Count for each node how many of its children lead to particles. Which counts let it stay?
+
+
+# %% tags=["cases"]
 def _a_family(rng: np.random.Generator) -> Any:
     n = int(rng.integers(4, 14))
     parents = np.array([-1, *(int(rng.integers(max(0, k - 4), k)) for k in range(1, n))])
@@ -195,7 +362,7 @@ def _a_family(rng: np.random.Generator) -> Any:
 
 
 check_survivors = Check(
-    _survivors,
+    survivors,
     "left",
     {
         "a root with two particles": ([-1, 0, 0], [1, 2]),
@@ -203,32 +370,76 @@ check_survivors = Check(
         "a branch that died is pruned, and its fork merged": ([-1, 0, 0, 1, 1], [3, 4]),
         "any tree": _a_family,
     },
-    {
-        "a node with one living child is merged with it: two branches or more are due": (
-            "branches >= 2 => branches >= 1"
-        ),
-        "prune first: a child without particles below it does not count": (
-            "if leads[node]:\n            leads[parents[node]] = True\n"
-            "            branches[parents[node]] += 1"
-            " => leads[parents[node]] |= leads[node]\n        branches[parents[node]] += 1"
-        ),
-        "a fork may have more than two branches": "branches >= 2 => branches == 2",
-        "particles stay, though they have no children": (
-            "left[particles] = True => left[particles] = False"
-        ),
-        "the root may be merged too": (
-            "left = branches >= 2 => left = branches >= 2; left[0] = 1"
-        ),
-    },
     draws=20,
 )
 
 
-# Exercise 5: weigh particles by the same heights.
+# %% tags=["mistakes"]
+def _oldest(parents: Ints, entries: Array, node: int, cell: int) -> float:
+    found = _NONE
+    while node >= 0:
+        found = found if np.isnan(entries[node, cell]) else float(entries[node, cell])
+        node = parents[node]
+    return found
 
 
-def _weights(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
-    """Return weights (M,) of particles that sort heights (n,) into their own cells (M, n)."""
+check_survivors.mistakes = {
+    "a node with one living child is merged with it: two branches or more are due": (
+        "branches >= 2 => branches >= 1"
+    ),
+    "prune first: a child without particles below it does not count": (
+        "if leads[node]:\n            leads[parents[node]] = True\n"
+        "            branches[parents[node]] += 1"
+        " => leads[parents[node]] |= leads[node]\n        branches[parents[node]] += 1"
+    ),
+    "a fork may have more than two branches": "branches >= 2 => branches == 2",
+    "particles stay, though they have no children": (
+        "left[particles] = True => left[particles] = False"
+    ),
+    "the root may be merged too": ("left = branches >= 2 => left = branches >= 2; left[0] = 1"),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 4: who is left in the tree
+
+# %% [markdown] tags=["solution"]
+# Every inner node that stays is a fork. Going from the root down, each fork adds at least one
+# particle to the first, so there are at most M - 1 forks. Counting dead children keeps forks that
+# are none:
+
+# %% active="ipynb" tags=["solution"]
+# def with_the_dead(parents, particles):
+#     left = np.bincount(parents[1:], minlength=len(parents)) >= 2
+#     left[particles] = True
+#     return left
+#
+# check_survivors(with_the_dead)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: assemble the weights of Gamma-SLAM
+#
+# Every particle stands elsewhere, so it sorts the same heights into other cells of its own map.
+# Weigh them all by (F) of the chapter, the density of the heights, and normalise.
+
+
+# %% tags=["exercise"]
+def weights(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
+    """Weights of particles.
+
+    Parameters
+    ----------
+    alpha, beta : ndarray, shape (M, C)
+        Map of each particle: shape and rate of each of its C cells.
+    cells : ndarray of int, shape (M, n)
+        Cell into which each particle sorts each height.
+    heights : ndarray, shape (n,)
+        (m)
+
+    Returns
+    -------
+    ndarray, shape (M,)
+        They sum to 1.
+    """
     log_weights = np.zeros(len(cells))
     for i in range(len(cells)):
         for c in np.unique(cells[i]):
@@ -238,27 +449,27 @@ def _weights(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
             log_weights[i] += math.lgamma(a + half) - math.lgamma(a) + a * np.log(b)
             log_weights[i] -= (a + half) * np.log(b + squares / 2)
             log_weights[i] -= half * np.log(2 * np.pi) + np.log(len(z)) / 2
-    weights = np.exp(log_weights - log_weights.max())
-    return weights / weights.sum()
+    result = np.exp(log_weights - log_weights.max())
+    return result / result.sum()
 
 
-def _variances(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
-    """Return the weights by (E): the density of the sample variances of two or more heights."""
-    log_weights = np.zeros(len(cells))
-    for i in range(len(cells)):
-        for c in np.unique(cells[i]):
-            z = heights[cells[i] == c]
-            if len(z) < 2:
-                continue
-            half, a, b = (len(z) - 1) / 2, alpha[i, c], beta[i, c]
-            s2 = np.var(z, ddof=1)
-            log_weights[i] += math.lgamma(a + half) - math.lgamma(a) + a * np.log(b)
-            log_weights[i] -= (a + half) * np.log(b + half * s2) + math.lgamma(half)
-            log_weights[i] += half * np.log(half) + (half - 1) * np.log(s2)
-    weights = np.exp(log_weights - log_weights.max())
-    return weights / weights.sum()
+# %% active="ipynb" tags=["try"]
+# weights(np.ones((2, 2)), np.ones((2, 2)), np.array([[0, 0, 1], [0, 1, 1]]),
+#         np.array([0.1, 0.2, 0.4]))
+
+# %% [markdown] tags=["hint"]
+# Two loops: over particles, and over `np.unique(cells[i])`. The heights of a cell are
+# `heights[cells[i] == c]`.
+
+# %% [markdown] tags=["hint"]
+# `math.lgamma` is $\ln\Gamma$. A cell with one height adds nothing: with $\nu = 0$ every term is
+# zero.
+
+# %% [markdown] tags=["hint"]
+# Logarithms of -5000 are too small for `exp`. The largest of them may be taken off all before.
 
 
+# %% tags=["cases"]
 @drawn
 def _particles(rng: np.random.Generator, n_particles: int, size: float) -> Any:
     n = int(rng.integers(6, 15))
@@ -271,7 +482,7 @@ def _particles(rng: np.random.Generator, n_particles: int, size: float) -> Any:
 
 
 check_weights = Check(
-    _weights,
+    weights,
     "weight",
     {
         "two particles, the same cells, different maps": (
@@ -294,32 +505,75 @@ check_weights = Check(
             np.linspace(-400.0, 500.0, 240),
         ),
     },
-    {
-        "these are densities of sample variances, (E): each particle has other ones. Weigh by the "
-        "heights, (F)": _variances,
-        "how many heights fell into a cell counts too: the term - ln(n) / 2 is missing": (
-            " + np.log(len(z)) / 2 => "
-        ),
-        "the normal density has 2 pi: - nu / 2 ln(2 pi) is missing, and nu differs": (
-            "half * np.log(2 * np.pi) +  => "
-        ),
-        "the mean costs one degree of freedom: nu = n - 1": "(len(z) - 1) / 2 => len(z) / 2",
-        "the heights of a cell scatter about the mean of that cell": (
-            "z.mean() => heights.mean()"
-        ),
-        "a alone, where a + nu / 2 is due": (
-            "(a + half) * np.log(b + squares / 2) => a * np.log(b + squares / 2)"
-        ),
-        "the logarithms are too small for exp: take the largest off first": (
-            "np.exp(log_weights - log_weights.max()) => np.exp(log_weights)"
-        ),
-        "weights sum to 1": "weights / weights.sum() => weights",
-        "alpha and beta were exchanged: the first belongs to lnGamma": (
-            "alpha[i, c], beta[i, c] => beta[i, c], alpha[i, c]"
-        ),
-        "each particle has its own map: these are all weighed on the first": (
-            "alpha[i, c], beta[i, c] => alpha[0, c], beta[0, c]"
-        ),
-    },
     tolerance=1e-7,
 )
+
+
+# %% tags=["mistakes"]
+def _variances(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
+    """Return the weights by (E): the density of the sample variances of two or more heights."""
+    log_weights = np.zeros(len(cells))
+    for i in range(len(cells)):
+        for c in np.unique(cells[i]):
+            z = heights[cells[i] == c]
+            if len(z) < 2:
+                continue
+            half, a, b = (len(z) - 1) / 2, alpha[i, c], beta[i, c]
+            s2 = np.var(z, ddof=1)
+            log_weights[i] += math.lgamma(a + half) - math.lgamma(a) + a * np.log(b)
+            log_weights[i] -= (a + half) * np.log(b + half * s2) + math.lgamma(half)
+            log_weights[i] += half * np.log(half) + (half - 1) * np.log(s2)
+    weights = np.exp(log_weights - log_weights.max())
+    return weights / weights.sum()
+
+
+check_weights.mistakes = {
+    "these are densities of sample variances, (E): each particle has other ones. Weigh by the "
+    "heights, (F)": _variances,
+    "how many heights fell into a cell counts too: the term - ln(n) / 2 is missing": (
+        " + np.log(len(z)) / 2 => "
+    ),
+    "the normal density has 2 pi: - nu / 2 ln(2 pi) is missing, and nu differs": (
+        "half * np.log(2 * np.pi) +  => "
+    ),
+    "the mean costs one degree of freedom: nu = n - 1": "(len(z) - 1) / 2 => len(z) / 2",
+    "the heights of a cell scatter about the mean of that cell": ("z.mean() => heights.mean()"),
+    "a alone, where a + nu / 2 is due": (
+        "(a + half) * np.log(b + squares / 2) => a * np.log(b + squares / 2)"
+    ),
+    "the logarithms are too small for exp: take the largest off first": (
+        "np.exp(log_weights - log_weights.max()) => np.exp(log_weights)"
+    ),
+    "weights sum to 1": ("result / result.sum() => result"),
+    "alpha and beta were exchanged: the first belongs to lnGamma": (
+        "alpha[i, c], beta[i, c] => beta[i, c], alpha[i, c]"
+    ),
+    "each particle has its own map: these are all weighed on the first": (
+        "alpha[i, c], beta[i, c] => alpha[0, c], beta[0, c]"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: assemble the weights of Gamma-SLAM
+
+# %% [markdown] tags=["solution"]
+# The density of the sample variances, (E), is right as a density. It passes where all particles
+# have the same cells, and fails where they have not:
+
+# %% active="ipynb" tags=["solution"]
+# def by_variances(alpha, beta, cells, heights):
+#     log_weights = np.zeros(len(cells))
+#     for i in range(len(cells)):
+#         for c in np.unique(cells[i]):
+#             z = heights[cells[i] == c]
+#             if len(z) < 2:
+#                 continue
+#             half, s2 = (len(z) - 1) / 2, np.var(z, ddof=1)
+#             a, b = alpha[i, c], beta[i, c]
+#             log_weights[i] += math.lgamma(a + half) - math.lgamma(a) + a * np.log(b)
+#             log_weights[i] -= (a + half) * np.log(b + half * s2) + math.lgamma(half)
+#             log_weights[i] += half * np.log(half) + (half - 1) * np.log(s2)
+#     result = np.exp(log_weights - log_weights.max())
+#     return result / result.sum()
+#
+# check_weights(by_variances)
