@@ -1,4 +1,7 @@
-"""Checks of chapter 16: a look levelled, a range, accounts, the size of a region, eight points."""
+"""Exercises of 16: a look levelled, a range, accounts, the size of a region, eight points."""
+
+# mypy: disable-error-code="no-untyped-def"
+# A solution is written as a student writes it, without types inside.
 
 from __future__ import annotations
 
@@ -18,13 +21,51 @@ __all__ = [
 ]
 
 
-# Exercise 1: a look, levelled.
+# %% [markdown] tags=["chapter"]
+# # Exercises 16: UAV SLAM with a local range
+#
+# Five functions on the way from a tilted camera to a filter that works in a part of its map; the
+# chapter is [UAV SLAM with a local range](../16_uav_local_range.ipynb). Replace each `...` and
+# run the check below it as often as you like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 16: UAV SLAM with a local range
+#
+# The exercises are in [Exercises 16](../exercises/16_uav_local_range.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: a look, levelled, with a pencil
+#
+# An aircraft has axes ahead, left and up. It is tilted: first rolled (right wing down is
+# positive), then pitched (nose down is positive). Work out on paper what a point at $z$ in the
+# body's frame has as coordinates in a frame that is level and heads the same way. Begin with a
+# pitch alone.
 
 
-def _level(z: Array, roll: float, pitch: float) -> Array:
-    """Coordinates (3,) ahead, left and up in the level frame: R_y(pitch) R_x(roll) z."""
+# %% tags=["exercise"]
+def level(z: Array, roll: float, pitch: float) -> Array:
+    """Turn a measured point from the tilted body into the level frame.
+
+    Parameters
+    ----------
+    z : ndarray, shape (3,)
+        Ahead, left, up in the frame of the body (m).
+    roll, pitch : float
+        Right wing down, nose down (rad). The level frame has R_y(pitch) R_x(roll) z.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Ahead, left, up in the level frame (m).
+    """
     ahead, left, up = z
-    left, up = np.cos(roll) * left - np.sin(roll) * up, np.sin(roll) * left + np.cos(roll) * up
+    left, up = (
+        np.cos(roll) * left - np.sin(roll) * up,
+        np.sin(roll) * left + np.cos(roll) * up,
+    )
     ahead, up = (
         np.cos(pitch) * ahead + np.sin(pitch) * up,
         np.cos(pitch) * up - np.sin(pitch) * ahead,
@@ -32,18 +73,25 @@ def _level(z: Array, roll: float, pitch: float) -> Array:
     return np.array([ahead, left, up])
 
 
-def _matrices(roll: float, pitch: float) -> tuple[Array, Array]:
-    c, s, C, S = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    R_x = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-    return np.array([[C, 0, S], [0, 1, 0], [-S, 0, C]]), R_x
+# %% active="ipynb" tags=["try"]
+# level(np.array([20.0, 0.0, -17.32]), 0.0, np.pi / 6)
+
+# %% [markdown] tags=["hint"]
+# Nose straight down: where does a point ahead of the nose end? It must be below: `(0, 0, -1)` for
+# `(1, 0, 0)`.
+
+# %% [markdown] tags=["hint"]
+# The roll turns left and up into each other, the pitch ahead and up. The second turn takes the
+# *up* that the first one has left.
 
 
+# %% tags=["cases"]
 def _any_attitude(rng: np.random.Generator) -> Any:
     return np.round(rng.normal(size=3) * 10, 1), *np.round(rng.uniform(-0.8, 0.8, 2), 2)
 
 
 check_level = Check(
-    _level,
+    level,
     "levelled",
     {
         "level already": ([20.0, 3.0, -17.0], 0.0, 0.0),
@@ -51,43 +99,101 @@ check_level = Check(
         "right wing down by 20 degrees": ([5.0, 4.0, -20.0], np.pi / 9, 0.0),
         "any attitude": _any_attitude,
     },
-    {
-        "roll first, then pitch: here it is the other way round": lambda z, r, p: (
-            _matrices(r, p)[1] @ _matrices(r, p)[0] @ z
-        ),
-        "this is the way from the level frame into the body: A, not its transpose": (
-            lambda z, r, p: (_matrices(r, p)[0] @ _matrices(r, p)[1]).T @ z
-        ),
-        "roll and pitch have changed places": lambda z, r, p: (
-            _matrices(p, r)[0] @ _matrices(p, r)[1] @ z
-        ),
-        "the sign of the pitch: a nose down turns what lies ahead down": lambda z, r, p: (
-            _matrices(r, -p)[0] @ _matrices(r, -p)[1] @ z
-        ),
-        "the sign of the roll: a right wing down turns what lies to the left up": lambda z, r, p: (
-            _matrices(-r, p)[0] @ _matrices(-r, p)[1] @ z
-        ),
-        "the height of the second turn must be that after the first": (
-            "np.sin(pitch) * up => np.sin(pitch) * z[2]"
-        ),
-    },
 )
 
 
-# Exercise 2: the law of the range.
+# %% tags=["mistakes"]
+def _matrices(roll: float, pitch: float) -> tuple[Array, Array]:
+    c, s, C, S = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    R_x = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    return np.array([[C, 0, S], [0, 1, 0], [-S, 0, C]]), R_x
 
 
-def _next_range(
-    reach: float, n_seen: int, wanted: float, nearest: float, furthest: float
-) -> float:
-    """Range (m) within which as many landmarks as wanted are to be expected."""
+check_level.mistakes = {
+    "roll first, then pitch: here it is the other way round": lambda z, r, p: (
+        _matrices(r, p)[1] @ _matrices(r, p)[0] @ z
+    ),
+    "this is the way from the level frame into the body: A, not its transpose": (
+        lambda z, r, p: (_matrices(r, p)[0] @ _matrices(r, p)[1]).T @ z
+    ),
+    "roll and pitch have changed places": lambda z, r, p: (
+        _matrices(p, r)[0] @ _matrices(p, r)[1] @ z
+    ),
+    "the sign of the pitch: a nose down turns what lies ahead down": lambda z, r, p: (
+        _matrices(r, -p)[0] @ _matrices(r, -p)[1] @ z
+    ),
+    "the sign of the roll: a right wing down turns what lies to the left up": lambda z, r, p: (
+        _matrices(-r, p)[0] @ _matrices(-r, p)[1] @ z
+    ),
+    "the height of the second turn must be that after the first": (
+        "np.sin(pitch) * up => np.sin(pitch) * z[2]"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 1: a look, levelled, with a pencil
+#
+# A pitch of $\beta$ takes a point straight ahead, $(1, 0, 0)$, to $(\cos\beta, 0, -\sin\beta)$:
+# down, since the nose is down. What was up, $(0, 0, 1)$, goes to $(\sin\beta, 0, \cos\beta)$. A
+# roll does the same with left and up: a right wing down takes $(0, 1, 0)$ to $(0, \cos\alpha,
+# \sin\alpha)$, up. Roll first, since $R_y R_x z$ reads from the right.
+
+# %% [markdown] tags=["solution"]
+# Both turns of the point as it came, none of the point that the other has turned: right for each
+# angle alone, and wrong for a banking climb.
+
+# %% active="ipynb" tags=["solution"]
+# def each_alone(z, roll, pitch):
+#     c, s, C, S = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+#     return np.array([C * z[0] + S * z[2], c * z[1] - s * z[2],
+#                      C * (s * z[1] + c * z[2]) - S * z[0]])
+#
+# check_level(each_alone)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: the law of the range
+#
+# `n_seen` landmarks were seen within `reach`; `wanted` are to be seen. How far should the next
+# look go, if the landmarks lie as densely as they did?
+
+
+# %% tags=["exercise"]
+def next_range(reach: float, n_seen: int, wanted: float, nearest: float, furthest: float) -> float:
+    """Range of the next look.
+
+    Parameters
+    ----------
+    reach : float
+        Range of the last look (m).
+    n_seen : int
+        Landmarks seen within it; may be 0.
+    wanted : float
+        Landmarks to see.
+    nearest, furthest : float
+        The range stays between them (m).
+
+    Returns
+    -------
+    float
+        Range (m).
+    """
     if n_seen == 0:
         return furthest
     return float(np.clip(reach * np.sqrt(wanted / n_seen), nearest, furthest))
 
 
+# %% active="ipynb" tags=["try"]
+# next_range(20.0, 20, 5.0, 5.0, 40.0)
+
+# %% [markdown] tags=["hint"]
+# How many landmarks lie within twice the range: twice as many?
+
+# %% [markdown] tags=["hint"]
+# Whoever has seen nothing knows only that the range was too short. How far can it look at most?
+
+# %% tags=["cases"]
 check_next_range = Check(
-    _next_range,
+    next_range,
     "range",
     {
         "as many as wanted": (20.0, 10, 10.0, 5.0, 40.0),
@@ -103,29 +209,74 @@ check_next_range = Check(
             60.0,
         ),
     },
-    {
-        "landmarks grow with the area, not with the range: a square root is missing": (
-            "np.sqrt(wanted / n_seen) => (wanted / n_seen)"
-        ),
-        "who sees too many should look less far: the ratio is upside down": (
-            "wanted / n_seen => n_seen / wanted"
-        ),
-        "who sees nothing should look as far as it can": "return furthest => return nearest",
-        "the range must stay between nearest and furthest": "nearest, furthest) => 0.0, np.inf)",
-        "this law forgets how far it looked: the density is n / (pi r^2)": (
-            lambda r, n, w, a, b: b if n == 0 else np.clip(np.sqrt(w / n) * b, a, b)
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_next_range.mistakes = {
+    "landmarks grow with the area, not with the range: a square root is missing": (
+        "np.sqrt(wanted / n_seen) => (wanted / n_seen)"
+    ),
+    "who sees too many should look less far: the ratio is upside down": (
+        "wanted / n_seen => n_seen / wanted"
+    ),
+    "who sees nothing should look as far as it can": "return furthest => return nearest",
+    "the range must stay between nearest and furthest": "nearest, furthest) => 0.0, np.inf)",
+    "this law forgets how far it looked: the density is n / (pi r^2)": (
+        lambda r, n, w, a, b: b if n == 0 else np.clip(np.sqrt(w / n) * b, a, b)
+    ),
+}
 
-# Exercise 3: a bug to find.
+# %% [markdown] tags=["solution"]
+# ## Solution 2: the law of the range
+#
+# $n = \rho\pi r^2$ at the last look and $n^* = \rho\pi r'^2$ at the next: divide, and $r' =
+# r\sqrt{n^*/n}$. The density drops out.
+
+# %% [markdown] tags=["solution"]
+# Without the root the law overshoots: four times too many are seen, it looks a quarter as far,
+# and then sees a quarter of what it wants. It swings for ever.
+
+# %% active="ipynb" tags=["solution"]
+# def swings(reach, n_seen, wanted, nearest, furthest):
+#     if n_seen == 0:
+#         return furthest
+#     return float(np.clip(reach * wanted / n_seen, nearest, furthest))
+#
+# check_next_range(swings)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: a bug to find
+#
+# These five lines book an update in the accounts of a region. With them the compressed filter's
+# map is wrong after two updates, though never by much after one. Compare them with the chapter,
+# line by line, then mend them.
 
 
-def _note_update(
+# %% tags=["exercise"]
+def note_update(
     Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
 ) -> tuple[Array, Array, Array]:
-    """Book an update in the accounts of a region: Phi, Psi, theta."""
+    """Book an update of the region for the rest of the map.
+
+    Parameters
+    ----------
+    Phi, Psi : ndarray, shape (n, n)
+        The accounts before the update.
+    theta : ndarray, shape (n,)
+    H : ndarray, shape (m, n)
+        Jacobian of the measurement by the region's state.
+    S : ndarray, shape (m, m)
+        Innovation covariance.
+    v : ndarray, shape (m,)
+        Innovation.
+    K : ndarray, shape (n, m)
+        Gain.
+
+    Returns
+    -------
+    Phi, Psi, theta : tuple of ndarray
+        The accounts after it.
+    """
     told = Phi.T @ H.T @ np.linalg.inv(S)
     Psi = Psi + told @ H @ Phi
     theta = theta + told @ v
@@ -133,12 +284,26 @@ def _note_update(
     return Phi, Psi, theta
 
 
-def _phi_first(
-    Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
-) -> tuple[Array, Array, Array]:
-    return _note_update(Phi - K @ H @ Phi, Psi, theta, H, S, v, K)[1:]  # type: ignore[return-value]
+# %% active="ipynb" tags=["stub"]
+#     Phi = Phi - K @ H @ Phi
+#     told = Phi.T @ H.T @ np.linalg.inv(S)
+#     Psi = Psi + told @ H @ Phi
+#     theta = theta + told @ v
+#     return Phi, Psi, theta
+
+# %% active="ipynb" tags=["try"]
+# one = np.eye(1)
+# note_update(one, 0 * one, np.zeros(1), one, 1.1 * one, np.array([0.5]), one / 1.1)
+
+# %% [markdown] tags=["hint"]
+# By hand, with one number: $\Phi = 1$, $H = 1$, $S = 1.1$, $K = 1/1.1$. What does the chapter
+# book in $\Psi$?
+
+# %% [markdown] tags=["hint"]
+# $\Phi$ says how the region's state at the *entry* shows in its state *before* this update.
 
 
+# %% tags=["cases"]
 @drawn
 def _an_update(rng: np.random.Generator, n: int, m: int) -> Any:
     P, H = a_covariance(rng, n), np.round(rng.normal(size=(m, n)), 2)
@@ -149,7 +314,7 @@ def _an_update(rng: np.random.Generator, n: int, m: int) -> Any:
 
 
 check_note_update = Check(
-    _note_update,
+    note_update,
     "Phi, Psi, theta",
     {
         "one number, the first update": (
@@ -165,41 +330,87 @@ check_note_update = Check(
         "a region of three numbers": _an_update(3, 2),
         "a region of five numbers": _an_update(5, 2),
     },
-    {
-        "Psi and theta need the Phi from before the update: book them first": lambda *a: (
-            a[0] - a[6] @ a[3] @ a[0],
-            *_phi_first(*a),
-        ),
-        "only theta was booked with the Phi from after the update": lambda *a: (
-            *_note_update(*a)[:2],
-            _phi_first(*a)[1],
-        ),
-        "what is told stands in the frame of the entry: Phi^T is missing": "Phi.T @ H.T => H.T",
-        "the accounts add up: what was booked before is gone": lambda *a: _note_update(
-            a[0], 0 * a[1], 0 * a[2], *a[3:]
-        ),
-        "Phi <- (I - K H) Phi: here Phi stands on the other side": (
-            "Phi = Phi - K @ H @ Phi => Phi = Phi - Phi @ K @ H"
-        ),
-        "S must be inverted": "np.linalg.inv(S) => S",
-        "S is missing: what a look tells counts as much as the inverse of S": (
-            " @ np.linalg.inv(S) => "
-        ),
-        "Phi starts anew here: what happened before this update is lost": (
-            "Phi = Phi - K @ H @ Phi => Phi = np.eye(len(Phi)) - K @ H"
-        ),
-    },
     tolerance=1e-8,
 )
 
 
-# Exercise 4: the size of a region.
+# %% tags=["mistakes"]
+def _phi_first(
+    Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
+) -> tuple[Array, Array, Array]:
+    return note_update(Phi - K @ H @ Phi, Psi, theta, H, S, v, K)[1:]  # type: ignore[return-value]
 
 
-def _region_cost(
+check_note_update.mistakes = {
+    "Psi and theta need the Phi from before the update: book them first": lambda *a: (
+        a[0] - a[6] @ a[3] @ a[0],
+        *_phi_first(*a),
+    ),
+    "only theta was booked with the Phi from after the update": lambda *a: (
+        *note_update(*a)[:2],
+        _phi_first(*a)[1],
+    ),
+    "what is told stands in the frame of the entry: Phi^T is missing": "Phi.T @ H.T => H.T",
+    "the accounts add up: what was booked before is gone": lambda *a: note_update(
+        a[0], 0 * a[1], 0 * a[2], *a[3:]
+    ),
+    "Phi <- (I - K H) Phi: here Phi stands on the other side": (
+        "Phi = Phi - K @ H @ Phi => Phi = Phi - Phi @ K @ H"
+    ),
+    "S must be inverted": "np.linalg.inv(S) => S",
+    "S is missing: what a look tells counts as much as the inverse of S": (
+        " @ np.linalg.inv(S) => "
+    ),
+    "Phi starts anew here: what happened before this update is lost": (
+        "Phi = Phi - K @ H @ Phi => Phi = np.eye(len(Phi)) - K @ H"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 3: a bug to find
+#
+# $\Phi$ was moved on before it was used. What this update tells about the state at the entry goes
+# through the $\Phi$ of the moment *before* it. With one number: $\Psi$ must become $1/1.1 =
+# 0.91$; with $\Phi = 1 - 1/1.1$ it became 0.0075, as if next to nothing had been measured.
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: the size of a region
+#
+# Write (A) of the chapter as a function of many radii, and let it choose. With $N_a = 2\rho\pi
+# R^2$ numbers in the region (never more than the map's $N = 2n$), $m = 2\rho\pi r^2$ told by a
+# look, $D = R - r$ and $k = 2\rho(2rD + \pi r^2)$ told by a region (never more than $N_a$),
+#
+# $$
+# C(R) = 3 m N_a^2 + \Big(\tfrac12 k N^2 + N_a^2 N\Big)\frac{s}{D} .
+# $$
+
+
+# %% tags=["exercise"]
+def region_cost(
     R: Array, n: int, density: float, reach: float, stride: float
 ) -> tuple[Array, float]:
-    """Products a step for each radius R (k,), and the radius of the fewest."""
+    """Products a step of a compressed filter, and the best of the radii.
+
+    Parameters
+    ----------
+    R : ndarray, shape (k,)
+        Radii of the region to compare (m), larger than the reach.
+    n : int
+        Landmarks in the map.
+    density : float
+        Landmarks a square metre.
+    reach : float
+        Range r of the sensor (m).
+    stride : float
+        Metres s a step.
+
+    Returns
+    -------
+    cost : ndarray, shape (k,)
+        Products a step.
+    best : float
+        The radius of the smallest (m).
+    """
     N, m, drive = 2 * n, 2 * density * np.pi * reach**2, R - reach
     inside = np.minimum(2 * density * np.pi * R**2, N)
     told = np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)
@@ -208,6 +419,17 @@ def _region_cost(
     return cost, R[np.argmin(cost)]
 
 
+# %% active="ipynb" tags=["try"]
+# region_cost(np.array([22.0, 28.0, 37.0, 50.0]), 576, 0.01, 20.0, 2.0)
+
+# %% [markdown] tags=["hint"]
+# All radii at once, no loop. `np.minimum` keeps a count below another.
+
+# %% [markdown] tags=["hint"]
+# `np.argmin` gives the place of the smallest cost, not the radius.
+
+
+# %% tags=["cases"]
 def _radii(rng: np.random.Generator) -> Any:
     reach = np.round(rng.uniform(8, 25), 1)
     return (
@@ -220,7 +442,7 @@ def _radii(rng: np.random.Generator) -> Any:
 
 
 check_region_cost = Check(
-    _region_cost,
+    region_cost,
     "cost, best",
     {
         "the field of the chapter": ([22.0, 28.0, 37.0, 50.0, 90.0], 576, 0.01, 20.0, 2.0),
@@ -229,48 +451,85 @@ check_region_cost = Check(
         "a slow aircraft over dense trees": ([12.0, 15.0, 19.0, 30.0], 900, 0.04, 10.0, 0.5),
         "any field": _radii,
     },
-    {
-        "a region is left after R - r, not after R": (
-            "settle * stride / drive => settle * stride / R"
-        ),
-        "a settlement comes every D / s steps: divide by D / s": (
-            "settle * stride / drive => settle * drive / stride"
-        ),
-        "settlements are paid at every step here": "settle * stride / drive => settle",
-        "a landmark has two numbers": (
-            "N, m, drive = 2 * n, 2 * density => N, m, drive = n, density",
-            "np.minimum(2 * density * np.pi => np.minimum(density * np.pi",
-            "np.minimum(2 * density * (2 => np.minimum(density * (2",
-        ),
-        "this is the dearest radius": "argmin => argmax",
-        "this is the place of the best radius in the list: the radius itself is due": (
-            "R[np.argmin(cost)] => np.argmin(cost)"
-        ),
-        "this is the smallest cost: its radius is due": "R[np.argmin(cost)] => cost.min()",
-        "settling costs nothing here": (
-            "settle = 0.5 * told * N**2 + inside**2 * N => settle = 0 * told"
-        ),
-        "only P_bb was settled: P_ab takes N_a^2 N": " + inside**2 * N => ",
-        "only P_ab was settled: P_bb takes k N^2 / 2": "0.5 * told * N**2 +  => ",
-        "a local step costs something too": "3 * m * inside**2 +  => ",
-        "a region tells of no more numbers than it holds": (
-            "np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)"
-            " => 2 * density * (2 * reach * drive + np.pi * reach**2)"
-        ),
-        "a region holds no more numbers than the map": (
-            "np.minimum(2 * density * np.pi * R**2, N) => 2 * density * np.pi * R**2"
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_region_cost.mistakes = {
+    "a region is left after R - r, not after R": (
+        "settle * stride / drive => settle * stride / R"
+    ),
+    "a settlement comes every D / s steps: divide by D / s": (
+        "settle * stride / drive => settle * drive / stride"
+    ),
+    "settlements are paid at every step here": "settle * stride / drive => settle",
+    "a landmark has two numbers": (
+        "N, m, drive = 2 * n, 2 * density => N, m, drive = n, density",
+        "np.minimum(2 * density * np.pi => np.minimum(density * np.pi",
+        "np.minimum(2 * density * (2 => np.minimum(density * (2",
+    ),
+    "this is the dearest radius": "argmin => argmax",
+    "this is the place of the best radius in the list: the radius itself is due": (
+        "R[np.argmin(cost)] => np.argmin(cost)"
+    ),
+    "this is the smallest cost: its radius is due": "R[np.argmin(cost)] => cost.min()",
+    "settling costs nothing here": (
+        "settle = 0.5 * told * N**2 + inside**2 * N => settle = 0 * told"
+    ),
+    "only P_bb was settled: P_ab takes N_a^2 N": " + inside**2 * N => ",
+    "only P_ab was settled: P_bb takes k N^2 / 2": "0.5 * told * N**2 +  => ",
+    "a local step costs something too": "3 * m * inside**2 +  => ",
+    "a region tells of no more numbers than it holds": (
+        "np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)"
+        " => 2 * density * (2 * reach * drive + np.pi * reach**2)"
+    ),
+    "a region holds no more numbers than the map": (
+        "np.minimum(2 * density * np.pi * R**2, N) => 2 * density * np.pi * R**2"
+    ),
+}
 
-# Exercise 5: eight points.
+# %% [markdown] tags=["solution"]
+# ## Solution 4: the size of a region
+
+# %% [markdown] tags=["solution"]
+# Whoever lets a region last $R$ metres instead of $R - r$ finds the smallest region the best, and
+# has a filter that sees beyond its edge from the first metre on:
+
+# %% active="ipynb" tags=["solution"]
+# def lasts_too_long(R, n, density, reach, stride):
+#     N, m = 2 * n, 2 * density * np.pi * reach**2
+#     inside = np.minimum(2 * density * np.pi * R**2, N)
+#     ring = 2 * reach * (R - reach) + np.pi * reach**2
+#     told = np.minimum(2 * density * ring, inside)
+#     settle = 0.5 * told * N**2 + inside**2 * N
+#     cost = 3 * m * inside**2 + settle * stride / R
+#     return cost, R[np.argmin(cost)]
+#
+# check_region_cost(lasts_too_long)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: eight points, assembled
+#
+# Put the normalised eight-point algorithm together: normalise both pictures, a row of nine
+# products a pair, the last right singular vector, rank 2, undo. Its scale and its sign mean
+# nothing; the check does not look at them.
 
 
-def _fundamental(first: Array, second: Array) -> Array:
-    """Return F (3, 3) of rank 2 with x'^T F x = 0, by the normalised eight-point algorithm."""
+# %% tags=["exercise"]
+def fundamental(first: Array, second: Array) -> Array:
+    """Fundamental matrix of two pictures.
 
-    def normalised(points: Array) -> tuple[Array, Array]:
+    Parameters
+    ----------
+    first, second : ndarray, shape (n, 2)
+        The same n >= 8 points in both pictures (pixels).
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        F of rank 2 with [second, 1] F [first, 1]^T = 0, in least squares.
+    """
+
+    def normalised(points):
         centre = points.mean(axis=0)
         s = np.sqrt(2) / np.linalg.norm(points - centre, axis=1).mean()
         T = np.array([[s, 0, -s * centre[0]], [0, s, -s * centre[1]], [0, 0, 1]])
@@ -278,12 +537,29 @@ def _fundamental(first: Array, second: Array) -> Array:
 
     x, T = normalised(first)
     x_there, T_there = normalised(second)
-    A = np.array([np.outer(b, a).ravel() for a, b in zip(x, x_there, strict=True)])
+    A = np.array([np.outer(b, a).ravel() for a, b in zip(x, x_there)])
     F = np.linalg.svd(A)[2][-1].reshape(3, 3)
     U, s, Vt = np.linalg.svd(F)
     return T_there.T @ U @ np.diag([s[0], s[1], 0]) @ Vt @ T
 
 
+# %% active="ipynb" tags=["try"]
+# fundamental(np.random.default_rng(0).uniform(0, 640, (9, 2)),
+#             np.random.default_rng(1).uniform(0, 640, (9, 2)))
+
+# %% [markdown] tags=["hint"]
+# `np.column_stack([points, np.ones(len(points))]) @ T.T` moves points by a 3 by 3 matrix `T`.
+
+# %% [markdown] tags=["hint"]
+# `np.outer(b, a).ravel()` is a row: nine products of the second point `b` with the first one `a`.
+# `np.linalg.svd(A)[2][-1]` is the last right singular vector.
+
+# %% [markdown] tags=["hint"]
+# If $\hat{\mathbf x} = T\mathbf x$ and $\hat{\mathbf x}'^\top \hat F \hat{\mathbf x} = 0$, which
+# matrix stands between $\mathbf x'^\top$ and $\mathbf x$?
+
+
+# %% tags=["cases"]
 @drawn
 def _two_pictures(rng: np.random.Generator, n: int, noise: float) -> Any:
     depth = rng.uniform(22, 30, n)
@@ -305,6 +581,22 @@ def _of_unit_length(fundamental: Function, first: Array, second: Array) -> Any:
     return F * np.sign(F.flat[np.abs(F).argmax()])
 
 
+check_fundamental = Check(
+    fundamental,
+    "F of unit length, pictures one wide",
+    {
+        "eight pairs": _two_pictures(8, 0.5),
+        "forty pairs, no noise": _two_pictures(40, 0.0),
+        "forty pairs, half a pixel of noise": _two_pictures(40, 0.5),
+        "two hundred pairs": _two_pictures(200, 0.5),
+    },
+    tolerance=1e-6,
+    draws=4,
+    use=_of_unit_length,
+)
+
+
+# %% tags=["mistakes"]
 def _plain(first: Array, second: Array) -> Array:
     one = np.ones((len(first), 1))
     A = np.hstack([np.hstack([second, one])[:, [i]] * np.hstack([first, one]) for i in range(3)])
@@ -313,35 +605,44 @@ def _plain(first: Array, second: Array) -> Array:
     return F
 
 
-check_fundamental = Check(
-    _fundamental,
-    "F of unit length, pictures one wide",
-    {
-        "eight pairs": _two_pictures(8, 0.5),
-        "forty pairs, no noise": _two_pictures(40, 0.0),
-        "forty pairs, half a pixel of noise": _two_pictures(40, 0.5),
-        "two hundred pairs": _two_pictures(200, 0.5),
-    },
-    {
-        "the points were not normalised": _plain,
-        "the normalisation was not undone: T'^T F T": (
-            "T_there.T @ U => U",
-            "@ Vt @ T => @ Vt",
-        ),
-        "T'^T F T: the two transforms have changed places": (
-            "T_there.T @ U => T.T @ U",
-            "@ Vt @ T => @ Vt @ T_there",
-        ),
-        "F must have rank 2: set its smallest singular value to zero": (
-            "np.diag([s[0], s[1], 0]) => np.diag(s)"
-        ),
-        "this F takes the second picture to the first: transpose it": lambda first, second: (
-            _fundamental(second, first)
-        ),
-        "the smallest |A f| has the last singular vector, not the first": "[2][-1] => [2][0]",
-        "a mean distance of sqrt 2, not of 2": "np.sqrt(2) => 2",
-    },
-    tolerance=1e-6,
-    draws=4,
-    use=_of_unit_length,
-)
+check_fundamental.mistakes = {
+    "the points were not normalised": _plain,
+    "the normalisation was not undone: T'^T F T": (
+        "T_there.T @ U => U",
+        "@ Vt @ T => @ Vt",
+    ),
+    "T'^T F T: the two transforms have changed places": (
+        "T_there.T @ U => T.T @ U",
+        "@ Vt @ T => @ Vt @ T_there",
+    ),
+    "F must have rank 2: set its smallest singular value to zero": (
+        "np.diag([s[0], s[1], 0]) => np.diag(s)"
+    ),
+    "this F takes the second picture to the first: transpose it": lambda first, second: (
+        fundamental(second, first)
+    ),
+    "the smallest |A f| has the last singular vector, not the first": "[2][-1] => [2][0]",
+    "a mean distance of sqrt 2, not of 2": "np.sqrt(2) => 2",
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: eight points, assembled
+
+# %% [markdown] tags=["solution"]
+# Without step 3 the epipolar lines do not meet in one point, and no camera belongs to this $F$.
+# Without noise nobody notices:
+
+# %% active="ipynb" tags=["solution"]
+# def rank_three(first, second):
+#     def normalised(points):
+#         centre = points.mean(axis=0)
+#         s = np.sqrt(2) / np.linalg.norm(points - centre, axis=1).mean()
+#         T = np.array([[s, 0, -s * centre[0]], [0, s, -s * centre[1]], [0, 0, 1]])
+#         return np.column_stack([points, np.ones(len(points))]) @ T.T, T
+#
+#     x, T = normalised(first)
+#     x_there, T_there = normalised(second)
+#     A = np.array([np.outer(b, a).ravel() for a, b in zip(x, x_there)])
+#     return T_there.T @ np.linalg.svd(A)[2][-1].reshape(3, 3) @ T
+#
+# check_fundamental(rank_three)
