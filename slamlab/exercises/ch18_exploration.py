@@ -1,7 +1,10 @@
-"""Checks of chapter 18: the areas that a square sweeps, four quarters, the frontier and the way.
+"""Exercises, chapter 18: the areas that a square sweeps, four quarters, the frontier and the way.
 
 P5, 3.2.5: `CanMove` and the four quadrants, mended; frontiers after Yamauchi (1997).
 """
+
+# mypy: disable-error-code="arg-type, assignment"
+# A solution is written as a student writes it, without types inside.
 
 from __future__ import annotations
 
@@ -22,24 +25,79 @@ __all__ = [
 ]
 
 
-# Exercise 1: room to turn, with a pencil.
+# %% [markdown] tags=["chapter"]
+# # Exercises 18: exploration
+#
+# Six exercises on an explorer that touches nothing and knows when it is done: its room to turn
+# with a pencil, what it sweeps, where it might go, a guard with a bug, the frontier, and the way
+# there, which you let run through a flat. The chapter is [Exploration](../18_exploration.ipynb).
+# Replace each `...` and run the check below it as often as you like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 18: exploration
+#
+# The exercises are in [Exercises 18](../exercises/18_exploration.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: room to turn, with a pencil
+#
+# A square of half side $h$ turns on the spot. A point at the distance $d$ from its centre, with
+# $h < d < \sqrt2\,h$, stands in one of the four gaps between the square and the circle of its
+# corners. How far may the square turn to the left, and how far to the right, before it touches
+# the point?
+#
+# Draw it. Along the circle of radius $d$ the square covers four arcs round its corners. How wide
+# is the gap round the middle of a side? Where in the gap is the point, and which way does it
+# move, seen from a robot that turns left?
 
 
-def _free_turn(point: Array, half: float) -> tuple[float, float]:
-    """How far (rad) a square of half side `half` may turn left and right before it hits a point.
+# %% tags=["exercise"]
+def free_turn(point: Array, half: float) -> tuple[float, float]:
+    """How far a square may turn on the spot.
 
-    Infinite twice where its corners cannot reach the point, zero twice where it is inside.
+    Parameters
+    ----------
+    point : ndarray, shape (2,)
+        In the frame of the body (m): x ahead of its centre, y to the left.
+    half : float
+        Half the side of the square (m).
+
+    Returns
+    -------
+    left, right : float
+        Angles (rad), not negative; inf twice where the corners cannot reach the
+        point, 0 twice where the point is inside the body.
     """
-    distance = np.hypot(*point)
-    if distance >= half * np.sqrt(2):
+    d = np.hypot(*point)
+    if d >= half * np.sqrt(2):
         return np.inf, np.inf
-    gap = np.arccos(half / max(distance, half))
-    bearing = np.arctan2(point[1], point[0])
-    bearing -= np.pi / 2 * np.rint(bearing / (np.pi / 2))
-    left, right = gap + bearing, gap - bearing
-    return (float(left), float(right)) if min(left, right) > 0 else (0.0, 0.0)
+    gamma = np.arccos(half / max(d, half))
+    beta = np.arctan2(point[1], point[0])
+    beta = beta - np.pi / 2 * np.rint(beta / (np.pi / 2))
+    left, right = gamma + beta, gamma - beta
+    return (left, right) if min(left, right) > 0 else (0.0, 0.0)
 
 
+# %% active="ipynb" tags=["try"]
+# free_turn(np.array([0.25, 0.0]), 0.2)
+
+# %% [markdown] tags=["hint"]
+# The side ahead is the line $x = h$. The circle of radius $d$ meets it at an angle $\gamma$ from
+# the middle with $d \cos\gamma = h$.
+
+# %% [markdown] tags=["hint"]
+# A square looks the same after a quarter of a turn. Count the direction of the point from the
+# middle of the nearest side: subtract the nearest multiple of $\pi/2$, which `np.rint` finds.
+
+# %% [markdown] tags=["hint"]
+# A point in the middle of its gap has $\gamma$ to either side. One that lies $\beta$ to the left
+# of the middle moves towards it when the robot turns left.
+
+
+# %% tags=["cases"]
 @drawn
 def _in_gap(rng: np.random.Generator, side: int | None = None) -> Any:
     """Draw a point in one of the four gaps; 0 is ahead, then counterclockwise."""
@@ -52,7 +110,7 @@ def _in_gap(rng: np.random.Generator, side: int | None = None) -> Any:
 
 
 check_free_turn = Check(
-    _free_turn,
+    free_turn,
     "left, right",
     {
         "a point straight ahead": ([0.25, 0.0], 0.2),
@@ -66,51 +124,109 @@ check_free_turn = Check(
         "at the centre": ([0.0, 0.0], 0.2),
         "any gap": _in_gap(),
     },
-    {
-        "left and right are exchanged: when the robot turns left, the point moves right": (
-            "left, right = gap + bearing, gap - bearing"
-            " => left, right = gap - bearing, gap + bearing"
-        ),
-        "both ways are the gap: that holds in its middle only": (
-            "left, right = gap + bearing, gap - bearing => left, right = gap, gap"
-        ),
-        "the direction is counted from the front: count it from the nearest side": (
-            "bearing -= np.pi / 2 * np.rint(bearing / (np.pi / 2)) => pass"
-        ),
-        "the gap has the half angle arccos(h / d), not arcsin": "np.arccos => np.arcsin",
-        "this is the whole gap: half of it lies on either side of the middle": (
-            "np.arccos(half / max(distance, half)) => 2 * np.arccos(half / max(distance, half))"
-        ),
-        "where the corners do not reach it may turn as it likes": (
-            "return np.inf, np.inf => return np.pi / 4, np.pi / 4"
-        ),
-        "the corners reach half sqrt(2), not half": (
-            "distance >= half * np.sqrt(2) => distance >= half"
-        ),
-        "a point that the corners can reach may still leave some room: how much is due": (
-            "gap = np.arccos(half / max(distance, half)) => return 0.0, 0.0"
-        ),
-        "inside the body there is no room to turn": (
-            "if min(left, right) > 0 else (0.0, 0.0)"
-            " => if min(left, right) > -np.inf else (0.0, 0.0)"
-        ),
-    },
 )
 
+# %% tags=["mistakes"]
+check_free_turn.mistakes = {
+    "left and right are exchanged: when the robot turns left, the point moves right": (
+        "left, right = gamma + beta, gamma - beta => left, right = gamma - beta, gamma + beta"
+    ),
+    "both ways are the gap: that holds in its middle only": (
+        "left, right = gamma + beta, gamma - beta => left, right = gamma, gamma"
+    ),
+    "the direction is counted from the front: count it from the nearest side": (
+        "beta = beta - np.pi / 2 * np.rint(beta / (np.pi / 2)) => pass"
+    ),
+    "the gap has the half angle arccos(h / d), not arcsin": "np.arccos => np.arcsin",
+    "this is the whole gap: half of it lies on either side of the middle": (
+        "np.arccos(half / max(d, half)) => 2 * np.arccos(half / max(d, half))"
+    ),
+    "where the corners do not reach it may turn as it likes": (
+        "return np.inf, np.inf => return np.pi / 4, np.pi / 4"
+    ),
+    "the corners reach half sqrt(2), not half": ("d >= half * np.sqrt(2) => d >= half"),
+    "a point that the corners can reach may still leave some room: how much is due": (
+        "gamma = np.arccos(half / max(d, half)) => return 0.0, 0.0"
+    ),
+    "inside the body there is no room to turn": (
+        "if min(left, right) > 0 else (0.0, 0.0) => if min(left, right) > -np.inf else (0.0, 0.0)"
+    ),
+}
 
-# Exercise 2: what the body sweeps.
+# %% [markdown] tags=["solution"]
+# ## Solution 1: room to turn, with a pencil
+#
+# The side ahead meets the circle of radius $d$ where $d\cos\gamma = h$: the gap reaches from
+# $-\gamma$ to $\gamma$ round its middle. A turn of the robot to the left by $\delta$ moves a
+# point at $\beta$ to $\beta - \delta$, which must stay above $-\gamma$: $\delta \le \gamma +
+# \beta$. To the right it must stay below $\gamma$: $\delta \le \gamma - \beta$.
+
+# %% [markdown] tags=["solution"]
+# And numerically, against the corners themselves: turn the square in small steps to the left
+# until the point is inside.
+
+# %% active="ipynb" tags=["solution"]
+# for point in ([0.25, 0.05], [-0.05, 0.26], [0.15, -0.22]):
+#     turns = np.arange(0, 1.6, 1e-4)
+#     x = np.cos(turns) * point[0] + np.sin(turns) * point[1]
+#     y = np.cos(turns) * point[1] - np.sin(turns) * point[0]
+#     first = turns[np.argmax((np.abs(x) < 0.2) & (np.abs(y) < 0.2))]
+#     left, _ = free_turn(np.array(point), 0.2)
+#     print(f"{point}: {left:.2f} rad, by small steps {first:.2f}")
+
+# %% [markdown] tags=["solution"]
+# The sign is the trap. Turning left moves the world to the right:
+
+# %% active="ipynb" tags=["solution"]
+# check_free_turn(lambda point, half: free_turn(point, half)[::-1])
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: what the body sweeps
+#
+# A square robot drives straight ahead. Which of the points that its lidar has met would it touch
+# on the way? P5's `CanMove` compares the *distance* of each point with the step; the body does
+# not.
 
 
-def _swept(points: Array, half: float, step: float) -> Any:
-    """Which points (k, 2) a square of half side `half` touches on its way `step` ahead."""
+# %% tags=["exercise"]
+def swept(points: Array, half: float, step: float) -> Any:
+    """Which points the robot touches.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2)
+        Points in the frame of the body (m): x ahead of its centre, y to the left.
+    half : float
+        Half the side of the square (m).
+    step : float
+        How far it drives ahead (m).
+
+    Returns
+    -------
+    ndarray of bool, shape (k,)
+        True where the body covers the point at some moment, its start included. A
+        point exactly on the border is not touched.
+    """
     x, y = points.T
     return (np.abs(y) < half) & (x > -half) & (x < half + step)
 
 
-def _at_both_ends(points: Array, half: float, step: float) -> Any:
-    return _swept(points, half, 0.0) | _swept(points - [step, 0.0], half, 0.0)
+# %% active="ipynb" tags=["try"]
+# swept(np.array([[0.5, 0.0], [0.5, 0.2]]), 0.15, 0.4)
+
+# %% [markdown] tags=["hint"]
+# The area that the square covers on its way is a rectangle. Where does it begin, where does it
+# end?
+
+# %% [markdown] tags=["hint"]
+# Its front stands `half` ahead of the centre at the start and `half + step` at the end. Its back
+# begins at `-half`.
+
+# %% [markdown] tags=["hint"]
+# Three comparisons, joined by `&`: one for `np.abs(y)`, two for `x`.
 
 
+# %% tags=["cases"]
 def _around(rng: np.random.Generator) -> Any:
     half, step = np.round(rng.uniform(0.1, 0.4), 2), np.round(rng.uniform(0.05, 1.5), 2)
     return np.round(rng.uniform(-1, 2, (int(rng.integers(1, 60)), 2)), 2), half, step
@@ -118,8 +234,9 @@ def _around(rng: np.random.Generator) -> Any:
 
 _BORDER = [[0.5, 0.0], [0.0, 0.25], [-0.25, 0.0], [0.25, -0.25], [0.499, 0.249]]
 
+
 check_swept = Check(
-    _swept,
+    swept,
     "hit",
     {
         "straight ahead, near and far": ([[0.3, 0.0], [0.54, 0.0], [0.6, 0.0]], 0.15, 0.4),
@@ -135,73 +252,130 @@ check_swept = Check(
         "no points": (np.zeros((0, 2)), 0.2, 0.5),
         "points all around": _around,
     },
-    {
-        "the distance of the point was compared with the step: that guards the centre only": (
-            lambda p, h, w: (np.hypot(*p.T) < w) & (p[:, 0] > 0)
-        ),
-        "the body was tested at the start and at the end only: it sweeps what lies between": (
-            _at_both_ends
-        ),
-        "the body was tested at the end only: it sweeps what lies between": (
-            lambda p, h, w: _swept(p - [w, 0.0], h, 0.0)
-        ),
-        "a disc was swept: the body is a square": (
-            lambda p, h, w: np.hypot(p[:, 0] - np.clip(p[:, 0], 0, w), p[:, 1]) < h
-        ),
-        "the front is half a side ahead of the centre: the way ends at half + step": (
-            "x < half + step => x < step"
-        ),
-        "one flank was forgotten: take the absolute value of y": "np.abs(y) < half => y < half",
-        "the other flank was forgotten: take the absolute value of y": (
-            "np.abs(y) < half => y > -half"
-        ),
-        "the body reaches half a side behind its centre too: begin at -half": (
-            "x > -half => x > 0"
-        ),
-        "the body that stands at the start counts as well: begin at -half, not at half": (
-            "x > -half => x > half"
-        ),
-        "everything behind the robot was hit as well: the area begins at -half": (
-            " & (x > -half) => "
-        ),
-        "everything ahead was hit as well: the way ends at half + step": (
-            " & (x < half + step) => "
-        ),
-        "the whole side was taken for half of it": lambda p, h, w: _swept(p, 2 * h, w),
-        "half was halved: it is half the side already": lambda p, h, w: _swept(p, h / 2, w),
-        "x and y were exchanged: x points ahead, y to the left": "x, y = => y, x =",
-        "a point on the border is only touched: use < and not <=": (
-            "np.abs(y) < half => np.abs(y) <= half",
-            "x > -half => x >= -half",
-            "x < half => x <= half",
-        ),
-        "these are the points that stay free: return those that are hit": (
-            lambda p, h, w: ~_swept(p, h, w)
-        ),
-        "these are the points themselves: true or false is due for each": (
-            lambda p, h, w: p[_swept(p, h, w)]
-        ),
-        "one answer for all points came: each has its own": (
-            lambda p, h, w: bool(_swept(p, h, w).any())
-        ),
-    },
 )
 
 
-# Exercise 3: four quarters, and not back.
+# %% tags=["mistakes"]
+def _at_both_ends(points: Array, half: float, step: float) -> Any:
+    return swept(points, half, 0.0) | swept(points - [step, 0.0], half, 0.0)
 
 
-def _quarter_beams(ranges: Array, degrees: Array, back: float) -> Ints:
-    """Index of the longest beam of each quarter, without those within 45 degrees of `back`."""
+check_swept.mistakes = {
+    "the distance of the point was compared with the step: that guards the centre only": (
+        lambda p, h, w: (np.hypot(*p.T) < w) & (p[:, 0] > 0)
+    ),
+    "the body was tested at the start and at the end only: it sweeps what lies between": (
+        _at_both_ends
+    ),
+    "the body was tested at the end only: it sweeps what lies between": (
+        lambda p, h, w: swept(p - [w, 0.0], h, 0.0)
+    ),
+    "a disc was swept: the body is a square": (
+        lambda p, h, w: np.hypot(p[:, 0] - np.clip(p[:, 0], 0, w), p[:, 1]) < h
+    ),
+    "the front is half a side ahead of the centre: the way ends at half + step": (
+        "x < half + step => x < step"
+    ),
+    "one flank was forgotten: take the absolute value of y": "np.abs(y) < half => y < half",
+    "the other flank was forgotten: take the absolute value of y": (
+        "np.abs(y) < half => y > -half"
+    ),
+    "the body reaches half a side behind its centre too: begin at -half": ("x > -half => x > 0"),
+    "the body that stands at the start counts as well: begin at -half, not at half": (
+        "x > -half => x > half"
+    ),
+    "everything behind the robot was hit as well: the area begins at -half": (
+        " & (x > -half) => "
+    ),
+    "everything ahead was hit as well: the way ends at half + step": (" & (x < half + step) => "),
+    "the whole side was taken for half of it": lambda p, h, w: swept(p, 2 * h, w),
+    "half was halved: it is half the side already": lambda p, h, w: swept(p, h / 2, w),
+    "x and y were exchanged: x points ahead, y to the left": "x, y = => y, x =",
+    "a point on the border is only touched: use < and not <=": (
+        "np.abs(y) < half => np.abs(y) <= half",
+        "x > -half => x >= -half",
+        "x < half => x <= half",
+    ),
+    "these are the points that stay free: return those that are hit": (
+        lambda p, h, w: ~swept(p, h, w)
+    ),
+    "these are the points themselves: true or false is due for each": (
+        lambda p, h, w: p[swept(p, h, w)]
+    ),
+    "one answer for all points came: each has its own": (
+        lambda p, h, w: bool(swept(p, h, w).any())
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 2: what the body sweeps
+#
+# The square covers a rectangle: as wide as itself, from its back at the start to its front at the
+# end.
+
+# %% [markdown] tags=["solution"]
+# The test of `CanMove` asks how far the point is. It lets the front of the robot run into walls
+# that are half a side too near, and it stops before a wall at the side that the body would pass.
+
+# %% active="ipynb" tags=["solution"]
+# def as_printed(points, half, step):
+#     return (np.hypot(*points.T) < step) & (points[:, 0] > 0)
+#
+# check_swept(as_printed)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: four quarters, and not back
+#
+# P5's cure for the robot that drives to and fro on a diagonal: take the longest beam of each of
+# the quarters 0 to 90, 90 to 180, 180 to 270 and 270 to 360 degrees, and leave out those that
+# lead back.
+
+
+# %% tags=["exercise"]
+def quarter_beams(ranges: Array, degrees: Array, back: float) -> Ints:
+    """Beams worth following.
+
+    Parameters
+    ----------
+    ranges : ndarray, shape (n,)
+        Lengths of the beams (m), no two of them equal within a quarter.
+    degrees : ndarray, shape (n,)
+        Their directions in [0, 360), ascending; every quarter has at least one.
+    back : float
+        Direction in which the robot would go back (degrees, in [0, 360)).
+
+    Returns
+    -------
+    ndarray of int
+        Index of the longest beam of each quarter, in the order of the quarters,
+        without those whose direction is within 45 degrees of `back`.
+    """
     best = []
     for low in (0, 90, 180, 270):
         inside = np.flatnonzero((degrees >= low) & (degrees < low + 90))
         beam = inside[np.argmax(ranges[inside])]
         if abs((degrees[beam] - back + 180) % 360 - 180) > 45:
             best.append(beam)
-    return np.array(best, dtype=int)
+    return np.array(best)
 
 
+# %% active="ipynb" tags=["try"]
+# degrees = np.array([45.0, 135.0, 225.0, 315.0])
+# quarter_beams(np.array([1.0, 2.0, 3.0, 4.0]), degrees, 330.0)
+
+# %% [markdown] tags=["hint"]
+# `np.flatnonzero((degrees >= low) & (degrees < high))` gives the indices of a quarter's beams;
+# `np.argmax` then counts inside the quarter.
+
+# %% [markdown] tags=["hint"]
+# 10 degrees and 350 degrees are 20 degrees apart. Wrap the difference to [-180, 180) before you
+# compare it.
+
+# %% [markdown] tags=["hint"]
+# `abs((degrees[beam] - back + 180) % 360 - 180) > 45` keeps a beam.
+
+
+# %% tags=["cases"]
 def _lengths(n: int, rng: np.random.Generator) -> Any:
     return np.round(rng.permutation(n) / n + 0.5, 3)
 
@@ -227,7 +401,7 @@ def _near_the_limit(rng: np.random.Generator) -> Any:
 
 
 check_quarter_beams = Check(
-    _quarter_beams,
+    quarter_beams,
     "beams",
     {
         "four beams": ([1.0, 2.0, 3.0, 4.0], [45.0, 135.0, 225.0, 315.0], 320.0),
@@ -250,61 +424,116 @@ check_quarter_beams = Check(
         "half-degree beams, just within or beyond 45 degrees": _near_the_limit,
         "any lidar": _lidar,
     },
-    {
-        "the third quarter begins at 180 degrees; 160, as P5 prints it, counts beams twice": (
-            "degrees >= low) => degrees >= (160 if low == 180 else low))"
-        ),
-        "the way back was kept: drop beams within 45 degrees of it": "> 45 => > -1",
-        "350 and 10 degrees are 20 apart: wrap the difference of directions": (
-            "abs((degrees[beam] - back + 180) % 360 - 180) => abs(degrees[beam] - back)"
-        ),
-        "the beams near the way back were dropped before the longest was taken: take the longest "
-        "of each quarter first": (
-            "ranges[inside]"
-            " => ranges[inside] * (np.abs((degrees[inside] - back + 180) % 360 - 180) > 45)"
-        ),
-        "exactly 45 degrees is within 45 degrees": "> 45 => >= 45",
-        "45 degrees to either side, not in all": "> 45 => > 22.5",
-        "45 degrees, not 90": "> 45 => > 90",
-        "a beam on a border belongs to the quarter that begins there": (
-            "degrees >= low => degrees > low",
-            "degrees < low + 90 => degrees <= low + 90",
-        ),
-        "count beams from the first of the scan, not of the quarter": (
-            "best.append(beam) => best.append(beam - inside[0])"
-        ),
-        "these are the shortest beams": "argmax => argmin",
-        "these lead back: the others are due": "> 45 => <= 45",
-        "one beam came: the longest of each quarter is due": (
-            lambda r, a, b: np.array([int(np.argmax(r))])
-        ),
-        "these are the directions: the indices of the beams are due": (
-            lambda r, a, b: a[_quarter_beams(r, a, b)]
-        ),
-        "these are the lengths: the indices of the beams are due": (
-            lambda r, a, b: r[_quarter_beams(r, a, b)]
-        ),
-        "the order of the quarters is due, not the order of the lengths": (
-            lambda r, a, b: sorted(_quarter_beams(r, a, b), key=lambda k: -r[k])
-        ),
-    },
     draws=12,
 )
 
+# %% tags=["mistakes"]
+check_quarter_beams.mistakes = {
+    "the third quarter begins at 180 degrees; 160, as P5 prints it, counts beams twice": (
+        "degrees >= low) => degrees >= (160 if low == 180 else low))"
+    ),
+    "the way back was kept: drop beams within 45 degrees of it": "> 45 => > -1",
+    "350 and 10 degrees are 20 apart: wrap the difference of directions": (
+        "abs((degrees[beam] - back + 180) % 360 - 180) => abs(degrees[beam] - back)"
+    ),
+    "the beams near the way back were dropped before the longest was taken: take the longest "
+    "of each quarter first": (
+        "ranges[inside]"
+        " => ranges[inside] * (np.abs((degrees[inside] - back + 180) % 360 - 180) > 45)"
+    ),
+    "exactly 45 degrees is within 45 degrees": "> 45 => >= 45",
+    "45 degrees to either side, not in all": "> 45 => > 22.5",
+    "45 degrees, not 90": "> 45 => > 90",
+    "a beam on a border belongs to the quarter that begins there": (
+        "degrees >= low => degrees > low",
+        "degrees < low + 90 => degrees <= low + 90",
+    ),
+    "count beams from the first of the scan, not of the quarter": (
+        "best.append(beam) => best.append(beam - inside[0])"
+    ),
+    "these are the shortest beams": "argmax => argmin",
+    "these lead back: the others are due": "> 45 => <= 45",
+    "one beam came: the longest of each quarter is due": (
+        lambda r, a, b: np.array([int(np.argmax(r))])
+    ),
+    "these are the directions: the indices of the beams are due": (
+        lambda r, a, b: a[quarter_beams(r, a, b)]
+    ),
+    "these are the lengths: the indices of the beams are due": (
+        lambda r, a, b: r[quarter_beams(r, a, b)]
+    ),
+    "the order of the quarters is due, not the order of the lengths": (
+        lambda r, a, b: sorted(quarter_beams(r, a, b), key=lambda k: -r[k])
+    ),
+}
 
-# Exercise 4: a bug to find.
+# %% [markdown] tags=["solution"]
+# ## Solution 3: four quarters, and not back
+
+# %% [markdown] tags=["solution"]
+# Without the wrap the rule works until the robot has to look across 0 degrees:
+
+# %% active="ipynb" tags=["solution"]
+# def unwrapped(ranges, degrees, back):
+#     best = []
+#     for low in (0, 90, 180, 270):
+#         inside = np.flatnonzero((degrees >= low) & (degrees < low + 90))
+#         beam = inside[np.argmax(ranges[inside])]
+#         if abs(degrees[beam] - back) > 45:
+#             best.append(beam)
+#     return np.array(best)
+#
+# check_quarter_beams(unwrapped)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: a guard with a bug
+#
+# How far may the square drive straight ahead, if it is to keep a margin to everything? This guard
+# was tested in front of walls, and passed. On its first day at work the robot scraped along a
+# door post.
 
 
-def _free_step(points: Array, half: float, margin: float) -> float:
-    """How far (m) a square may drive ahead and keep `margin` to points (k, 2); inf if for ever."""
+# %% tags=["exercise"]
+def free_step(points: Array, half: float, margin: float) -> float:
+    """How far the robot may drive ahead.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, 2)
+        Points in the frame of the body (m): x ahead of its centre, y to the left.
+    half : float
+        Half the side of the square (m).
+    margin : float
+        Room that must stay free around the body (m). A point exactly there is free.
+
+    Returns
+    -------
+    float
+        Metres, 0 if it must stay, inf if nothing is in the way. Only points ahead
+        of the centre count.
+    """
     x, y = points.T
     ahead = x[(np.abs(y) < half + margin) & (x > 0)]
-    return float(max(ahead.min() - half - margin, 0.0)) if len(ahead) else np.inf
+    return max(ahead.min() - half - margin, 0.0) if len(ahead) else np.inf
 
 
-_FLANK, _SPARE = "np.abs(y) < half + margin", "ahead.min() - half - margin"
+# %% active="ipynb" tags=["stub"]
+#     x, y = points.T
+#     ahead = x[(np.abs(y) < half) & (x > 0)]
+#     return max(ahead.min() - half - margin, 0.0) if len(ahead) else np.inf
+
+# %% active="ipynb" tags=["try"]
+# free_step(np.array([[0.6, 0.18], [2.0, 0.0]]), 0.15, 0.05)
+
+# %% [markdown] tags=["hint"]
+# In the call above a post stands 18 cm beside the line of the centre. How far from the robot's
+# flank does it pass?
+
+# %% [markdown] tags=["hint"]
+# A body with a margin is a larger body. How many of its four sides does the guard enlarge?
 
 
+# %% tags=["cases"]
 def _posts(rng: np.random.Generator) -> Any:
     half, margin = np.round(rng.uniform([0.1, 0.01], [0.4, 0.2]), 2)
     points = rng.uniform([-1, -1], [3, 1], (int(rng.integers(1, 12)), 2))
@@ -312,7 +541,7 @@ def _posts(rng: np.random.Generator) -> Any:
 
 
 check_free_step = Check(
-    _free_step,
+    free_step,
     "step",
     {
         "a wall ahead": ([[1.0, -0.1], [1.0, 0.0], [1.0, 0.1]], 0.15, 0.05),
@@ -327,50 +556,67 @@ check_free_step = Check(
         "exactly beside the centre": ([[0.0, 0.25]], 0.25, 0.125),
         "any posts": _posts,
     },
-    {
-        "the margin is missing beside the body: the flanks need room as well as the front": (
-            f"{_FLANK} => np.abs(y) < half"
-        ),
-        "the margin is missing ahead": f"{_SPARE} => ahead.min() - half",
-        "the front stands half a side ahead of the centre: take it off": (
-            f"{_SPARE} => ahead.min() - margin"
-        ),
-        "this is how far the centre may go: take off half a side and the margin": (
-            f"{_SPARE} => ahead.min()"
-        ),
-        "every point ahead counts, though the body passes beside it": (
-            f"{_FLANK} => np.abs(y) < np.inf"
-        ),
-        "points behind the robot count: it drives ahead": " & (x > 0) => ",
-        "one flank was forgotten: take the absolute value of y": (
-            f"{_FLANK} => y < half + margin"
-        ),
-        "the other flank was forgotten: take the absolute value of y": (
-            f"{_FLANK} => y > -half - margin"
-        ),
-        "a step is never negative: a robot that is too near stays": (
-            "max(ahead.min() - half - margin, 0.0) => (ahead.min() - half - margin)"
-        ),
-        "where nothing is in the way it may go on for ever": "else np.inf => else 0.0",
-        "this is the distance of the nearest point: how far it is ahead counts": (
-            "ahead = x[ => ahead = np.hypot(x, y)["
-        ),
-        "the farthest point ahead was taken: the nearest stops the robot": (
-            "ahead.min() => ahead.max()"
-        ),
-    },
     edges=("no points",),
 )
 
-
-# Exercise 5: the frontier.
-
-
-def _frontier(state: Ints) -> Any:
-    """Free cells (1) with an unknown one (0) above, below, left or right; 2 is occupied."""
-    return _beside(state == 0) & (state == 1)
+# %% tags=["mistakes"]
+_FLANK, _SPARE = "np.abs(y) < half + margin", "ahead.min() - half - margin"
 
 
+check_free_step.mistakes = {
+    "the margin is missing beside the body: the flanks need room as well as the front": (
+        f"{_FLANK} => np.abs(y) < half"
+    ),
+    "the margin is missing ahead": f"{_SPARE} => ahead.min() - half",
+    "the front stands half a side ahead of the centre: take it off": (
+        f"{_SPARE} => ahead.min() - margin"
+    ),
+    "this is how far the centre may go: take off half a side and the margin": (
+        f"{_SPARE} => ahead.min()"
+    ),
+    "every point ahead counts, though the body passes beside it": (
+        f"{_FLANK} => np.abs(y) < np.inf"
+    ),
+    "points behind the robot count: it drives ahead": " & (x > 0) => ",
+    "one flank was forgotten: take the absolute value of y": (f"{_FLANK} => y < half + margin"),
+    "the other flank was forgotten: take the absolute value of y": (
+        f"{_FLANK} => y > -half - margin"
+    ),
+    "a step is never negative: a robot that is too near stays": (
+        "max(ahead.min() - half - margin, 0.0) => (ahead.min() - half - margin)"
+    ),
+    "where nothing is in the way it may go on for ever": "else np.inf => else 0.0",
+    "this is the distance of the nearest point: how far it is ahead counts": (
+        "ahead = x[ => ahead = np.hypot(x, y)["
+    ),
+    "the farthest point ahead was taken: the nearest stops the robot": (
+        "ahead.min() => ahead.max()"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 4: a guard with a bug
+#
+# The margin was added in front and forgotten at the flanks. A wall is as wide as the robot, so it
+# meets the centre line and the bug cannot be seen; a post is not. Test a guard with single
+# points, at all its edges.
+
+# %% [markdown] tags=["solution"]
+# Whoever plays safe and lets every point ahead stop the robot has no collisions, and no doors
+# either:
+
+# %% active="ipynb" tags=["solution"]
+# def timid(points, half, margin):
+#     ahead = points[points[:, 0] > 0, 0]
+#     return max(ahead.min() - half - margin, 0.0) if len(ahead) else np.inf
+#
+# check_free_step(timid)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: the frontier
+
+
+# %% tags=["private"]
 def _beside(
     mask: Any, diagonal: bool = False, outside: bool = False, sides: Any = slice(4)
 ) -> Any:
@@ -382,20 +628,51 @@ def _beside(
     return np.any(parts, axis=0)
 
 
-def _rolled(state: Ints) -> Any:
+# %% tags=["exercise"]
+def frontier(state: Ints) -> Any:
+    """Where the unknown begins.
+
+    Parameters
+    ----------
+    state : ndarray of int, shape (rows, columns)
+        0 unknown, 1 free, 2 occupied.
+
+    Returns
+    -------
+    ndarray of bool, shape (rows, columns)
+        True for free cells with an unknown cell directly above, below, left or
+        right. Beyond the edge of the map there is nothing, and nothing is not unknown.
+    """
     unknown = state == 0
-    beside = [np.roll(unknown, step, axis) for step in (1, -1) for axis in (0, 1)]
-    return np.any(beside, axis=0) & (state == 1)
+    beside = np.zeros_like(unknown)
+    beside[1:] |= unknown[:-1]
+    beside[:-1] |= unknown[1:]
+    beside[:, 1:] |= unknown[:, :-1]
+    beside[:, :-1] |= unknown[:, 1:]
+    return beside & (state == 1)
 
 
+# %% active="ipynb" tags=["try"]
+# frontier(np.array([[1, 1, 0], [2, 1, 1]]))
+
+# %% [markdown] tags=["hint"]
+# Begin with the mask `state == 0`. Which cells lie to the right of an unknown one? Shift the mask.
+
+# %% [markdown] tags=["hint"]
+# `np.roll` carries what leaves on one side back in on the other. Slices do not: `beside[:, 1:] |=
+# unknown[:, :-1]`.
+
+
+# %% tags=["cases"]
 def _a_map(rng: np.random.Generator) -> Any:
     return (rng.choice([0, 1, 1, 1, 2], size=rng.integers(1, 9, 2)),)
 
 
 _ISLAND = np.pad(np.ones((3, 3), dtype=int), 1)
 
+
 check_frontier = Check(
-    _frontier,
+    frontier,
     "frontier",
     {
         "an island of free floor: its rim": (_ISLAND,),
@@ -407,69 +684,134 @@ check_frontier = Check(
         "a column": ([[0], [1], [1], [2], [0]],),
         "any map": _a_map,
     },
-    {
-        "these are the unknown cells beside free ones: the robot can stand on the free side": (
-            lambda s: _beside(s == 1) & (s == 0)
-        ),
-        "cells beside a wall came too: only an unknown neighbour makes a frontier": (
-            lambda s: _beside(s != 1) & (s == 1)
-        ),
-        "np.roll wraps around: the left edge is no neighbour of the right one": _rolled,
-        "beyond the edge of the map there is nothing, and nothing is not unknown": (
-            lambda s: _beside(s == 0, outside=True) & (s == 1)
-        ),
-        "only two of the four neighbours were looked at": (
-            lambda s: _beside(s == 0, sides=slice(2)) & (s == 1)
-        ),
-        "only left and right were looked at": (
-            lambda s: _beside(s == 0, sides=slice(0, 4, 2)) & (s == 1)
-        ),
-        "walls came too: a frontier cell is free": lambda s: _beside(s == 0) & (s != 0),
-        "diagonal neighbours were counted: above, below, left and right only": (
-            lambda s: _beside(s == 0, diagonal=True) & (s == 1)
-        ),
-        "all free cells came: only those with an unknown neighbour are due": lambda s: s == 1,
-        "all cells beside unknown ones came: a frontier cell is free": lambda s: _beside(s == 0),
-        "these are the places of the cells: true or false is due for each": (
-            lambda s: np.argwhere(_beside(s == 0) & (s == 1))
-        ),
-    },
 )
 
 
-# Exercise 6: the way to the frontier, assembled and run.
+# %% tags=["mistakes"]
+def _rolled(state: Ints) -> Any:
+    unknown = state == 0
+    beside = [np.roll(unknown, step, axis) for step in (1, -1) for axis in (0, 1)]
+    return np.any(beside, axis=0) & (state == 1)
 
 
-def _way_to_frontier(state: Ints, cell: Ints) -> Any:
-    """Cells (k, 2) of a shortest way from a free cell to the nearest frontier cell, both in it.
+check_frontier.mistakes = {
+    "these are the unknown cells beside free ones: the robot can stand on the free side": (
+        lambda s: _beside(s == 1) & (s == 0)
+    ),
+    "cells beside a wall came too: only an unknown neighbour makes a frontier": (
+        lambda s: _beside(s != 1) & (s == 1)
+    ),
+    "np.roll wraps around: the left edge is no neighbour of the right one": _rolled,
+    "beyond the edge of the map there is nothing, and nothing is not unknown": (
+        lambda s: _beside(s == 0, outside=True) & (s == 1)
+    ),
+    "only two of the four neighbours were looked at": (
+        lambda s: _beside(s == 0, sides=slice(2)) & (s == 1)
+    ),
+    "only left and right were looked at": (
+        lambda s: _beside(s == 0, sides=slice(0, 4, 2)) & (s == 1)
+    ),
+    "walls came too: a frontier cell is free": lambda s: _beside(s == 0) & (s != 0),
+    "diagonal neighbours were counted: above, below, left and right only": (
+        lambda s: _beside(s == 0, diagonal=True) & (s == 1)
+    ),
+    "all free cells came: only those with an unknown neighbour are due": lambda s: s == 1,
+    "all cells beside unknown ones came: a frontier cell is free": lambda s: _beside(s == 0),
+    "these are the places of the cells: true or false is due for each": (
+        lambda s: np.argwhere(_beside(s == 0) & (s == 1))
+    ),
+}
 
-    It steps up, down, left and right through free cells; shape (0, 2) if no frontier is reached.
+# %% [markdown] tags=["solution"]
+# ## Solution 5: the frontier
+#
+# Shift the mask of unknown cells by one cell each way, with slices, so that nothing comes in from
+# the other side.
+
+# %% [markdown] tags=["solution"]
+# With `np.roll` a robot at the left edge would be sent to explore the unknown at the right edge:
+
+# %% active="ipynb" tags=["solution"]
+# def rolled(state):
+#     unknown = state == 0
+#     beside = [np.roll(unknown, step, axis) for step in (1, -1) for axis in (0, 1)]
+#     return np.any(beside, axis=0) & (state == 1)
+#
+# check_frontier(rolled)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 6: the way to the frontier, and a tour
+#
+# Now assemble an explorer. It drives from its cell to the nearest frontier cell, looks round, and
+# asks again, until no frontier can be reached. Nearest is meant on foot: up, down, left and
+# right, through free cells only.
+#
+# The check tries your search on many maps; every shortest way is right. Then it lets it explore a
+# flat of three rooms and a corridor, with a robot that sees two cells far: all of the floor must
+# be seen within 250 moves.
+
+
+# %% tags=["exercise"]
+def way_to_frontier(state: Ints, cell: Ints) -> Any:
+    """A shortest way to the nearest frontier cell.
+
+    Parameters
+    ----------
+    state : ndarray of int, shape (rows, columns)
+        0 unknown, 1 free, 2 occupied.
+    cell : ndarray of int, shape (2,)
+        Row and column of the robot; the cell is free.
+
+    Returns
+    -------
+    ndarray of int, shape (k, 2)
+        All cells of the way, from the robot's to the frontier cell, both included;
+        one cell if the robot stands on the frontier, none if no frontier cell can be
+        reached.
     """
-    edge, start = _frontier(state), tuple(cell.tolist())
-    before: dict[Any, Any] = {start: None}
-    queue = [start]
+    edge = frontier(state)
+    start = tuple(cell)
+    before, queue = {start: None}, [start]
     for here in queue:
         if edge[here]:
             way = [here]
             while before[way[-1]] is not None:
                 way.append(before[way[-1]])
             return np.array(way[::-1])
-        for step in ((0, 1), (1, 0), (0, -1), (-1, 0)):
-            there = (here[0] + step[0], here[1] + step[1])
-            if min(there) >= 0 and there[0] < len(state) and there[1] < len(state[0]):
-                if state[there] == 1 and there not in before:
-                    before[there] = here
-                    queue.append(there)
+        for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            there = here[0] + step[0], here[1] + step[1]
+            on_map = 0 <= there[0] < state.shape[0] and 0 <= there[1] < state.shape[1]
+            if on_map and state[there] == 1 and there not in before:
+                before[there] = here
+                queue.append(there)
     return np.zeros((0, 2), dtype=int)
 
 
+# %% active="ipynb" tags=["try"]
+# way_to_frontier(np.array([[1, 1, 0], [2, 1, 1]]), np.array([0, 0]))
+
+# %% [markdown] tags=["hint"]
+# A list of cells to visit, the robot's first. Take the next one from its front, put its free
+# neighbours that are not yet known at its end. The first frontier cell that you take is a nearest
+# one: cells come in the order of their distance.
+
+# %% [markdown] tags=["hint"]
+# A dictionary `before` tells for each cell from which one it was found, and is the list of known
+# cells too. From the frontier cell it leads back to the robot; turn that list round.
+
+# %% [markdown] tags=["hint"]
+# `state[row, column]` with a row of -1 is the last row. Test that a neighbour lies on the map
+# before you look at it.
+
+
+# %% tags=["cases"]
 def _fault(way: Any, state: Ints, cell: Ints) -> str:
     """Say what is wrong with a way; nothing if it is one of the shortest."""
     try:
         cells = np.array(way, dtype=float)
     except (TypeError, ValueError):
         return "the cells of the way are due, an array of shape (k, 2)"
-    due = len(_way_to_frontier(state, cell))
+    due = len(way_to_frontier(state, cell))
     if cells.size == 0:
         return "" if due == 0 else f"nothing came: there is a way of {due} cells"
     if cells.ndim != 2 or cells.shape[1] != 2 or (cells != np.rint(cells)).any():
@@ -482,7 +824,7 @@ def _fault(way: Any, state: Ints, cell: Ints) -> str:
         return "the way must begin at the robot's cell"
     if (np.abs(np.diff(cells, axis=0)).sum(1) != 1).any():
         return "the way jumps: it steps to the cell above, below, left or right"
-    if not _frontier(state)[tuple(cells[-1])]:
+    if not frontier(state)[tuple(cells[-1])]:
         return "the way does not end at a frontier cell"
     return "" if len(cells) == due else f"a way of {len(cells)} cells came, {due} are enough"
 
@@ -540,11 +882,33 @@ def _big(rng: np.random.Generator) -> Any:
     return state, corner
 
 
+check_way = Check(
+    way_to_frontier,
+    "way",
+    {
+        "the robot stands on the frontier": ([[1, 0], [1, 1]], [0, 0]),
+        "a corridor": ([[2, 2, 2, 2], [1, 1, 1, 0], [2, 2, 2, 2]], [1, 0]),
+        "round a corner": ([[1, 1, 1], [1, 2, 1], [1, 2, 0]], [2, 0]),
+        "near through the wall, far on foot": (
+            [[1, 2, 0, 0], [1, 2, 1, 1], [1, 2, 2, 1], [1, 1, 1, 1]],
+            [1, 0],
+        ),
+        "everything is seen": (np.ones((3, 3), dtype=int), [1, 1]),
+        "a frontier that cannot be reached": ([[1, 1, 2, 1, 0]], [0, 0]),
+        "any map": _a_place,
+        "a larger map": _big,
+        "a tour of a flat": (_two_rooms(), [3, 3]),
+    },
+    use=_explored,
+)
+
+
+# %% tags=["mistakes"]
 def _from(measure: Function) -> Function:
     """Return a search that goes to another frontier cell than the nearest by steps."""
 
     def wrong(state: Ints, cell: Ints) -> Any:
-        edges = np.argwhere(_frontier(state))
+        edges = np.argwhere(frontier(state))
         if not len(edges):
             return np.zeros((0, 2), dtype=int)
         goal = edges[int(np.argmin(measure(edges, cell)))]
@@ -569,48 +933,58 @@ def _ways(state: Ints, cell: Ints) -> dict[Any, Any]:
     return ways
 
 
-check_way = Check(
-    _way_to_frontier,
-    "way",
-    {
-        "the robot stands on the frontier": ([[1, 0], [1, 1]], [0, 0]),
-        "a corridor": ([[2, 2, 2, 2], [1, 1, 1, 0], [2, 2, 2, 2]], [1, 0]),
-        "round a corner": ([[1, 1, 1], [1, 2, 1], [1, 2, 0]], [2, 0]),
-        "near through the wall, far on foot": (
-            [[1, 2, 0, 0], [1, 2, 1, 1], [1, 2, 2, 1], [1, 1, 1, 1]],
-            [1, 0],
-        ),
-        "everything is seen": (np.ones((3, 3), dtype=int), [1, 1]),
-        "a frontier that cannot be reached": ([[1, 1, 2, 1, 0]], [0, 0]),
-        "any map": _a_place,
-        "a larger map": _big,
-        "a tour of a flat": (_two_rooms(), [3, 3]),
-    },
-    {
-        "the frontier cell nearest as the crow flies is not the nearest on foot": _from(
-            lambda edges, cell: np.hypot(*(edges - cell).T)
-        ),
-        "the farthest frontier cell came: the nearest is due": _from(
-            lambda edges, cell: -np.hypot(*(edges - cell).T)
-        ),
-        "the first frontier cell of the map came: the nearest is due": _from(
-            lambda edges, cell: np.arange(len(edges))
-        ),
-        "the way leads through unknown cells: free ones only": (
-            "if state[there] == 1 and there not in before:"
-            " => if state[there] != 2 and there not in before:",
-            "if edge[here]: => if state[here] == 0:",
-        ),
-        "the way begins at the frontier: it must begin at the robot": "way[::-1] => way",
-        "the robot's own cell is missing: the way begins there": (
-            "way[::-1]) => way[::-1][1:]).reshape(-1, 2)"
-        ),
-        "this goes deep first: the first way found is not the shortest": (
-            "for here in queue: => while queue:\n        here = queue.pop()"
-        ),
-        "it walks through walls": (
-            "if state[there] == 1 and there not in before: => if there not in before:"
-        ),
-    },
-    use=_explored,
-)
+check_way.mistakes = {
+    "the frontier cell nearest as the crow flies is not the nearest on foot": _from(
+        lambda edges, cell: np.hypot(*(edges - cell).T)
+    ),
+    "the farthest frontier cell came: the nearest is due": _from(
+        lambda edges, cell: -np.hypot(*(edges - cell).T)
+    ),
+    "the first frontier cell of the map came: the nearest is due": _from(
+        lambda edges, cell: np.arange(len(edges))
+    ),
+    "the way leads through unknown cells: free ones only": (
+        ("on_map and state[there] == 1 and => on_map and state[there] != 2 and"),
+        ("if edge[here]: => if state[here] == 0:"),
+    ),
+    "the way begins at the frontier: it must begin at the robot": "way[::-1] => way",
+    "the robot's own cell is missing: the way begins there": (
+        "way[::-1]) => way[::-1][1:]).reshape(-1, 2)"
+    ),
+    "this goes deep first: the first way found is not the shortest": (
+        "for here in queue: => while queue:\n        here = queue.pop()"
+    ),
+    "it walks through walls": ("on_map and state[there] == 1 and => on_map and"),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 6: the way to the frontier, and a tour
+#
+# A search in rings: all cells one step away, then all two steps away. What to notice: the list
+# grows at its end while the loop walks along it, so nothing is sorted, and the first frontier
+# cell met is a nearest one.
+
+# %% [markdown] tags=["solution"]
+# A stack in place of the queue is one word less, and finds *a* way. It goes as far as it can
+# before it turns, so the first frontier cell it meets may be anywhere:
+
+# %% active="ipynb" tags=["solution"]
+# def deep(state, cell):
+#     edge, start = frontier(state), tuple(cell)
+#     before, stack = {start: None}, [start]
+#     while stack:
+#         here = stack.pop()
+#         if edge[here]:
+#             way = [here]
+#             while before[way[-1]] is not None:
+#                 way.append(before[way[-1]])
+#             return np.array(way[::-1])
+#         for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+#             there = here[0] + step[0], here[1] + step[1]
+#             on_map = 0 <= there[0] < state.shape[0] and 0 <= there[1] < state.shape[1]
+#             if on_map and state[there] == 1 and there not in before:
+#                 before[there] = here
+#                 stack.append(there)
+#     return np.zeros((0, 2), dtype=int)
+#
+# check_way(deep)
