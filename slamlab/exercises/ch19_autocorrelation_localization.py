@@ -1,7 +1,10 @@
-"""Checks of chapter 19: beams, autocorrelation, the turn between two scans, and the place.
+"""Exercises, chapter 19: beams, autocorrelation, the turn between two scans, and the place.
 
 The autocorrelation is P5's second (14), the turn what its `Whatangle` should return.
 """
+
+# mypy: disable-error-code="return-value"
+# A solution is written as a student writes it, without types inside.
 
 from __future__ import annotations
 
@@ -25,24 +28,67 @@ __all__ = [
 ]
 
 
-def _ranges(n: int) -> Any:
-    return lambda rng: np.round(rng.uniform(0.5, 9, n), 2)
+# %% [markdown] tags=["chapter"]
+# # Exercises 19: autocorrelation localization
+#
+# Six exercises that find a robot from one scan: the beams it needs, with a pencil; a signature, a
+# turn, a bug to find, the second-best place, and all of it assembled in the room of the thesis.
+# The chapter is [Autocorrelation localization](../19_autocorrelation_localization.ipynb). Replace
+# each `...` and run the check below it as often as you like.
+
+# %% [markdown] tags=["solution"]
+# # Solutions 19: autocorrelation localization
+#
+# The exercises are in [Exercises 19](../exercises/19_autocorrelation_localization.ipynb).
+
+# %% active="ipynb" tags=["imports"]
+# import numpy as np
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 1: how many beams, with a pencil
+#
+# A lidar with $N$ beams on the full circle tells a turn in whole beams, so it rounds. Any true
+# turn is as likely as any other. How many beams are needed, at least, for a root mean square
+# error of $\sigma$?
+#
+# On paper: between which two numbers does the rounding error lie, how is it distributed, and what
+# is the mean of its square?
 
 
-# Exercise 1: how many beams, with a pencil.
+# %% tags=["exercise"]
+def beams_for(sigma: float) -> int:
+    """Fewest beams for a given error of the heading.
 
+    Parameters
+    ----------
+    sigma : float
+        Root mean square error that is allowed (rad).
 
-def _beams_for(sigma: float) -> int:
-    """Fewest beams of a full circle whose rounding errs by at most sigma (rad, rms)."""
+    Returns
+    -------
+    int
+    """
     return int(np.ceil(2 * np.pi / (np.sqrt(12) * sigma)))
 
 
+# %% active="ipynb" tags=["try"]
+# beams_for(np.deg2rad(1.0))
+
+# %% [markdown] tags=["hint"]
+# With a distance $\Delta$ between beams the error is uniform between $-\Delta/2$ and $\Delta/2$.
+# Integrate $e^2$ over it and divide by $\Delta$.
+
+# %% [markdown] tags=["hint"]
+# A fraction of a beam cannot be bought. Which whole number keeps the promise?
+
+
+# %% tags=["cases"]
 def _errors(rng: np.random.Generator) -> Any:
     return (float(np.round(np.deg2rad(rng.uniform(0.1, 20)), 4)),)
 
 
 check_beams = Check(
-    _beams_for,
+    beams_for,
     "beams",
     {
         "one degree": (float(np.deg2rad(1.0)),),
@@ -50,49 +96,101 @@ check_beams = Check(
         "a hundredth of a radian": (0.01,),
         "any error": _errors,
     },
-    {
-        "the turn may lie anywhere between -1/2 and 1/2 beam: this takes the worst of them": (
-            lambda sigma: int(np.ceil(np.pi / sigma))
-        ),
-        "this is the distance of two beams: rounding errs by less": (
-            lambda sigma: int(np.ceil(2 * np.pi / sigma))
-        ),
-        "a twelfth is the variance of a uniform number: its root is due": (
-            lambda sigma: int(np.ceil(2 * np.pi / (12 * sigma)))
-        ),
-        "rounded down: with so few beams the error is larger than allowed": (
-            "np.ceil => np.floor"
-        ),
-        "rounded to the nearest number: with fewer beams the error is larger than allowed": (
-            lambda sigma: int(np.rint(2 * np.pi / (np.sqrt(12) * sigma)))
-        ),
-        "the circle has 2 pi": "2 * np.pi => np.pi",
-        "this takes the mean size of the error, a quarter of a beam: the rms is due": (
-            lambda sigma: int(np.ceil(2 * np.pi / (4 * sigma)))
-        ),
-        "the error runs over one beam, half to either side, not over two": (
-            lambda sigma: int(np.ceil(2 * np.pi / (np.sqrt(3) * sigma)))
-        ),
-        "the circle in degrees, the error in radians": "2 * np.pi => 360",
-    },
     draws=20,
 )
 
 
-# Exercise 2: circular autocorrelation.
+# %% tags=["mistakes"]
+def _ranges(n: int) -> Any:
+    return lambda rng: np.round(rng.uniform(0.5, 9, n), 2)
 
 
-def _autocorrelation(scan: Array) -> Array:
-    """R[tau] (N,) of a scan (N,), second (14) of P5 on a ring."""
-    return np.array([scan @ np.roll(scan, tau) for tau in range(len(scan))])
+check_beams.mistakes = {
+    "the turn may lie anywhere between -1/2 and 1/2 beam: this takes the worst of them": (
+        lambda sigma: int(np.ceil(np.pi / sigma))
+    ),
+    "this is the distance of two beams: rounding errs by less": (
+        lambda sigma: int(np.ceil(2 * np.pi / sigma))
+    ),
+    "a twelfth is the variance of a uniform number: its root is due": (
+        lambda sigma: int(np.ceil(2 * np.pi / (12 * sigma)))
+    ),
+    "rounded down: with so few beams the error is larger than allowed": ("np.ceil => np.floor"),
+    "rounded to the nearest number: with fewer beams the error is larger than allowed": (
+        lambda sigma: int(np.rint(2 * np.pi / (np.sqrt(12) * sigma)))
+    ),
+    "the circle has 2 pi": "2 * np.pi => np.pi",
+    "this takes the mean size of the error, a quarter of a beam: the rms is due": (
+        lambda sigma: int(np.ceil(2 * np.pi / (4 * sigma)))
+    ),
+    "the error runs over one beam, half to either side, not over two": (
+        lambda sigma: int(np.ceil(2 * np.pi / (np.sqrt(3) * sigma)))
+    ),
+    "the circle in degrees, the error in radians": "2 * np.pi => 360",
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 1: how many beams, with a pencil
+#
+# $\frac1\Delta\int_{-\Delta/2}^{\Delta/2} e^2\, de = \Delta^2/12$, so the error is
+# $\Delta/\sqrt{12}$ with $\Delta = 2\pi/N$. The fewest beams are $2\pi/(\sqrt{12}\,\sigma)$,
+# rounded up.
+
+# %% [markdown] tags=["solution"]
+# And numerically, for one degree:
+
+# %% active="ipynb" tags=["solution"]
+# turns = np.linspace(-np.pi, np.pi, 100_001)
+# for n in (beams_for(np.deg2rad(1.0)) - 1, beams_for(np.deg2rad(1.0))):
+#     error = turns - np.rint(turns * n / (2 * np.pi)) * 2 * np.pi / n
+#     print(f"{n} beams: {np.rad2deg(np.sqrt(np.mean(error**2))):.3f} degrees")
+
+# %% [markdown] tags=["solution"]
+# Half a beam is the worst that can happen. Whoever plans with it buys nearly twice as many beams:
+
+# %% active="ipynb" tags=["solution"]
+# check_beams(lambda sigma: int(np.ceil(np.pi / sigma)))
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 2: a signature without heading
+#
+# The second (14) of P5, on a ring of beams: $R[\tau] = \sum_j d_j\, d_{(j - \tau) \bmod N}$. A
+# loop will do; one FFT there and one back are faster.
 
 
-def _spectrum(scan: Array) -> Any:
-    return np.abs(np.fft.rfft(scan))
+# %% tags=["exercise"]
+def autocorrelation(scan: Array) -> Array:
+    """Circular autocorrelation of a scan.
+
+    Parameters
+    ----------
+    scan : ndarray, shape (N,)
+        Ranges (m) of beams spread evenly over the full circle.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        R[0] to R[N - 1] (m^2).
+    """
+    return np.fft.irfft(np.abs(np.fft.rfft(scan)) ** 2, len(scan))
 
 
+# %% active="ipynb" tags=["try"]
+# autocorrelation(np.array([5.0, 1.0, 4.0, 2.0]))
+
+# %% [markdown] tags=["hint"]
+# What is beam $-1$ of a ring with $N$ beams?
+
+# %% [markdown] tags=["hint"]
+# `np.roll(scan, tau)` is the scan moved by $\tau$ beams along the ring.
+
+# %% [markdown] tags=["hint"]
+# By FFT: the transform of $R$ is the squared modulus of the transform of the scan.
+# `np.fft.irfft(..., len(scan))` needs the length, or an odd $N$ comes back one short.
+
+# %% tags=["cases"]
 check_autocorrelation = Check(
-    _autocorrelation,
+    autocorrelation,
     "R",
     {
         "six beams": lambda rng: (_ranges(6)(rng),),
@@ -102,61 +200,112 @@ check_autocorrelation = Check(
         "two beams": ([3.0, 1.0],),
         "many beams": lambda rng: (_ranges(int(rng.integers(8, 60)))(rng),),
     },
-    {
-        "beyond its end the scan was taken for zero: the beams form a ring, so the index wraps": (
-            lambda scan: np.correlate(scan, scan, "full")[len(scan) - 1 :]
-        ),
-        "this is d[j] d[tau - j], a convolution: correlate d[j] with d[j - tau]": (
-            lambda scan: np.fft.irfft(np.fft.rfft(scan) ** 2, len(scan))
-        ),
-        "N + 1 values: the last repeats the first, as P5's `i <= Count` does": (
-            "range(len(scan)) => range(len(scan) + 1)"
-        ),
-        "the transform of R is the square of the amplitudes: the square is missing": (
-            lambda scan: np.fft.irfft(_spectrum(scan), len(scan))
-        ),
-        "this is the power spectrum: transform it back": lambda scan: _spectrum(scan) ** 2,
-        "irfft must be told the number of beams: without it an odd one loses a value": (
-            lambda scan: np.fft.irfft(_spectrum(scan) ** 2)
-        ),
-        "the mean was taken off first: (14) keeps it": (
-            lambda scan: _autocorrelation(scan - scan.mean())
-        ),
-        "divided by N: (14) is a sum, not a mean": (
-            lambda scan: _autocorrelation(scan) / len(scan)
-        ),
-        "divided by R[0]: in (14) R[0] is the sum of the squares, not 1": (
-            lambda scan: _autocorrelation(scan) / np.sum(scan**2)
-        ),
-        "only shifts up to half the circle: all N are due, symmetric as they are": (
-            lambda scan: _autocorrelation(scan)[: len(scan) // 2 + 1]
-        ),
-        "the shifts begin at 1: R[0] is the sum of the squares": (
-            "range(len(scan)) => range(1, len(scan) + 1)"
-        ),
-        "this is the sum of the differences, not of the products": (
-            "scan @ np.roll(scan, tau) => np.sum(np.abs(scan - np.roll(scan, tau)))"
-        ),
-    },
     tolerance=1e-8,
 )
 
 
-# Exercise 3: the turn between two scans.
+# %% tags=["mistakes"]
+def _spectrum(scan: Array) -> Any:
+    return np.abs(np.fft.rfft(scan))
 
 
-def _turn(before: Array, after: Array) -> float:
-    """Turn (rad, in (-pi, pi]) between two scans (N,) of one place, in whole beams."""
-    n = len(before)
-    fit = after[(np.arange(n) - np.arange(n)[:, None]) % n] @ before  # after[j] = before[j + m]
-    angle = int(np.argmax(fit)) * 2 * np.pi / n
+check_autocorrelation.mistakes = {
+    "beyond its end the scan was taken for zero: the beams form a ring, so the index wraps": (
+        lambda scan: np.correlate(scan, scan, "full")[len(scan) - 1 :]
+    ),
+    "this is d[j] d[tau - j], a convolution: correlate d[j] with d[j - tau]": (
+        lambda scan: np.fft.irfft(np.fft.rfft(scan) ** 2, len(scan))
+    ),
+    "N + 1 values: the last repeats the first, as P5's `i <= Count` does": (
+        lambda scan: np.append(autocorrelation(scan), scan @ scan)
+    ),
+    "the transform of R is the square of the amplitudes: the square is missing": (
+        lambda scan: np.fft.irfft(_spectrum(scan), len(scan))
+    ),
+    "this is the power spectrum: transform it back": lambda scan: _spectrum(scan) ** 2,
+    "irfft must be told the number of beams: without it an odd one loses a value": (
+        lambda scan: np.fft.irfft(_spectrum(scan) ** 2)
+    ),
+    "the mean was taken off first: (14) keeps it": (
+        lambda scan: autocorrelation(scan - scan.mean())
+    ),
+    "divided by N: (14) is a sum, not a mean": (lambda scan: autocorrelation(scan) / len(scan)),
+    "divided by R[0]: in (14) R[0] is the sum of the squares, not 1": (
+        lambda scan: autocorrelation(scan) / np.sum(scan**2)
+    ),
+    "only shifts up to half the circle: all N are due, symmetric as they are": (
+        lambda scan: autocorrelation(scan)[: len(scan) // 2 + 1]
+    ),
+    "the shifts begin at 1: R[0] is the sum of the squares": (
+        lambda scan: np.roll(autocorrelation(scan), -1)
+    ),
+    "this is the sum of the differences, not of the products": (
+        lambda scan: [np.sum(np.abs(scan - np.roll(scan, tau))) for tau in range(len(scan))]
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 2: a signature without heading
+#
+# The Fourier transform turns a circular correlation into a product: that of $R$ is $D_k
+# \overline{D_k} = |D_k|^2$. A turn of the robot multiplies $D_k$ by a number of modulus one, and
+# the modulus forgets it.
+
+# %% [markdown] tags=["solution"]
+# `np.correlate` looks like the same thing and takes the scan for a signal with a beginning and an
+# end. A turned robot then has another signature:
+
+# %% active="ipynb" tags=["solution"]
+# def over_a_line(scan):
+#     return np.correlate(scan, scan, "full")[len(scan) - 1:]
+#
+# check_autocorrelation(over_a_line)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 3: how far did it turn?
+#
+# Two scans from one place, before and after a turn on the spot. Beam 0 looks straight ahead,
+# beams go counterclockwise. Give the turn that makes the scans agree best, in whole beams but as
+# an angle.
+
+
+# %% tags=["exercise"]
+def turn(before: Array, after: Array) -> float:
+    """Turn between two scans of one place.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (N,)
+        Ranges (m) of beams spread evenly over the full circle.
+
+    Returns
+    -------
+    float
+        Angle (rad) in (-pi, pi], positive to the left.
+    """
+    N = len(before)
+    product = np.fft.rfft(before) * np.conj(np.fft.rfft(after))
+    m = np.fft.irfft(product, N).argmax()
+    angle = m * 2 * np.pi / N
     return angle if angle <= np.pi else angle - 2 * np.pi
 
 
-def _wrapped(angle: float) -> float:
-    return float(np.pi - (np.pi - angle) % (2 * np.pi))
+# %% active="ipynb" tags=["try"]
+# turn(np.array([1.0, 2.0, 3.0, 4.0]), np.array([2.0, 3.0, 4.0, 1.0]))
+
+# %% [markdown] tags=["hint"]
+# After a turn to the left by $m$ beams, beam 0 sees what beam $m$ saw before.
+
+# %% [markdown] tags=["hint"]
+# For every $m$ compute the sum of `after[j] * before[j + m]`, with the index wrapped; the largest
+# sum wins.
+
+# %% [markdown] tags=["hint"]
+# `np.roll(before, -m)` is `before[j + m]`. Then multiply $m$ by the distance of two beams and
+# wrap: an angle above $\pi$ is a turn to the right.
 
 
+# %% tags=["cases"]
 @drawn
 def _turned(
     rng: np.random.Generator, shift: int | None = None, door: bool = False, n: int | None = None
@@ -171,7 +320,7 @@ def _turned(
 
 
 check_turn = Check(
-    _turn,
+    turn,
     "turn",
     {
         "a turn to the left by two beams": _turned(2, n=12),
@@ -182,56 +331,113 @@ check_turn = Check(
         "an odd number of beams": _turned(n=9),
         "any turn": _turned(),
     },
-    {
-        "the sign is turned: a robot that turns left sees at beam 0 what it saw on its left": (
-            lambda before, after: _wrapped(-_turn(before, after))
-        ),
-        "this is a number of beams, as P5's `Whatangle` returns: multiply by 2 pi / N": (
-            lambda before, after: _turn(before, after) * len(before) / (2 * np.pi)
-        ),
-        "this is a number of beams, and not wrapped: a turn to the right is negative": (
-            "int(np.argmax(fit)) * 2 * np.pi / n => int(np.argmax(fit))",
-            "angle if angle <= np.pi else angle - 2 * np.pi => angle",
-        ),
-        "these are degrees: radians are due": (
-            lambda before, after: np.rad2deg(_turn(before, after))
-        ),
-        "not wrapped: a turn to the right is negative, in (-pi, pi]": (
-            "angle if angle <= np.pi else angle - 2 * np.pi => angle"
-        ),
-        "half a turn is pi, not -pi": "<= np.pi => < np.pi",
-        "N beams share the full circle: their distance is 2 pi / N, not 2 pi / (N - 1)": (
-            lambda before, after: _turn(before, after) * len(before) / (len(before) - 1)
-        ),
-        "this follows the longest beam, as P5 does: one disturbed beam decides; use them all": (
-            lambda a, b: _wrapped((np.argmax(a) - np.argmax(b)) * 2 * np.pi / len(a))
-        ),
-        "this is the worst alignment: the correlation is largest where the scans agree": (
-            "argmax => argmin"
-        ),
-        "the difference at the best shift came: the shift itself is due": (
-            "int(np.argmax(fit)) * 2 * np.pi / n => float(np.max(fit))",
-            "angle if angle <= np.pi else angle - 2 * np.pi => angle",
-        ),
-    },
 )
 
 
-# Exercise 4: a bug to find.
+# %% tags=["mistakes"]
+def _wrapped(angle: float) -> float:
+    return float(np.pi - (np.pi - angle) % (2 * np.pi))
 
 
-def _refined(R: Array) -> float:
-    """Turn (rad, in (-pi, pi]) at the top of the parabola through the largest value of a ring."""
-    n = len(R)
-    m = int(np.argmax(R))
+check_turn.mistakes = {
+    "the sign is turned: a robot that turns left sees at beam 0 what it saw on its left": (
+        lambda before, after: _wrapped(-turn(before, after))
+    ),
+    "this is a number of beams, as P5's `Whatangle` returns: multiply by 2 pi / N": (
+        lambda before, after: turn(before, after) * len(before) / (2 * np.pi)
+    ),
+    "this is a number of beams, and not wrapped: a turn to the right is negative": (
+        ("m * 2 * np.pi / N => m"),
+        ("angle if angle <= np.pi else angle - 2 * np.pi => angle"),
+    ),
+    "these are degrees: radians are due": (lambda before, after: np.rad2deg(turn(before, after))),
+    "not wrapped: a turn to the right is negative, in (-pi, pi]": (
+        "angle if angle <= np.pi else angle - 2 * np.pi => angle"
+    ),
+    "half a turn is pi, not -pi": "<= np.pi => < np.pi",
+    "N beams share the full circle: their distance is 2 pi / N, not 2 pi / (N - 1)": (
+        lambda before, after: turn(before, after) * len(before) / (len(before) - 1)
+    ),
+    "this follows the longest beam, as P5 does: one disturbed beam decides; use them all": (
+        lambda a, b: _wrapped((np.argmax(a) - np.argmax(b)) * 2 * np.pi / len(a))
+    ),
+    "this is the worst alignment: the correlation is largest where the scans agree": (
+        "argmax => argmin"
+    ),
+    "the difference at the best shift came: the shift itself is due": (
+        ("irfft(product, N).argmax() => irfft(product, N).max()"),
+        ("m * 2 * np.pi / N => m"),
+        ("angle if angle <= np.pi else angle - 2 * np.pi => angle"),
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 3: how far did it turn?
+#
+# All beams vote. One FFT for each scan, the product of one with the conjugate of the other, and
+# back: the correlation at every shift at once.
+
+# %% [markdown] tags=["solution"]
+# Following the longest beam, as P5's `Whatangle` does, needs no correlation and works as long as
+# nothing happens to this one beam. A door that opens is enough:
+
+# %% active="ipynb" tags=["solution"]
+# def longest_beam(before, after):
+#     N = len(before)
+#     angle = (before.argmax() - after.argmax()) * 2 * np.pi / N
+#     return np.pi - (np.pi - angle) % (2 * np.pi)
+#
+# check_turn(longest_beam)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 4: between two beams, a bug to find
+#
+# The correlation is known at whole beams. Through its largest value and the two beside it goes a
+# parabola, and its top gives the turn to a fraction of a beam. This version was tested with turns
+# of 40 to 120 degrees, and passed. A robot that hardly turns at all gets worse answers from it
+# than without it.
+
+
+# %% tags=["exercise"]
+def refined(R: Array) -> float:
+    """Turn at the top of the correlation.
+
+    Parameters
+    ----------
+    R : ndarray, shape (N,)
+        Correlation of two scans at turns of 0 to N - 1 beams to the left, N at least
+        3. It has one largest value.
+
+    Returns
+    -------
+    float
+        Angle (rad) in (-pi, pi], to a fraction of a beam.
+    """
+    n, m = len(R), np.argmax(R)
     before, top, after = R[m - 1], R[m], R[(m + 1) % n]
     shift = 0.5 * (before - after) / (before - 2 * top + after)
-    return float(np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi))
+    return np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)
 
 
-_NEXT = "R[m - 1], R[m], R[(m + 1) % n]"
+# %% active="ipynb" tags=["stub"]
+#     n, m = len(R), np.argmax(R)
+#     before, top, after = R[max(m - 1, 0)], R[m], R[min(m + 1, n - 1)]
+#     shift = 0.5 * (before - after) / (before - 2 * top + after)
+#     return np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)
+
+# %% active="ipynb" tags=["try"]
+# refined(np.array([5.0, 4.0, 1.0, 0.5, 1.0, 2.0]))
+
+# %% [markdown] tags=["hint"]
+# In the call above the largest value stands first. Which two values are its neighbours, if the
+# beams form a ring?
+
+# %% [markdown] tags=["hint"]
+# `max` and `min` keep the index inside the list. A ring is not a list: what does `R[-1]` give,
+# and what does `%` do to `N`?
 
 
+# %% tags=["cases"]
 @drawn
 def _peak(rng: np.random.Generator, at: int | None = None, n: int | None = None) -> Any:
     """Draw a ring with its top near a beam, a parabola round it and less elsewhere."""
@@ -243,7 +449,7 @@ def _peak(rng: np.random.Generator, at: int | None = None, n: int | None = None)
 
 
 check_refined = Check(
-    _refined,
+    refined,
     "turn",
     {
         "a top exactly on a beam": ([1.0, 2.0, 5.0, 2.0, 1.0, 0.5],),
@@ -255,55 +461,120 @@ check_refined = Check(
         "an odd number of beams": _peak(n=9),
         "any ring": _peak(),
     },
-    {
-        "the neighbour was cut off at the end of the list: after the last beam comes the first": (
-            f"{_NEXT} => R[max(m - 1, 0)], R[m], R[min(m + 1, n - 1)]"
-        ),
-        "the neighbour before the first beam was cut off: it is the last one": (
-            f"{_NEXT} => R[max(m - 1, 0)], R[m], R[(m + 1) % n]"
-        ),
-        "the neighbour after the last beam was cut off: it is the first one": (
-            f"{_NEXT} => R[m - 1], R[m], R[min(m + 1, n - 1)]"
-        ),
-        "at the ends of the list the top was not refined: the ring has no ends": (
-            "shift = 0.5 * => shift = (0 < m < n - 1) * 0.5 *"
-        ),
-        "the top was not refined: this is a whole number of beams": (
-            "0.5 * (before - after) / (before - 2 * top + after) => 0.0"
-        ),
-        "the shift has the wrong sign: the top lies towards the larger neighbour": (
-            "(m + shift) => (m - shift)"
-        ),
-        "the half in front of the fraction is missing": "0.5 * (before => (before",
-        "the curvature is before - 2 top + after": "2 * top => top",
-        "this is a number of beams: multiply by 2 pi / N": (
-            "float(np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)) => m + shift"
-        ),
-        "these are degrees: radians are due": lambda R: np.rad2deg(_refined(R)),
-        "not wrapped: a turn to the right is negative, in (-pi, pi]": (
-            "np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)"
-            " => (m + shift) * 2 * np.pi / n"
-        ),
-        "this is the height of the top: its place is due": (lambda R: float(R.max())),
-    },
     tolerance=1e-8,
 )
 
+# %% tags=["mistakes"]
+_NEXT = "R[m - 1], R[m], R[(m + 1) % n]"
 
-# Exercise 5: the second-best place.
+
+check_refined.mistakes = {
+    "the neighbour was cut off at the end of the list: after the last beam comes the first": (
+        f"{_NEXT} => R[max(m - 1, 0)], R[m], R[min(m + 1, n - 1)]"
+    ),
+    "the neighbour before the first beam was cut off: it is the last one": (
+        f"{_NEXT} => R[max(m - 1, 0)], R[m], R[(m + 1) % n]"
+    ),
+    "the neighbour after the last beam was cut off: it is the first one": (
+        f"{_NEXT} => R[m - 1], R[m], R[min(m + 1, n - 1)]"
+    ),
+    "at the ends of the list the top was not refined: the ring has no ends": (
+        "shift = 0.5 * => shift = (0 < m < n - 1) * 0.5 *"
+    ),
+    "the top was not refined: this is a whole number of beams": (
+        "0.5 * (before - after) / (before - 2 * top + after) => 0.0"
+    ),
+    "the shift has the wrong sign: the top lies towards the larger neighbour": (
+        "(m + shift) => (m - shift)"
+    ),
+    "the half in front of the fraction is missing": "0.5 * (before => (before",
+    "the curvature is before - 2 top + after": "2 * top => top",
+    "this is a number of beams: multiply by 2 pi / N": (
+        "return np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi) => return m + shift"
+    ),
+    "these are degrees: radians are due": lambda R: np.rad2deg(refined(R)),
+    "not wrapped: a turn to the right is negative, in (-pi, pi]": (
+        "np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)"
+        " => (m + shift) * 2 * np.pi / n"
+    ),
+    "this is the height of the top: its place is due": (lambda R: float(R.max())),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 4: between two beams, a bug to find
+#
+# Where the largest value stands at an end of the list, the old version takes it for its own
+# neighbour: a parabola through two equal values has its top half-way between them, so a robot
+# that has not turned is told that it turned by half a beam. `R[-1]` is right already; the other
+# end needs the remainder.
+
+# %% [markdown] tags=["solution"]
+# Leaving the top alone at both ends does less harm, and gives away the fraction just where a
+# robot that drives straight on needs it:
+
+# %% active="ipynb" tags=["solution"]
+# def not_at_the_ends(R):
+#     m = np.argmax(R)
+#     if 0 < m < len(R) - 1:
+#         return refined(R)
+#     return np.pi - (np.pi - m * 2 * np.pi / len(R)) % (2 * np.pi)
+#
+# check_refined(not_at_the_ends)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: the second-best place
+#
+# A map has proposed places, and each has been given a misfit. Report the best one, the best one
+# *elsewhere*, and how much worse it fits. A robot that is told a small margin knows that it does
+# not know.
 
 
-def _second_best(places: Array, misfits: Array, separation: float) -> tuple[int, int, float]:
-    """Rows of the best and of the best distinct place, and how much worse that one fits."""
-    best = int(np.argmin(misfits))
+# %% tags=["exercise"]
+def second_best(places: Array, misfits: Array, separation: float) -> tuple[int, int, float]:
+    """Best place, best distinct place, and the margin between them.
+
+    Parameters
+    ----------
+    places : ndarray, shape (k, 2)
+        Candidates (m).
+    misfits : ndarray, shape (k,)
+        Mean misfit of a beam at each candidate (m).
+    separation : float
+        Places are distinct if they are farther apart than this (m). At least one
+        candidate is distinct from the best.
+
+    Returns
+    -------
+    best : int
+        Row of the best candidate.
+    second : int
+        Row of the best candidate that is distinct from it.
+    margin : float
+        How much worse the second fits (m).
+    """
+    best = misfits.argmin()
     far = np.linalg.norm(places - places[best], axis=1) > separation
-    second = int(np.argmin(np.where(far, misfits, np.inf)))
-    return best, second, float(misfits[second] - misfits[best])
+    second = np.where(far, misfits, np.inf).argmin()
+    return best, second, misfits[second] - misfits[best]
 
 
-_FAR = "np.linalg.norm(places - places[best], axis=1) > separation"
+# %% active="ipynb" tags=["try"]
+# second_best(np.array([[1.0, 1.0], [1.0, 1.1], [3.0, 3.0]]),
+#             np.array([0.01, 0.02, 0.03]), 0.5)
+
+# %% [markdown] tags=["hint"]
+# The place with the second-smallest misfit is nearly always a neighbour of the best one. It says
+# nothing about ambiguity.
+
+# %% [markdown] tags=["hint"]
+# `np.linalg.norm(places - places[best], axis=1)` are the distances from the best place.
+
+# %% [markdown] tags=["hint"]
+# `np.where(far, misfits, np.inf).argmin()` finds the best among the far ones and keeps the
+# numbering of the rows.
 
 
+# %% tags=["cases"]
 def _candidates(rng: np.random.Generator) -> Any:
     k = int(rng.integers(3, 15))
     places = np.round(rng.uniform(0, 3, (k, 2)), 2)
@@ -313,7 +584,7 @@ def _candidates(rng: np.random.Generator) -> Any:
 
 
 check_second_best = Check(
-    _second_best,
+    second_best,
     "best, second, margin",
     {
         "two places that look alike": (
@@ -335,82 +606,152 @@ check_second_best = Check(
         "two candidates": ([[0, 0], [1, 0]], [0.3, 0.1], 0.5),
         "any candidates": _candidates,
     },
-    {
-        "a neighbour of the best place is no second answer: it must be farther away": (
-            f"{_FAR} => np.arange(len(places)) != best"
-        ),
-        "squared distances were compared with the separation: take the root": (
-            f"{_FAR} => ((places - places[best]) ** 2).sum(1) > separation"
-        ),
-        "only x was compared: a place straight above is distinct too": (
-            f"{_FAR} => np.abs(places - places[best])[:, 0] > separation"
-        ),
-        "only y was compared: a place straight beside is distinct too": (
-            f"{_FAR} => np.abs(places - places[best])[:, 1] > separation"
-        ),
-        "distances were taken from the origin: take them from the best place": (
-            f"{_FAR} => (np.linalg.norm(places, axis=1) > separation) & (misfits > misfits[best])"
-        ),
-        "exactly at the separation is not farther": "> separation => >= separation",
-        "this is the farthest place: of those far enough the best fit is due": (
-            "np.argmin(np.where(far, misfits, np.inf))"
-            " => np.argmax(np.linalg.norm(places - places[best], axis=1))"
-        ),
-        "this is the first place far enough: of those the best fit is due": (
-            "np.argmin(np.where(far, misfits, np.inf)) => np.argmax(far)"
-        ),
-        "the margin is a difference of misfits (m), not a ratio": (
-            "misfits[second] - misfits[best] => misfits[second] / misfits[best]"
-        ),
-        "the margin was taken from the neighbour: take it from the best place": (
-            "misfits[second] - misfits[best] => misfits[second] - np.sort(misfits)[1]"
-        ),
-        "this is the misfit of the second place: the margin is a difference": (
-            "misfits[second] - misfits[best] => misfits[second]"
-        ),
-        "the margin has the wrong sign: the second place fits worse, so it is not negative": (
-            "misfits[second] - misfits[best] => misfits[best] - misfits[second]"
-        ),
-        "the row was counted among the places left over: rows of `places` are due": (
-            "return best, second, => return best, far[:second].sum(),"
-        ),
-        "best and second are exchanged": (
-            lambda *case: (_second_best(*case)[1], _second_best(*case)[0], _second_best(*case)[2])
-        ),
-        "the best fit has the smallest misfit, not the largest": (
-            "np.argmin(misfits) => np.argmax(misfits)",
-            "np.where(far, misfits, np.inf) => np.where(far, -misfits, np.inf)",
-        ),
-    },
     draws=12,
 )
 
+# %% tags=["mistakes"]
+_FAR = "np.linalg.norm(places - places[best], axis=1) > separation"
 
-# Exercise 6: where am I? Assembled.
+
+check_second_best.mistakes = {
+    "a neighbour of the best place is no second answer: it must be farther away": (
+        f"{_FAR} => np.arange(len(places)) != best"
+    ),
+    "squared distances were compared with the separation: take the root": (
+        f"{_FAR} => ((places - places[best]) ** 2).sum(1) > separation"
+    ),
+    "only x was compared: a place straight above is distinct too": (
+        f"{_FAR} => np.abs(places - places[best])[:, 0] > separation"
+    ),
+    "only y was compared: a place straight beside is distinct too": (
+        f"{_FAR} => np.abs(places - places[best])[:, 1] > separation"
+    ),
+    "distances were taken from the origin: take them from the best place": (
+        f"{_FAR} => (np.linalg.norm(places, axis=1) > separation) & (misfits > misfits[best])"
+    ),
+    "exactly at the separation is not farther": "> separation => >= separation",
+    "this is the farthest place: of those far enough the best fit is due": (
+        "np.where(far, misfits, np.inf).argmin()"
+        " => np.argmax(np.linalg.norm(places - places[best], axis=1))"
+    ),
+    "this is the first place far enough: of those the best fit is due": (
+        "np.where(far, misfits, np.inf).argmin() => np.argmax(far)"
+    ),
+    "the margin is a difference of misfits (m), not a ratio": (
+        "misfits[second] - misfits[best] => misfits[second] / misfits[best]"
+    ),
+    "the margin was taken from the neighbour: take it from the best place": (
+        "misfits[second] - misfits[best] => misfits[second] - np.sort(misfits)[1]"
+    ),
+    "this is the misfit of the second place: the margin is a difference": (
+        "misfits[second] - misfits[best] => misfits[second]"
+    ),
+    "the margin has the wrong sign: the second place fits worse, so it is not negative": (
+        "misfits[second] - misfits[best] => misfits[best] - misfits[second]"
+    ),
+    "the row was counted among the places left over: rows of `places` are due": (
+        "return best, second, => return best, far[:second].sum(),"
+    ),
+    "best and second are exchanged": (
+        lambda *case: (second_best(*case)[1], second_best(*case)[0], second_best(*case)[2])
+    ),
+    "the best fit has the smallest misfit, not the largest": (
+        ("best = misfits.argmin() => best = misfits.argmax()"),
+        ("np.where(far, misfits, np.inf) => np.where(far, -misfits, np.inf)"),
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: the second-best place
+#
+# Setting the near places to infinity keeps the numbering of the rows, which cutting them out
+# would not.
+
+# %% [markdown] tags=["solution"]
+# The second-smallest misfit belongs to the place next door. Its margin is small in every room, so
+# a flag made from it is raised always and says nothing:
+
+# %% active="ipynb" tags=["solution"]
+# def second_smallest(places, misfits, separation):
+#     best, second = np.argsort(misfits)[:2]
+#     return best, second, misfits[second] - misfits[best]
+#
+# check_second_best(second_smallest)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 6: where am I?
+#
+# Now assemble. A map holds one scan for each of its places, all taken while looking along x. A
+# robot somewhere in it takes a scan, turned by whatever its heading is. In three steps:
+#
+# 1. Signatures: the moduli of the harmonics 0 to 7, of every scan of the map and of the new one.
+#   The `nearest` places by the length of the difference are candidates.
+# 2. Each candidate is turned by `turn` of exercise 3, and its misfit is the mean absolute
+#   difference of the beams.
+# 3. The best candidate gives the place, its turn the heading. The margin tells how much worse the
+#   best candidate elsewhere fits.
+#
+# The check also takes twenty scans in the room of the thesis, with a place of the map every 20
+# cm. Nine in ten must be found within 20 cm and 9 degrees.
 
 
-def _locate(
+# %% tags=["exercise"]
+def locate(
     places: Array, scans: Array, scan: Array, nearest: int, separation: float
 ) -> tuple[Array, float]:
-    """Pose (3,) of a scan (N,) in a map of scans (P, N), and the margin to the second-best place.
+    """Pose of a robot from one scan.
 
-    The `nearest` places by the moduli of the harmonics 0 to 7 are candidates; each is turned to
-    fit the scan best, and the mean absolute difference of the beams is its misfit. The margin is
-    infinite if no candidate is farther than `separation` from the best.
+    Parameters
+    ----------
+    places : ndarray, shape (P, 2)
+        Places of the map (m).
+    scans : ndarray, shape (P, N)
+        Their scans (m), taken with heading 0.
+    scan : ndarray, shape (N,)
+        What the robot sees now (m).
+    nearest : int
+        Number of candidates.
+    separation : float
+        Candidates farther than this from the best one are distinct (m).
+
+    Returns
+    -------
+    pose : ndarray, shape (3,)
+        Place (m) and heading (rad) of the best candidate.
+    margin : float
+        How much worse the best distinct candidate fits (m); inf if there is none.
     """
-    amplitude = np.abs(np.fft.rfft(scans))[:, :8]
-    own = np.abs(np.fft.rfft(scan))[:8]
-    rows = np.argsort(np.linalg.norm(amplitude - own, axis=1))[:nearest]
-    turns = [_turn(scans[row], scan) for row in rows]
-    beams = [int(np.rint(turn * len(scan) / (2 * np.pi))) for turn in turns]
-    pairs = zip(rows, beams, strict=True)
-    misfits = np.array([np.mean(np.abs(np.roll(scans[r], -m) - scan)) for r, m in pairs])
-    best = int(np.argmin(misfits))
+    apart = np.abs(np.fft.rfft(scans))[:, :8] - np.abs(np.fft.rfft(scan))[:8]
+    rows = np.argsort(np.linalg.norm(apart, axis=1))[:nearest]
+    turns = np.array([turn(scans[row], scan) for row in rows])
+    beams = np.rint(turns * len(scan) / (2 * np.pi)).astype(int)
+    misfits = np.array(
+        [np.mean(np.abs(np.roll(scans[row], -m) - scan)) for row, m in zip(rows, beams)]
+    )
+    best = misfits.argmin()
     far = np.linalg.norm(places[rows] - places[rows[best]], axis=1) > separation
     margin = misfits[far].min() - misfits[best] if far.any() else np.inf
-    return np.append(places[rows[best]], turns[best]), float(margin)
+    return np.append(places[rows[best]], turns[best]), margin
 
 
+# %% active="ipynb" tags=["try"]
+# scan = np.array([2.0, 3.0, 4.0, 1.0])
+# locate(np.zeros((1, 2)), np.array([[1.0, 2.0, 3.0, 4.0]]), scan, 1, 0.5)
+
+# %% [markdown] tags=["hint"]
+# `np.abs(np.fft.rfft(scans))[:, :8]` are all signatures of the map at once. `np.argsort` of the
+# distances gives the candidates as rows of the map.
+
+# %% [markdown] tags=["hint"]
+# `turn(before, after)` takes the scan of the map first. A heading of $m$ beams means that the
+# robot's beam 0 sees what the map's beam $m$ sees: compare with `np.roll(scans[row], -m)`.
+
+# %% [markdown] tags=["hint"]
+# `second_best` promises a distinct candidate, and here there may be none. Ask first whether any
+# is far enough.
+
+
+# %% tags=["cases"]
 @drawn
 def _map_of_scans(
     rng: np.random.Generator, places: int, beams: int, turn: int | None = None, twin: bool = False
@@ -474,7 +815,7 @@ def _located(
 
 
 check_locate = Check(
-    _locate,
+    locate,
     "pose, margin",
     {
         "a single place, not turned": _map_of_scans(1, 24, turn=0),
@@ -495,53 +836,75 @@ check_locate = Check(
         "many places": _map_of_scans(60, 40),
         "twenty scans in the thesis' room": (*_room()[:3], 8, 0.3),
     },
-    {
-        "the scans were compared as they are: turn each candidate to fit first": (
-            "turns = [_turn(scans[row], scan) for row in rows] => turns = [0.0 for row in rows]"
-        ),
-        "the place is that of the nearest signature: the signature proposes, the scan decides": (
-            "best = int(np.argmin(misfits)) => best = 0"
-        ),
-        "all places were compared: only the nearest by signature are candidates": (
-            "[:nearest] => [:]"
-        ),
-        "the heading has the wrong sign: the map looks along 0, the robot has turned left": (
-            "turns[best]) => -turns[best])"
-        ),
-        "the candidates were turned the wrong way": (
-            "np.roll(scans[r], -m) => np.roll(scans[r], m)"
-        ),
-        "the row among the candidates was taken for a row of the map": (
-            "np.append(places[rows[best]], turns[best]) => np.append(places[best], turns[best])"
-        ),
-        "the margin was taken from the next candidate: it must be farther than the separation": (
-            "misfits[far].min() - misfits[best] if far.any()"
-            " => np.sort(misfits)[1] - misfits[best] if len(misfits) > 1"
-        ),
-        "this is the misfit of the second place: the margin is a difference": (
-            "misfits[far].min() - misfits[best] => misfits[far].min()"
-        ),
-        "without a distinct candidate there is nothing to doubt: the margin is infinite": (
-            "else np.inf => else 0.0"
-        ),
-        "the signatures were compared with their phases: the modulus forgets the turn": (
-            "np.abs(np.fft.rfft(scans))[:, :8] => np.fft.rfft(scans)[:, :8]",
-            "np.abs(np.fft.rfft(scan))[:8] => np.fft.rfft(scan)[:8]",
-        ),
-        "the harmonic 0 was left out: it is the mean of the scan, and belongs to 0 to 7": (
-            "[:, :8] => [:, 1:8]",
-            "[:8] => [1:8]",
-        ),
-        "the squared difference was taken: the misfit is the mean absolute one": (
-            "np.mean(np.abs(np.roll(scans[r], -m) - scan))"
-            " => np.mean((np.roll(scans[r], -m) - scan) ** 2)"
-        ),
-        "the sum of the differences was taken: the misfit is their mean": (
-            "np.mean(np.abs(np.roll(scans[r], -m) - scan))"
-            " => np.sum(np.abs(np.roll(scans[r], -m) - scan))"
-        ),
-        "exactly at the separation is not farther": "> separation => >= separation",
-    },
     tolerance=1e-8,
     use=_located,
 )
+
+# %% tags=["mistakes"]
+check_locate.mistakes = {
+    "the scans were compared as they are: turn each candidate to fit first": (
+        "turn(scans[row], scan) for => 0.0 for"
+    ),
+    "the place is that of the nearest signature: the signature proposes, the scan decides": (
+        "best = misfits.argmin() => best = 0"
+    ),
+    "all places were compared: only the nearest by signature are candidates": (
+        "[:nearest] => [:]"
+    ),
+    "the heading has the wrong sign: the map looks along 0, the robot has turned left": (
+        "turns[best]) => -turns[best])"
+    ),
+    "the candidates were turned the wrong way": (
+        "np.roll(scans[row], -m) => np.roll(scans[row], m)"
+    ),
+    "the row among the candidates was taken for a row of the map": (
+        "np.append(places[rows[best]], turns[best]) => np.append(places[best], turns[best])"
+    ),
+    "the margin was taken from the next candidate: it must be farther than the separation": (
+        "misfits[far].min() - misfits[best] if far.any()"
+        " => np.sort(misfits)[1] - misfits[best] if len(misfits) > 1"
+    ),
+    "this is the misfit of the second place: the margin is a difference": (
+        "misfits[far].min() - misfits[best] => misfits[far].min()"
+    ),
+    "without a distinct candidate there is nothing to doubt: the margin is infinite": (
+        "else np.inf => else 0.0"
+    ),
+    "the signatures were compared with their phases: the modulus forgets the turn": (
+        "np.abs(np.fft.rfft(scans))[:, :8] => np.fft.rfft(scans)[:, :8]",
+        "np.abs(np.fft.rfft(scan))[:8] => np.fft.rfft(scan)[:8]",
+    ),
+    "the harmonic 0 was left out: it is the mean of the scan, and belongs to 0 to 7": (
+        "[:, :8] => [:, 1:8]",
+        "[:8] => [1:8]",
+    ),
+    "the squared difference was taken: the misfit is the mean absolute one": (
+        "np.mean(np.abs(np.roll(scans[row], -m) - scan))"
+        " => np.mean((np.roll(scans[row], -m) - scan) ** 2)"
+    ),
+    "the sum of the differences was taken: the misfit is their mean": (
+        "np.mean(np.abs(np.roll(scans[row], -m) - scan))"
+        " => np.sum(np.abs(np.roll(scans[row], -m) - scan))"
+    ),
+    "exactly at the separation is not farther": "> separation => >= separation",
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 6: where am I?
+#
+# The signature proposes, the scan decides, and the margin says whether to believe it.
+
+# %% [markdown] tags=["solution"]
+# Why not take the nearest signature and be done? A signature has lost the phases. It cannot tell
+# a place from its mirror image, and of many places that are alike in eight numbers only the whole
+# scan finds the right one:
+
+# %% active="ipynb" tags=["solution"]
+# def by_signature(places, scans, scan, nearest, separation):
+#     apart = np.abs(np.fft.rfft(scans))[:, :8] - np.abs(np.fft.rfft(scan))[:8]
+#     rows = np.argsort(np.linalg.norm(apart, axis=1))[:nearest]
+#     heading = turn(scans[rows[0]], scan)
+#     margin = locate(places, scans, scan, nearest, separation)[1]
+#     return np.append(places[rows[0]], heading), margin
+#
+# check_locate(by_signature)
