@@ -233,7 +233,7 @@ def look_up(parents: Ints, entries: Array, node: int, cell: int) -> float:
     while node >= 0:
         if not np.isnan(entries[node, cell]):
             return float(entries[node, cell])
-        # A parent stands before its children; whatever else is tried, the walk comes to an end.
+        # A parent comes before its children: the walk ends, whatever is tried.
         node = min(parents[node], node - 1)
     return float("nan")
 
