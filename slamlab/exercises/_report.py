@@ -1,18 +1,25 @@
 """Exercise checks that try many inputs and name the mistake.
 
-How one writes a check, in ten lines::
+An exercise stands once, in cells that jupytext and most editors know; ``make exercises`` writes
+both notebooks of it (`tools/exercises.py` says which cells there are). Its check, in ten lines::
 
-    def _update(mean: Array, cov: Array, z: Array, H: Array, R: Array) -> Belief:
-        '''Say what is due; the student's function is named like this, without underscore.'''
+    # %% tags=["exercise"]
+    def update(mean: Array, cov: Array, z: Array, H: Array, R: Array) -> Belief:
+        '''What the student reads; the body is the solution and the reference.'''
 
+    # %% tags=["cases"]
     check_update = Check(
-        _update,                                   # the reference; its annotations are the types
+        update,                                    # its annotations are the types of arguments
         "mean, cov",                               # names of the results
         {"one number": ([0.0], [[1.0]], ...),      # a property: one input, or ...
          "more states than readings": draw},       # ... draw(rng) -> input, for six seeded ones
-        {"R is missing in S": "+ R => ",           # a mistake: how the reference's source differs,
-         "the innovation has the wrong sign": f},  # or a wrong function
     )
+
+    # %% tags=["mistakes"]
+    check_update.mistakes = {
+        "R is missing in S": "+ R => ",            # how the solution's code differs,
+        "the innovation has the wrong sign": f,    # or a wrong function
+    }
 
 Annotations `float`, `int`, `bool`, `Array`, `Ints` and `Mask` say as what an argument arrives;
 anything else arrives as a copy. ``use=`` changes what is compared (see `Check`). Mistakes that
@@ -39,7 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamlab.exercises._general import NEARLY, general_mistakes
-from slamlab.exercises._values import agree, difference, overlap, plain, same, show
+from slamlab.exercises._values import agree, difference, overlap, places, plain, same, show
 
 __all__ = ["Array", "Check", "Function", "Ints", "Mask", "Observation", "Report"]
 
@@ -144,7 +151,8 @@ class Observation:
     """What a function did on one input: what came, or what it raised.
 
     `came` is plain data (numbers, arrays, lists, tuples, None), so that it can be sent from one
-    process to another; `changed` and `shared` name arguments.
+    process to another; `changed` and `shared` name arguments, `reused` says that an array of the
+    result was one of an earlier call.
     """
 
     came: Any = None
@@ -152,6 +160,7 @@ class Observation:
     stub: bool = False
     changed: tuple[str, ...] = ()
     shared: tuple[str, ...] = ()
+    reused: bool = False
 
 
 class Check:
@@ -160,7 +169,7 @@ class Check:
     Parameters
     ----------
     reference : callable
-        The right answer, private to its module; its annotations type the arguments.
+        The right answer; its annotations type the arguments.
     returns : str
         Names of the results, separated by commas.
     properties : mapping
@@ -233,15 +242,19 @@ class Check:
 
     def passes(self, student: Function) -> bool:
         """Say whether a function passes, edges too, stopping at the first failure."""
+        kept: dict[Any, Any] = {}
         for (_, arguments), due in zip(self.inputs, self.due, strict=True):
-            seen = self._look(student, arguments)
-            if not _holds(seen, due, self.tolerance) or seen.changed or seen.shared:
+            seen = self._look(student, arguments, kept)
+            if not _holds(seen, due, self.tolerance) or seen.changed or seen.shared or seen.reused:
                 return False
         return True
 
     def observe(self, student: Function) -> list[Observation]:
         """Try a function on every input; what it raises is noted, never raised on."""
-        return [self._look(student, arguments) for _, arguments in self.inputs]
+        kept: dict[
+            Any, Any
+        ] = {}  # as they came: an array that is gone lends its place to the next
+        return [self._look(student, arguments, kept) for _, arguments in self.inputs]
 
     def judge(self, observations: Sequence[Observation]) -> Report:
         """Compare what was observed with what is due, and name the mistake."""
@@ -280,7 +293,9 @@ class Check:
             return [p.name for p in self._parameters]
         return [f"argument {k + 1}" for k in range(len(arguments))]
 
-    def _look(self, function: Function, arguments: tuple[Any, ...]) -> Observation:
+    def _look(
+        self, function: Function, arguments: tuple[Any, ...], kept: dict[Any, Any] | None = None
+    ) -> Observation:
         given, names = copy.deepcopy(arguments), self._names(arguments)
         stub = _is_stub(function)
         with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -301,8 +316,13 @@ class Check:
                 lent = self.reference(*ours)
             pairs = zip(names, ours, strict=True)
             shared = [n for n, a in pairs if n in shared and not overlap(lent, a)]
+        reused = False
+        if kept is not None and not self._use:
+            arrays = places(came)
+            reused = not arrays.isdisjoint(kept)
+            kept.update(dict.fromkeys(arrays, came))
         came = None if came is Ellipsis else plain(came)
-        return Observation(came, "", stub, tuple(changed), tuple(shared))
+        return Observation(came, "", stub, tuple(changed), tuple(shared), reused)
 
     def _lines(self, k: int, seen: Observation) -> tuple[str, ...]:
         arguments = self.inputs[k][1]
@@ -401,6 +421,8 @@ def _own_lines(observations: Sequence[Observation]) -> Iterator[str]:
         yield f"your function changes its argument `{name}`: work on a copy"
     for name in shared:
         yield f"the result shares its memory with `{name}`: who changes one changes the other"
+    if any(s.reused for s in observations):
+        yield "one array serves two calls: make a new one in each, the second changes the first"
 
 
 def _edited(reference: Function, edits: tuple[str, ...]) -> Function:

@@ -181,3 +181,27 @@ def test_an_infinite_answer_brings_no_warning():
         warnings.simplefilter("error")
         assert not reach(lambda a: 3.0 * a).passed
         assert not reach(lambda a: -np.inf).passed
+
+
+def test_one_array_for_all_calls_is_told():
+    buffer = np.zeros(2)
+
+    def into_one(a, b):
+        if len(a) != 2:
+            return a + b
+        buffer[:] = a + b
+        return buffer
+
+    report = check(into_one)
+    assert report.held == report.total - 1
+    assert "one array serves two calls" in report.text
+    assert not check.passes(into_one)
+    assert check.passes(lambda a, b: a + b)
+
+
+def test_an_empty_array_or_a_number_may_serve_two_calls():
+    nothing = np.zeros(0)
+    empty = Check(lambda x: nothing, "none", {"one": (1.0,), "two": (2.0,)})
+    assert empty(lambda x: nothing).passed
+    zero = Check(lambda x: 0.0, "none", {"one": (1.0,), "two": (2.0,)})
+    assert zero(lambda x: 0.0).passed
