@@ -34,8 +34,8 @@ NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb
 FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py jupyterlab.py drawings.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help book pdf test lab set-up lint-and-warm lint unit speed notebooks same pages-and-figures pages \
-  figures book-tests seeds steady chromium exercises lock vendor slim clean
+.PHONY: help book pdf test lab set-up lint-and-warm lint unit quick speed notebooks same pages-and-figures \
+  pages figures book-tests seeds steady chromium exercises lock vendor slim clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -71,7 +71,7 @@ test:  ## Run everything: lint, types, tests, notebooks, book, browser
 	printf '== Where the %d minutes went\n%s' $$(((SECONDS + 30) / 60)) "$$table"; \
 	[ $$verdict = passed ] && echo "== All passed"
 
-set-up:
+set-up:  ## Install everything a developer needs (and Chromium, where apt is there)
 	@$(MAKE) --no-print-directory -j 2 chromium $(VENV)/.dev-installed
 
 # Two workers that need a compiled function at the same time would both compile it.
@@ -92,6 +92,10 @@ unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring 
 	@echo "== Tests of the library"
 	$(PYTEST) -n 2 --dist worksteal --doctest-modules \
 	  --ignore=tests/benchmarks --ignore=tests/book --benchmark-disable slamlab tests
+
+quick: $(VENV)/.dev-installed  ## The tests of the library without the slow ones
+	$(PYTEST) -n 2 --dist worksteal -m "not slow" --ignore=tests/benchmarks --ignore=tests/book \
+	  --benchmark-disable tests
 
 speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
 	@echo "== Speed against peers"

@@ -126,12 +126,16 @@ def git_files(*options: str) -> set[str]:
 
 
 BINARY = {".gz", ".png", ".woff", ".woff2"}
+# Hidden files that are written by hand.
+HIDDEN = (".gitignore", ".ci/run", ".editorconfig", ".pre-commit-config.yaml")
+FOLDERS = (".github/", ".vscode/settings.json", ".devcontainer/devcontainer.json")
 
 
 def does_not_belong(name: str, root: Path) -> bool:
     """Whether a file is what a tool left: hidden, a link, or bytes of an unknown kind."""
     path = root / name
-    if path.is_symlink() or (name.startswith(".") and name not in (".gitignore", ".ci/run")):
+    known = name in HIDDEN or name.startswith(FOLDERS)
+    if path.is_symlink() or (name.startswith(".") and not known):
         return True
     return path.exists() and path.suffix not in BINARY and b"\0" in path.read_bytes()
 
