@@ -16,7 +16,22 @@ from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 
+from slamlab import __version__
+
 __all__ = ["main"]
+
+# Calls that the help of a command ends with; the first one of each stands in the help of all.
+EXAMPLES = {
+    "grade": (
+        "grade submissions/ --chapter 02",
+        "grade submissions/ --chapter 02,09 --roster class.csv",
+    ),
+    "graph": ("graph court.g2o -o court/", "graph court.g2o --kernel huber"),
+    "handout": ("handout 01 02 --to week1/",),
+    "lab": ("lab III my_slam.py", "lab I my_tracker.ipynb --seed 7"),
+    "map": ("map drive.log.gz -o mymap/", "map drive.bag --method hector --resolution 0.1"),
+    "warm": ("warm",),
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -56,7 +71,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 @cache
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m slamlab", description="slamlab at work.")
+    parser = argparse.ArgumentParser(
+        prog="python -m slamlab",
+        description="Maps, graphs and marks from the command line.",
+        epilog=_examples(*(calls[0] for calls in EXAMPLES.values())),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"slamlab {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in iter_modules(__path__):
         if module.name.startswith("_"):
@@ -67,8 +88,14 @@ def _parser() -> argparse.ArgumentParser:
             module.name,
             help=text.split("\n")[0],
             description=text,
+            epilog=_examples(*EXAMPLES.get(module.name, ())),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         command.arguments(added)
         added.set_defaults(run=command.run)
     return parser
+
+
+def _examples(*calls: str) -> str:
+    """Words for the end of a help."""
+    return "\n".join(["examples:", *(f"  python -m slamlab {call}" for call in calls)])
