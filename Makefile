@@ -1,8 +1,15 @@
 # The course: `make book` builds it, `make test` proves it. Each does all its own set-up.
-SHELL := /bin/bash
-PYTHON ?= python3
+SHELL := bash
 VENV := .venv
-BIN := $(VENV)/bin
+ifeq ($(OS),Windows_NT)
+PYTHON ?= python
+SCRIPTS := Scripts
+EXE := .exe
+else
+PYTHON ?= python3
+SCRIPTS := bin
+endif
+BIN := $(VENV)/$(SCRIPTS)
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export PIP_ROOT_USER_ACTION := ignore
 ifdef PIP_INDEX_URL
@@ -35,18 +42,19 @@ FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py 
 
 .DEFAULT_GOAL := help
 .PHONY: help book pdf test lab set-up lint-and-warm lint unit quick speed notebooks same pages-and-figures \
-  pages figures book-tests seeds steady chromium exercises lock vendor slim clean
+  pages figures book-tests seeds steady chromium exercises check-library check-oldest check-newest check-tag \
+  dist site lock vendor slim clean
 
 help:  ## Show this list
-	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 15
 
-$(VENV)/bin/python:
+$(BIN)/python$(EXE):
 	$(PYTHON) -m venv $(VENV)
 
 # One stamp a set of extras, renewed when the lock or the project file changes. uv needs a fifth of
 # pip's time; where it cannot serve (a mirror that only pip was told of), pip does it, without
 # compiling: most of it is never imported.
-$(VENV)/.%-installed: pyproject.toml requirements.lock | $(VENV)/bin/python
+$(VENV)/.%-installed: pyproject.toml requirements.lock | $(BIN)/python$(EXE)
 	@echo "== Installing ($* extras, pinned by requirements.lock)"
 	@$(PIP) install --quiet --constraint requirements.lock uv && \
 	  $(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock --editable '.[$*]' || \
@@ -149,11 +157,40 @@ chromium:
 exercises: $(VENV)/.dev-installed  ## Write exercise and solution notebooks from their sources
 	$(BIN)/python tools/exercises.py
 
+# What a workflow runs on each system and each Python; browser, book and races are left to one.
+check-library: $(VENV)/.dev-installed  ## The tests of the library on this Python, with the lock
+	$(PYTEST) -n 2 --dist worksteal --ignore=tests/benchmarks --ignore=tests/book \
+	  --benchmark-disable tests
+
+# Tests that need no more than the library, pytest and hypothesis.
+CORE := $(addprefix tests/,commands datasets golden localization mapping matching robots sensors slam worlds)
+
+# check-oldest: the oldest versions that pyproject allows. check-newest: the newest that there are.
+check-oldest: RESOLUTION := lowest-direct
+check-newest: RESOLUTION := highest
+check-oldest check-newest: check-%: pyproject.toml  ## The library with the oldest (newest) dependencies
+	rm -rf _build/$*-env && $(PYTHON) -m venv _build/$*-env
+	_build/$*-env/$(SCRIPTS)/python -m pip install --quiet uv
+	_build/$*-env/$(SCRIPTS)/uv pip install --quiet --resolution $(RESOLUTION) \
+	  --python _build/$*-env/$(SCRIPTS)/python '.[fast]'
+	_build/$*-env/$(SCRIPTS)/uv pip install --quiet --python _build/$*-env/$(SCRIPTS)/python pytest hypothesis
+	_build/$*-env/$(SCRIPTS)/python -m pytest -q -m "not slow" $(CORE)
+
 lock: ## Refresh requirements.lock: install the newest set that fits, try it, write it down
 	rm -rf _build/lock-env && $(PYTHON) -m venv _build/lock-env
 	_build/lock-env/bin/python -m pip install --quiet --upgrade uv --editable '.[dev]'
 	_build/lock-env/bin/python -m pip freeze --exclude-editable > requirements.lock
 	@echo "requirements.lock is new: run make test before you commit it"
+
+dist: $(VENV)/.dist-installed  ## Build wheel and source archive into dist/, and check them
+	@echo "== Wheel and source archive"
+	rm -rf dist build
+	$(BIN)/python -m build --outdir dist .
+	$(BIN)/twine check --strict dist/*
+	$(BIN)/python tools/check_distribution.py dist
+
+check-tag: $(BIN)/python$(EXE)  ## The release's tag (TAG=v1.0.0) names the version that is built
+	$(BIN)/python tools/check_distribution.py --tag "$(TAG)"
 
 vendor: $(VENV)/.dev-installed  ## Refresh the browser files under book/static/vendor (needs npm)
 	$(BIN)/python tools/vendor.py
