@@ -64,6 +64,9 @@ $(VENV)/.%-installed: pyproject.toml requirements.lock | $(BIN)/python$(EXE)
 book: $(VENV)/.book-installed  ## Build the book (runs what changed) and say where it is
 	@$(BIN)/python tools/build_book.py
 
+site: book  ## Make the folder for a static host, _build/site (BOOK_URL=https://example.org/slam/)
+	@$(BIN)/python tools/site.py
+
 pdf: $(VENV)/.pdf-installed chromium book  ## Print the book into one file, _build/slam.pdf
 	$(BIN)/python tools/pdf.py
 

@@ -129,12 +129,12 @@ def main(argv: list[str] | None = None) -> int:
             print(f"tag: expected v{VERSION}, got {options.tag or 'none'}")
             return 1
         return 0
-    found = contents(options.folder)
+    found = contents(options.folder.resolve())
     if found:
         print(*found, sep="\n")
         return 1
     if not options.no_install:
-        try_out(archives(options.folder)[0])
+        try_out(archives(options.folder.resolve())[0])
     return 0
 
 
