@@ -14,7 +14,15 @@ from slamlab._checks import Array, as_array, as_batch, as_choice, as_scalar, as_
 from slamlab.geometry import transform
 from slamlab.grids import Grid
 
-__all__ = ["FEWEST", "FLOOR", "OF", "HeightGrid", "VarianceGrid", "log_density"]
+__all__ = [
+    "FEWEST",
+    "FLOOR",
+    "OF",
+    "HeightGrid",
+    "VarianceGrid",
+    "log_density",
+    "unchecked_log_density",
+]
 
 # The density of a sample variance wants two degrees of freedom or more, and no variance of nought.
 FEWEST, FLOOR = 2, 1e-6
@@ -63,10 +71,11 @@ def log_density(
     lead = s2.shape
     for name, array in {"nu": nu, "alpha": alpha, "beta": beta}.items():
         lead = as_batch(name, array.shape, lead)
-    return _log_density(s2, nu, alpha, beta, of)
+    return unchecked_log_density(s2, nu, alpha, beta, of)
 
 
-def _log_density(s2: Array, nu: Array, a: Array, b: Array, of: str) -> Array:
+def unchecked_log_density(s2: Array, nu: Array, a: Array, b: Array, of: str) -> Array:
+    """Log density as `log_density` of arguments that are known to be right; s2 may be 0."""
     half = 0.5 * nu
     # lnG(a + nu/2) - lnG(a) + a ln b - (a + nu/2) ln(b + nu s2/2)
     common = gammaln(a + half) - gammaln(a) + a * np.log(b) - (a + half) * np.log(b + half * s2)
@@ -175,9 +184,9 @@ class VarianceGrid(_CellMap):
         (row, column), s2, nu = self._variances(pose, points, heights)
         alpha, beta = self.alpha[row, column], self.beta[row, column]
         if as_choice("of", of, OF) == "heights":
-            return float(_log_density(s2, nu, alpha, beta, of).sum())
+            return float(unchecked_log_density(s2, nu, alpha, beta, of).sum())
         enough = nu >= FEWEST
-        return float(_log_density(s2 + FLOOR, nu, alpha, beta, of)[enough].sum())
+        return float(unchecked_log_density(s2 + FLOOR, nu, alpha, beta, of)[enough].sum())
 
     def insert(self, pose: ArrayLike, points: ArrayLike, heights: ArrayLike) -> None:
         """Take a picture in; arguments as in `log_likelihood`."""

@@ -96,6 +96,25 @@ class TileMaps:
     def written(self) -> None:
         """Take in what was written."""
 
+    def _place(
+        self, cells: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+        """Tile of cells (L, 2: column, row), and row and column in it."""
+        tile, inside = np.divmod(cells, TILE)
+        return tile[:, 1] * self.columns + tile[:, 0], inside[:, 1], inside[:, 0]
+
+    def values(self, particles: NDArray[np.intp], cells: NDArray[np.intp]) -> Array:
+        """Return what particles (L,) keep of cells (L, 2: column, row), (L, channels)."""
+        tile, row, column = self._place(cells)
+        pages, table = self.read()
+        return pages[table[particles, tile], row, column].astype(float)
+
+    def add(self, particles: NDArray[np.intp], cells: NDArray[np.intp], values: Array) -> None:
+        """Add values (L, channels) to cells (L, 2: column, row) of particles (L,), each once."""
+        tile, row, column = self._place(cells)
+        page = self.shared.own(particles, tile)
+        self.shared.pages[page, row, column] += values
+
     def resample(self, chosen: NDArray[np.intp]) -> None:
         """Replace particle i by a copy of particle ``chosen[i]``."""
         self.shared.resample(chosen)

@@ -8,13 +8,14 @@ chapter 15.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_choice, as_instance, as_scalar, as_shaped
 from slamlab.geometry import transform
 from slamlab.grids import Grid
+from slamlab.kernels import compiled
 from slamlab.mapping import VarianceGrid
-from slamlab.mapping.variance import FEWEST, FLOOR, OF
+from slamlab.mapping.variance import FEWEST, FLOOR, OF, unchecked_log_density
 from slamlab.models import HeightSensor, MotionModel, as_scan_sensor
 from slamlab.robots import RelativePose
 from slamlab.slam._grid_maps import MapParticles, TileMaps
@@ -95,7 +96,6 @@ class GammaSlam(MapParticles):
         super().__init__(motion, pose, n_particles, rng, temper, threshold)
         resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
         self._prior = as_scalar("alpha", alpha, 1e-9, 1e9), as_scalar("beta", beta, 1e-12, 1e9)
-        self._log_gammas = np.zeros((2, 10_000))
         self.density = as_choice("density", density, OF)
         self._maps = TileMaps(self.n_particles, resolution, self.poses[0, :2], channels=2)
 
@@ -125,36 +125,28 @@ class GammaSlam(MapParticles):
         seen = np.isfinite(points).all(-1)
         if not seen.any():
             return 0.0
-        from slamlab.kernels.gamma import add, gather, mark, weigh
-
-        maps, poses, log_likelihood = self._maps, self._cloud.particles, np.zeros(self.n_particles)
+        points, heights = points[seen], heights[seen] - heights[seen].mean()
+        maps, poses, (alpha, beta) = self._maps, self._cloud.particles, self._prior
+        reach = np.hypot(*points.T).max()
+        maps.make_room(np.concatenate([poses[:, :2] - reach, poses[:, :2] + reach]))
         # 1. Sort the points into cells: each particle its own way, for cells are of the world.
-        corners, cells = self._window(points[seen], poses)
-        level = heights[seen] - heights[seen].mean()
-        gather(np.ascontiguousarray(points[seen]), level, poses, maps.frame, corners, cells)
+        particle, cells, nu, squares = gather(points, heights, poses, maps.frame)
         # 2. Weigh by the map that each particle made so far.
-        settings = (*self._prior, self.density == "heights", FEWEST, FLOOR)
-        where = *maps.read(), maps.columns, corners
-        weigh(*where, cells, settings, self._log_gammas, log_likelihood)
+        freedom, before = maps.values(particle, cells).T
+        alpha, beta = alpha + 0.5 * freedom, beta + 0.5 * before
+        fits = self._log_density(squares / nu, nu, alpha, beta)
+        log_likelihood = np.bincount(particle, fits, len(poses)).astype(float)
         # 3. alpha += nu/2, beta += nu s^2/2 in every map, before resampling: then copies share.
-        tiles = np.zeros((len(poses), int(maps.size.prod())), bool)
-        mark(maps.columns, corners, cells, tiles)
-        add(*maps.write(tiles), maps.columns, corners, cells)
+        maps.add(particle, cells, np.stack([nu, squares], -1))
         # 4. Resample particles with their maps if the weights say so.
         return self._weighed_by(log_likelihood)
 
-    def _window(self, points: Array, poses: Array) -> tuple[Array, Array]:
-        """First cells (M, 2) and room (M, rows, columns, 2) for points seen from each pose."""
-        maps, reach = self._maps, float(np.hypot(*points.T).max())
-        maps.make_room(np.concatenate([poses[:, :2] - reach, poses[:, :2] + reach]))
-        resolution, *corner = maps.frame
-        # The box round the points, turned with each pose, and a cell more on every side.
-        low, high = points.min(0), points.max(0)
-        box = transform(poses, np.array([low, [low[0], high[1]], high, [high[0], low[1]]]))
-        cells = np.floor((box - corner) / resolution).astype(np.int64)
-        corners = cells.min(1) - 1
-        columns, rows = (cells.max(1) - corners).max(0) + 2
-        return corners, np.empty((len(poses), rows, columns, 2), np.float32)
+    def _log_density(self, s2: Array, nu: Array, alpha: Array, beta: Array) -> Array:
+        """Log density of what each cell shows; 0 where that is too little to have a variance."""
+        if self.density == "heights":
+            return unchecked_log_density(s2, nu, alpha, beta, "heights")
+        log_density = unchecked_log_density(s2 + FLOOR, nu, alpha, beta, "variances")
+        return np.where(nu >= FEWEST, log_density, 0.0)
 
     def map(self, particle: int | None = None) -> VarianceGrid:
         """Map of a particle, the heaviest by default; a copy.
@@ -178,3 +170,30 @@ class GammaSlam(MapParticles):
         grid.alpha += 0.5 * cells[..., 0]
         grid.beta += 0.5 * cells[..., 1]
         return grid
+
+
+@compiled("gamma.gather")
+def gather(
+    points: Array, heights: Array, poses: Array, frame: Array
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, NDArray[np.float32]]:
+    """Sort points (k, 2) (m, in the body) with heights (k,) into the cells of each particle.
+
+    `frame` is the resolution and the corner of the floor (m). Returned are particle (L,), column
+    and row (L, 2), degrees of freedom nu (L,) and nu s^2 (L,) (m^2, as exact as a map keeps it) of
+    all cells with two points or more.
+    """
+    resolution, corner = frame[0], frame[1:]
+    column, row = np.floor((transform(poses, points) - corner) / resolution).astype(np.intp).T
+    low, high = np.array([column.min(), row.min()]), np.array([column.max(), row.max()])
+    columns, rows = high - low + 1
+    # One number for each cell of each particle, then sums by that number.
+    number = (np.arange(len(poses)) * rows + row - low[1]) * columns + column - low[0]
+    number, heights = number.T.ravel(), np.tile(heights, len(poses))
+    size = len(poses) * rows * columns
+    n, total, square = (np.bincount(number, w, size) for w in (None, heights, heights**2))
+    some: NDArray[np.intp] = np.flatnonzero(n >= 2)
+    nu = n[some].astype(float) - 1
+    squares = np.maximum(square[some] - total[some] ** 2 / n[some], 0.0).astype(np.float32)
+    particle, place = np.divmod(some, rows * columns)
+    cells = np.stack([place % columns, place // columns], -1) + low
+    return particle, cells, nu, squares
