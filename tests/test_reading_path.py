@@ -15,9 +15,16 @@ import pytest
 import slamlab
 from slamlab import _checks
 from slamlab.robots import YOUBOT
-from slamlab.sensors import RangeBearing, StereoRig
-from slamlab.slam import CompressedEKFSlam, EKFSlam, EKFSlamBatch, FastSlam, GammaSlam
-from slamlab.worlds import Terrain
+from slamlab.sensors import Lidar, RangeBearing, StereoRig
+from slamlab.slam import (
+    CompressedEKFSlam,
+    EKFSlam,
+    EKFSlamBatch,
+    FastSlam,
+    GammaSlam,
+    GridFastSlam,
+)
+from slamlab.worlds import Terrain, rooms
 
 ROOT = Path(slamlab.__file__).parent
 SENSOR = RangeBearing(0.05, 0.02, offset=0.3)
@@ -131,6 +138,22 @@ def fast_slam(version):
     return step
 
 
+def grid_fast_slam(model):
+    """A scan of walls that the map has, without resampling."""
+    rng, lidar = np.random.default_rng(0), Lidar(40, max_range=8.0, sigma_range=0.01)
+    slam = GridFastSlam(
+        lidar, [2.0, 4.0, 0.0], 2, rng=rng, motion=YOUBOT, model=model, threshold=0.0
+    )
+    ranges = lidar.scan(rooms.office(), [2.0, 4.0, 0.0], rng)
+    slam.update(ranges)
+
+    def step():
+        slam.predict(*CONTROL)
+        slam.update(ranges)
+
+    return step
+
+
 def gamma_slam():
     """A picture of ground that the map has, without resampling."""
     rng, rig = np.random.default_rng(0), StereoRig(200)
@@ -152,10 +175,18 @@ SYSTEMS = {
     "EKF-SLAM, side by side": (ekf_slam_batch, ("slam/batch.py", "slam/linearisation.py"), OWN),
     "FastSLAM 1": (partial(fast_slam, 1), ("slam/fast.py",), OWN),
     "FastSLAM 2": (partial(fast_slam, 2), ("slam/fast.py",), OWN + 10),
+    "grid FastSLAM": (partial(grid_fast_slam, "matching"), ("slam/grid_fast.py",), OWN + 10),
+    "DP-SLAM": (partial(grid_fast_slam, "penetration"), ("slam/grid_fast.py",), OWN),
     "Gamma-SLAM": (gamma_slam, ("slam/gamma.py",), OWN),
 }
 # Beyond `ALL`: weights and resampling (60 lines), and maps that copies share (52; tiles: 75).
-MORE = {"FastSLAM 1": 345, "FastSLAM 2": 370, "Gamma-SLAM": 305}
+MORE = {
+    "FastSLAM 1": 345,
+    "FastSLAM 2": 370,
+    "grid FastSLAM": 370,
+    "DP-SLAM": 315,
+    "Gamma-SLAM": 310,
+}
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -1,5 +1,6 @@
 """Compiled loops under grid FastSLAM: match, weigh and draw a scan on the maps of many particles.
 
+`climb`, `touched`, `draw` and `penetrate`: their plain twins stand in `slamlab.slam.grid_fast`.
 A map is a table of tiles: ``table[particle, tile]`` names the page (TILE, TILE, 4) that holds its
 cells: hits, metres that beams travelled in the cell, and the sums of the end points (x, y) in it.
 `frame` is (resolution, x0, y0) of the corner of the table, `columns` its tiles a row.

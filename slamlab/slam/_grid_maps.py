@@ -7,6 +7,7 @@ grid FastSLAM and Gamma-SLAM (chapter 15); the tree is DP-SLAM's (Eliazar and Pa
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +17,32 @@ from slamlab.filters.pages import SharedPages
 from slamlab.filters.particle import ParticleFilter, PoseParticles
 from slamlab.models import MotionModel, as_motion
 
-__all__ = ["TILE", "AncestryTree", "MapParticles", "TileMaps"]
+__all__ = ["TILE", "AncestryTree", "MapParticles", "TileMaps", "cells_at", "place"]
 
 TILE = 16
 # What is kept of a cell: hits, metres that beams travelled in it, sums of the end points in it.
 EMPTY = np.zeros((TILE, TILE, 4), np.float32)
+
+Pages: TypeAlias = NDArray[np.float32]
+Table: TypeAlias = NDArray[np.int32]
+Cells: TypeAlias = NDArray[np.intp]
+
+
+def place(cells: Cells, columns: int) -> tuple[Cells, Cells, Cells]:
+    """Slot of the tile of cells (..., 2: column, row), `columns` tiles a row; row and column."""
+    tile, inside = np.divmod(cells, TILE)
+    return tile[..., 1] * columns + tile[..., 0], inside[..., 1], inside[..., 0]
+
+
+def cells_at(pages: Pages, tiles: Table, columns: int, cells: Cells) -> Pages:
+    """Return what a map keeps (..., channels) of cells (..., 2: column, row); beyond it nothing.
+
+    `tiles` (slots,) names the page of each of its tiles.
+    """
+    slot, row, column = place(cells, columns)
+    there = (cells >= 0).all(-1) & (cells[..., 0] < columns * TILE) & (slot < len(tiles))
+    page = np.where(there, tiles[np.where(there, slot, 0)], 0)  # page 0 is empty
+    return pages[page, row, column]
 
 
 class TileMaps:
@@ -96,22 +118,15 @@ class TileMaps:
     def written(self) -> None:
         """Take in what was written."""
 
-    def _place(
-        self, cells: NDArray[np.intp]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Tile of cells (L, 2: column, row), and row and column in it."""
-        tile, inside = np.divmod(cells, TILE)
-        return tile[:, 1] * self.columns + tile[:, 0], inside[:, 1], inside[:, 0]
-
     def values(self, particles: NDArray[np.intp], cells: NDArray[np.intp]) -> Array:
         """Return what particles (L,) keep of cells (L, 2: column, row), (L, channels)."""
-        tile, row, column = self._place(cells)
+        tile, row, column = place(cells, self.columns)
         pages, table = self.read()
         return pages[table[particles, tile], row, column].astype(float)
 
     def add(self, particles: NDArray[np.intp], cells: NDArray[np.intp], values: Array) -> None:
         """Add values (L, channels) to cells (L, 2: column, row) of particles (L,), each once."""
-        tile, row, column = self._place(cells)
+        tile, row, column = place(cells, self.columns)
         page = self.shared.own(particles, tile)
         self.shared.pages[page, row, column] += values
 

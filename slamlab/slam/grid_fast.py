@@ -7,14 +7,27 @@ through any cell. P5 section 2.4; chapter 15.
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_choice, as_count, as_scalar, as_shaped
 from slamlab.geometry import transform, wrap_angle
+from slamlab.kernels import compiled
 from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
 from slamlab.robots import RelativePose
-from slamlab.slam._grid_maps import AncestryTree, MapParticles, TileMaps
+from slamlab.slam._grid_maps import (
+    TILE,
+    AncestryTree,
+    Cells,
+    MapParticles,
+    Pages,
+    Table,
+    TileMaps,
+    cells_at,
+    place,
+)
 
 __all__ = ["GridFastSlam"]
 
@@ -23,6 +36,15 @@ _LEAST_POINTS = 10
 _RATE, _HIT = 1.0, 0.9
 # Penetration: free way of a laser in unseen cells (m), floor of a beam's likelihood.
 _FREE_WAY, _FLOOR = 8.0, 1e-3
+# Steps of a climb with a quarter of the points and a wider neighbourhood, and with all.
+_COARSE, _FINE = 5, 6
+# A climb that is lost is tried from so many headings to either side, so far apart (rad). The turn
+# has Student's t distribution of 3 degrees of freedom and this scale (rad).
+_FAN, _APART, _SCALE = 4, np.deg2rad(5.0), np.deg2rad(2.0)
+_HITS, _METRES, _SUMS = 0, 1, slice(2, 4)
+
+# Pages, tiles of a particle, tiles a row, (resolution, x, y) of the corner.
+Where: TypeAlias = tuple[Pages, Table, int, Array]
 
 
 class GridFastSlam(MapParticles):
@@ -163,8 +185,6 @@ class GridFastSlam(MapParticles):
 
     def _weigh(self, points: Array, poses: Array, score: Array) -> None:
         """Log likelihood of the scan into `score` (M,); matching moves `poses` first."""
-        from slamlab.kernels.grid_fast import climb, penetrate
-
         where = (*self._maps.read(), self._maps.columns, self._maps.frame)
         if self.model == "matching":
             climb(*where, points, poses, (self._sigma, _RATE, _HIT, self._lost), score)
@@ -175,8 +195,6 @@ class GridFastSlam(MapParticles):
 
     def _draw(self, points: Array, poses: Array) -> None:
         """Add the beams to every map."""
-        from slamlab.kernels.grid_fast import draw, touched
-
         starts, ends = self._beams(points, poses)
         maps = self._maps
         maps.make_room(np.concatenate([starts, ends.reshape(-1, 2)]))
@@ -207,3 +225,181 @@ class GridFastSlam(MapParticles):
             If there is no such particle.
         """
         return self._maps.dense(self._row(particle)), self._maps.frame[1:]
+
+
+# Walls of a map. It is a table of tiles: `tiles` (slots,) names the page (TILE, TILE, 4) of each,
+# `frame` is (resolution, x, y) of the corner, `columns` the tiles of a row.
+
+
+def nearest_walls(
+    pages: Pages, tiles: Table, columns: int, frame: Array, world: Array, reach: int, rate: float
+) -> tuple[Array, Array]:
+    """Squared distance (k,) of points (k, 2) to the nearest wall within `reach` cells; its place.
+
+    A cell is wall if more than `rate` hits came to a metre travelled in it; its place is the mean
+    of its hits. The distance is inf if none is there.
+    """
+    around = np.arange(-reach, reach + 1)
+    neighbours = np.stack(np.meshgrid(around, around), -1).reshape(-1, 2)
+    cells = np.floor((world - frame[1:]) / frame[0]).astype(np.intp)[:, None] + neighbours
+    kept = cells_at(pages, tiles, columns, cells)
+    hits = kept[..., _HITS]
+    walls = kept[..., _SUMS] / np.maximum(hits, 1)[..., None]
+    wall = (hits > 0) & (hits > rate * kept[..., _METRES])
+    squared = np.where(wall, ((walls - world[:, None]) ** 2).sum(-1), np.inf)
+    each, best = np.arange(len(world)), squared.argmin(1)
+    return squared[each, best], walls[each, best]
+
+
+# Matching.
+
+
+def normal_equations(
+    where: Where, points: Array, pose: Array, reach: int, sigma: float, rate: float
+) -> tuple[Array, Array, float]:
+    """H (3, 3) and g (3,) of sum 1 - exp(-d^2 / 2 sigma^2) at `pose`, and sum exp(...).
+
+    d is the distance of a point (k, 2, in the body), seen from `pose`, to the nearest wall.
+    """
+    world = transform(pose, points)
+    squared, wall = nearest_walls(*where, world, reach, rate)
+    w = np.exp(-0.5 * squared / sigma**2)
+    J = np.zeros((len(points), 2, 3))
+    J[:, 0, 0] = J[:, 1, 1] = 1.0
+    J[:, 0, 2], J[:, 1, 2] = -(world - pose[:2])[:, 1], (world - pose[:2])[:, 0]
+    weighted = w[:, None, None] * J
+    H = np.tensordot(weighted, J, ([0, 1], [0, 1])) + 1e-6 * np.eye(3)
+    return H, np.tensordot(weighted, wall - world, ([0, 1], [0, 1])), float(w.sum())
+
+
+def ascend(
+    where: Where, points: Array, start: Array, sigma: float, rate: float
+) -> tuple[Array, float]:
+    """Gauss-Newton from `start`: the best pose (3,) met, and the share of points it explains."""
+    most, here, top = -1.0, start, start
+    for n in range(_COARSE + _FINE):
+        some, reach = (points[::4], 2) if n < _COARSE else (points, 1)
+        H, g, explained = normal_equations(where, some, here, reach, sigma, rate)
+        if explained > most or n == _COARSE:
+            most, top = explained, here
+        step = np.linalg.solve(H, g)
+        here = here + step
+        if n >= _COARSE and np.abs(step[:2]).sum() < 2e-3 and abs(step[2]) < 2e-4:
+            break
+    return top, most / len(points)
+
+
+@compiled("grid_fast.climb")
+def climb(
+    pages: Pages, table: Table, columns: int, frame: Array, points: Array, poses: Array,
+    settings: tuple[float, float, float, float], score: Array,
+) -> None:  # fmt: skip
+    """Move each pose (M, 3) to where its own map explains the points (k, 2, in the body) best.
+
+    A climb that explains too little is lost: others begin from other headings, and the likeliest
+    counts. `settings`: sigma, hit rate of walls, share of points that belong to the map, share
+    below which a climb is lost. The log likelihood of the points goes to `score` (M,).
+    """
+    sigma, rate, hit, lost = settings
+    for i in range(len(poses)):
+        where, most = (pages, table[i], columns, frame), -np.inf
+        start, heading = poses[i].copy(), poses[i, 2]
+        for turn in range(2 * _FAN + 1):
+            # None, then one step to the right, one to the left, two to the right, ...
+            start[2] = heading + _APART * ((turn + 1) // 2) * (1 - 2 * (turn % 2))
+            top, share = ascend(where, points, start, sigma, rate)
+            squared, _ = nearest_walls(*where, transform(top, points), 1, rate)
+            fits = np.log(hit * np.exp(-0.5 * squared / sigma**2) + 1 - hit).sum()
+            # Wheels are off by a few degrees as a rule, and now and then by far more.
+            worth = fits - 2.0 * np.log1p((top[2] - heading) ** 2 / (3 * _SCALE**2))
+            if worth > most:
+                most, score[i], poses[i] = worth, fits, top
+            if turn == 0 and share >= lost:
+                break
+
+
+# Beams.
+
+
+def crossed(start: Array, ends: Array, side: float, corner: Array) -> tuple[Cells, Array]:
+    """Cells (k, n, 2: column, row) of beams, and how far off (k, n + 1) (m) each begins and ends.
+
+    Beams go from `start` (2,) to `ends` (k, 2). All have as many cells: some of length 0.
+    """
+    way = ends - start
+    cuts = [np.zeros((len(ends), 1)), np.ones((len(ends), 1))]
+    for a in range(2):  # where they cross grid lines, as parts of their length
+        low, high = min(start[a], ends[:, a].min()), max(start[a], ends[:, a].max())
+        lines = np.arange(
+            np.floor((low - corner[a]) / side), np.ceil((high - corner[a]) / side) + 1
+        )
+        along = np.where(way[:, a] == 0.0, np.inf, way[:, a])[:, None]
+        cuts.append(np.clip((corner[a] + side * lines - start[a]) / along, 0.0, 1.0))
+    t = np.sort(np.concatenate(cuts, 1), 1)
+    middle = start + 0.5 * (t[:, :-1] + t[:, 1:])[..., None] * way[:, None]
+    cells = np.floor((middle - corner) / side).astype(np.intp)
+    return cells, t * np.hypot(*way.T)[:, None]
+
+
+@compiled("grid_fast.touched")
+def touched(
+    columns: int, frame: Array, starts: Array, ends: Array, out: NDArray[np.bool_]
+) -> None:
+    """Mark in `out` (M, tiles) the tiles that beams from starts (M, 2) to ends (M, k, 2) meet."""
+    for i in range(len(starts)):
+        tiles, _ = crossed(starts[i], ends[i], frame[0] * TILE, frame[1:])
+        out[i, tiles[..., 1] * columns + tiles[..., 0]] = True
+
+
+@compiled("grid_fast.draw")
+def draw(
+    pages: Pages, table: Table, columns: int, frame: Array, marked: NDArray[np.bool_],
+    starts: Array, ends: Array,
+) -> None:  # fmt: skip
+    """Add beams from starts (M, 2) to ends (M, k, 2) to the tiles `marked` (M, tiles)."""
+    for i in range(len(starts)):
+        some = ends[i][(ends[i] != starts[i]).any(-1)]
+        cells, t = crossed(starts[i], some, frame[0], frame[1:])
+        last = np.floor((some - frame[1:]) / frame[0]).astype(np.intp)
+        hit = np.concatenate([np.ones((len(some), 1)), some], 1)
+        for some, channels, more in (
+            (cells.reshape(-1, 2), [_METRES], np.diff(t).reshape(-1, 1)),
+            (last, [_HITS, 2, 3], hit),
+        ):
+            slot, row, column = place(some, columns)
+            # Rounding may lead past a corner into a tile that nobody marked: leave it.
+            there = marked[i, slot]
+            at = table[i, slot[there]], row[there], column[there]
+            at = tuple(index[:, None] for index in at)
+            np.add.at(pages, (*at, np.array(channels)), more[there].astype(np.float32))
+
+
+@compiled("grid_fast.penetrate")
+def penetrate(
+    pages: Pages, table: Table, columns: int, frame: Array, starts: Array, ends: Array,
+    settings: tuple[float, float, float, float], score: Array,
+) -> None:  # fmt: skip
+    """Log likelihood of beams by DP-SLAM's model of a laser that may pass through any cell.
+
+    A cell stops a beam of length l inside it with 1 - exp(-(h / d) l); P sums over the ray the
+    chance to come to a cell, to stop there, and exp(-(r - r_c)^2 / 2 var) for what was measured.
+    `settings`: variance (m^2), free way in unseen cells (m), evidence d0 of a cell (m), least P.
+    """
+    variance, free_way, prior, floor = settings
+    beyond = 4 * np.sqrt(variance)
+    for i in range(len(starts)):
+        way = ends[i][(ends[i] != starts[i]).any(-1)] - starts[i]
+        length = np.hypot(*way.T)[:, None]
+        # As far as a hit may be misread, and to the end of the last cell there.
+        far = starts[i] + way * (1 + (beyond + 2 * frame[0]) / length)
+        cells, t = crossed(starts[i], far, frame[0], frame[1:])
+        kept = cells_at(pages, table[i], columns, cells).astype(float)
+        hits, metres = kept[..., _HITS], kept[..., _METRES]
+        stops = np.where(metres == 0.0, 1 / free_way, hits / (metres + prior))  # per metre
+        stop = 1 - np.exp(-stops * np.diff(t))
+        passed = np.cumprod(1 - stop, 1)
+        reached = np.concatenate([np.ones_like(length), passed[:, :-1]], 1)
+        counts = (t[:, :-1] < length + beyond) & (reached > 1e-4)
+        off = length - 0.5 * (t[:, :-1] + t[:, 1:])
+        P = (reached * stop * np.exp(-0.5 * off**2 / variance) * counts).sum(1)
+        score[i] = np.log(P + floor).sum()
