@@ -31,7 +31,6 @@ __all__ = [
     "block_diagonal",
     "chi2_quantile",
     "confidence_ellipse",
-    "inverse_2x2",
     "mahalanobis_squared",
     "root",
 ]
