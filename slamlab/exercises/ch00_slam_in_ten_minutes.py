@@ -687,6 +687,7 @@ def _ride(rng: np.random.Generator, n: int, closures: int) -> Any:
     odometry = np.round(odometry + sigma * rng.standard_normal((n, 3)), 3)
     z = z + sigma / 2 * rng.standard_normal((closures, 3))
     weight = np.linalg.inv(a_covariance(rng, 3, 0.02)), np.diag((2 / sigma) ** 2)
+    weight = weight[0], np.round(rng.uniform(0.5, 2), 2) * weight[1]
     return truth[0], odometry, weight[0], np.reshape(pairs, (closures, 2)), z, weight[1]
 
 

@@ -417,16 +417,16 @@ def follow(
 
 # %% tags=["cases"]
 @drawn
-def _unicycle(rng: np.random.Generator, n: int, unseen: float) -> Any:
+def _unicycle(rng: np.random.Generator, n: int, unseen: float, dt: float = 0.4) -> Any:
     mean, landmark = a_pose(rng), np.round(rng.uniform(4, 8, 2), 2)
     u = np.round(rng.uniform([0.2, -1.5], [1.5, 1.5], (n, 2)), 2)
     pose, read = mean, []
     for v, omega in u:
-        pose = pose + 0.4 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+        pose = pose + dt * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
         read.append(range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.05]))
     z = np.where(rng.random((n, 1)) < unseen, np.nan, np.round(read, 3))
     V, R = a_covariance(rng, 2, 0.02), a_covariance(rng, 2, 0.01)
-    return mean, a_covariance(rng, 3, 0.02), u, 0.4, V, z, landmark, R
+    return mean, a_covariance(rng, 3, 0.02), u, dt, V, z, landmark, R
 
 
 check_follow = Check(
@@ -434,7 +434,7 @@ check_follow = Check(
     "means, covs",
     {
         "one step without a measurement": _unicycle(1, 1.0),
-        "one step and one measurement": _unicycle(1, 0.0),
+        "one step and one measurement": _unicycle(1, 0.0, 0.7),
         "the landmark across the back": (
             [0, 0, 3.0],
             0.05 * np.eye(3),
@@ -446,7 +446,7 @@ check_follow = Check(
             0.01 * np.eye(2),
         ),
         "a drive": _unicycle(12, 0.0),
-        "a drive on which the landmark is seen now and then": _unicycle(12, 0.5),
+        "a drive on which the landmark is seen now and then": _unicycle(12, 0.5, 0.25),
     },
     tolerance=1e-5,
 )

@@ -573,7 +573,7 @@ check_localize = Check(
     "x, weights",
     {
         "one step, nothing seen": _walk(5, 1, 1.0),
-        "one step and one reading": _walk(6, 1),
+        "one step and one reading": _walk(6, 1, 0.0, 0.5),
         "readings so dull that nobody is resampled": _walk(6, 4, 0.0, 20.0),
         "a drive": _walk(12, 8),
         "a drive on which the eye is closed now and then": _walk(12, 10, 0.5),

@@ -93,7 +93,7 @@ check_wheels = Check(
         "straight ahead, all wheels alike": ([0.4, 0.0, 0.0], *_YOUBOT),
         "to the left, diagonals against each other": ([0.0, 0.3, 0.0], *_YOUBOT),
         "turning left, right against left": ([0.0, 0.0, 0.8], *_YOUBOT),
-        "all three at once": ([0.4, -0.2, 0.5], *_YOUBOT),
+        "all three at once": ([0.4, -0.2, 0.5], 0.0475, 0.3, 0.15),
         "another robot": ([-0.3, 0.1, 1.0], 0.1, 0.2, 0.4),
         "any robot": _platform,
     },
@@ -558,19 +558,25 @@ def odometry(
 
 # %% tags=["cases"]
 @drawn
-def _driving(rng: np.random.Generator, n: int, doubt: float, sigma: float) -> Any:
+def _driving(
+    rng: np.random.Generator,
+    n: int,
+    doubt: float,
+    sigma: float,
+    robot: tuple[float, ...] = (0.2, 0.05, 0.38),
+) -> Any:
     root = rng.normal(size=(3, 3))
     wheels = np.round(rng.uniform(-2, 9, (n, 4)), 1)
-    return a_pose(rng), doubt * root @ root.T, wheels, 0.2, 0.05, 0.38, sigma
+    return a_pose(rng), doubt * root @ root.T, wheels, *robot, sigma
 
 
 check_odometry = Check(
     odometry,
     "poses, covs",
     {
-        "one step from a known place": _driving(1, 0.0, 0.3),
+        "one step from a known place": _driving(1, 0.0, 0.3, (0.5, 0.0475, 0.6)),
         "one step with exact wheels": _driving(1, 0.02, 0.0),
-        "a drive": _driving(10, 0.02, 0.3),
+        "a drive": _driving(10, 0.02, 0.2, (0.1, 0.1, 0.25)),
         "straight on, doubting the heading": (
             [0, 0, 0.5],
             np.diag([0, 0, 0.01]),

@@ -636,7 +636,7 @@ def walls(points: Array, variance: float, threshold: float, fewest: int) -> tupl
 
 # %% tags=["cases"]
 @drawn
-def _outline(rng: np.random.Generator, *sizes: int) -> Any:
+def _outline(rng: np.random.Generator, *sizes: int, fewest: int = 4) -> Any:
     """Draw a scan along walls with so many points each, and how to cut it."""
     heading, corner, stretches = rng.uniform(-3, 3), rng.uniform(-3, 3, 2), []
     for size in sizes:
@@ -646,7 +646,7 @@ def _outline(rng: np.random.Generator, *sizes: int) -> Any:
         heading += rng.choice([-1, 1]) * rng.uniform(1.0, 1.6)
     points = np.vstack(stretches) + rng.normal(0, 0.01, (sum(sizes), 2))
     variance = float(np.round(rng.uniform(1e-4, 1e-2), 5))
-    return np.round(points, 4), variance, float(np.round(rng.uniform(0.04, 0.06), 3)), 4
+    return np.round(points, 4), variance, float(np.round(rng.uniform(0.04, 0.06), 3)), fewest
 
 
 _ANGLE = np.array([[0, 1], [1, 1], [2, 1], [3, 1], [4, 1.0], [4, 2], [4, 3], [4, 4], [4, 5]])
@@ -657,8 +657,8 @@ check_walls = Check(
     "walls, covs",
     {
         "one wall": _outline(9),
-        "two walls": _outline(9, 11),
-        "four walls": _outline(8, 12, 7, 9),
+        "two walls": _outline(9, 11, fewest=3),
+        "four walls": _outline(8, 12, 7, 9, fewest=5),
         "a wall that bulges, farther from its chord than from its line": (
             np.column_stack([np.linspace(-1, 1, 9), 2.06 - 0.06 * np.linspace(-1, 1, 9) ** 2]),
             0.01,

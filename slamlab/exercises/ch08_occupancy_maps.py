@@ -558,14 +558,17 @@ def insert(
 
 # %% tags=["cases"]
 @drawn
-def _scanned(rng: np.random.Generator, rows: int, columns: int, heading: float = 0.0) -> Any:
+def _scanned(
+    rng: np.random.Generator, rows: int, columns: int, heading: float = 0.0, cell: float = 0.25
+) -> Any:
     n = int(rng.integers(5, 12))
     angles = np.linspace(-np.pi, np.pi, n, endpoint=False)
     ranges = np.round(rng.uniform(0.6, 4, n), 2)
     ranges[rng.integers(0, n)], ranges[rng.integers(0, n)] = np.inf, np.nan
     pose = [*np.round(rng.uniform(0.2, 1.8, 2), 2), heading + np.round(rng.normal(), 2)]
     before = np.round(rng.normal(0, 0.5, (rows, columns)), 1)
-    return before, pose, ranges, angles, 0.25, 3.0, 0.8, -0.4
+    hit, miss = np.round(rng.uniform([0.5, -0.6], [1.2, -0.2]), 2)
+    return before, pose, ranges, angles, cell, 3.0, hit, miss
 
 
 check_insert = Check(
@@ -612,7 +615,7 @@ check_insert = Check(
             0.8,
             -0.4,
         ),
-        "a room, wide": _scanned(6, 12),
+        "a room, wide": _scanned(6, 12, cell=0.2),
         "a room, high": _scanned(12, 6),
         "a robot that looks back": _scanned(8, 8, np.pi),
     },

@@ -667,8 +667,8 @@ check_slam = Check(
     "mean, P",
     {
         "a drive on which nothing is seen": in_the_room(4, 1, 1.0),
-        "one landmark, first seen after a step": in_the_room(1, 1),
-        "one landmark, seen again and again": in_the_room(8, 1),
+        "one landmark, first seen after a step": in_the_room(1, 1, dt=0.8),
+        "one landmark, seen again and again": in_the_room(8, 1, dt=0.25),
         "five landmarks": in_the_room(20, 5),
         "a drive with steps that see nothing": in_the_room(20, 4, 0.4),
         "a heading past half a turn": (

@@ -672,7 +672,7 @@ check_slam = Check(
     "mean, P",
     {
         "a drive on which nothing is seen": _in_the_room(4, 1, 1.0),
-        "one landmark, first seen after a step": _in_the_room(1, 1),
+        "one landmark, first seen after a step": _in_the_room(1, 1, dt=0.8),
         "a robot that stands still after its first step": _in_the_room(12, 3, still=True),
         "one landmark, seen again and again": _in_the_room(8, 1),
         "five landmarks": _in_the_room(20, 5),

@@ -461,7 +461,7 @@ def best_first(distance: Array, gate: float) -> Ints:
 # %% tags=["cases"]
 def _table(rng: np.random.Generator) -> Any:
     k, n = rng.integers(1, 7, 2)
-    return np.round(rng.uniform(0.1, 14, (k, n)), 2), 9.0
+    return np.round(rng.uniform(0.1, 14, (k, n)), 2), np.round(rng.uniform(6, 12), 1)
 
 
 check_best_first = Check(
@@ -747,9 +747,10 @@ def _back(
     strangers: int = 0,
     echo: int = 0,
     mixed: bool = True,
+    sigma: float = 0.05,
 ) -> Any:
     """Draw what a robot sees that has lost its place by half a metre and five degrees."""
-    sensor = RangeBearing(0.05, np.radians(0.5))
+    sensor = RangeBearing(sigma, np.radians(0.5))
     believed = np.zeros(3)
     truth = rng.normal(0, 1, 3) * [0.5, 0.5, 0.08]
     orchard = rng.uniform([2.0, -2.5], [6.0, 2.5], (trees, 2))
@@ -794,7 +795,7 @@ check_together = Check(
     "rows",
     {
         "one measurement, one tree": _back(1, 1),
-        "two trees": _back(2, 2),
+        "two trees": _back(2, 2, sigma=0.08),
         "three of four trees": _back(4, 3),
         "a look with a measurement of nothing": _back(4, 3, strangers=1),
         "more measurements than trees": _back(2, 2, strangers=2),

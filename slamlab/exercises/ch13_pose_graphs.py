@@ -590,7 +590,7 @@ check_map = Check(
         "without a closure it is dead reckoning": (
             [[1.0, 0.0, 0.5], [1.0, 0.0, 0.5]],
             np.zeros((0, 5)),
-            [0.1, 0.1, 0.1],
+            [0.2, 0.1, 0.05],
         ),
         "the line of the chapter": (
             [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]],

@@ -196,7 +196,7 @@ check_next_range = Check(
     next_range,
     "range",
     {
-        "as many as wanted": (20.0, 10, 10.0, 5.0, 40.0),
+        "as many as wanted": (20.0, 10, 10.0, 3.0, 30.0),
         "four times too many": (20.0, 20, 5.0, 5.0, 40.0),
         "nothing seen": (12.0, 0, 5.0, 5.0, 40.0),
         "never nearer": (12.0, 200, 2.0, 5.0, 40.0),

@@ -424,7 +424,7 @@ check_steer = Check(
         "a robot that looks to the west": _aim(behind=3.0),
         "almost half a turn is due": ([0, 0, 0.0], [-0.1, 0.001], [1.0, 0.3], [0.2, 1.5]),
         "limits that never hold": _aim(limits=(9.0, 99.0)),
-        "any point": _aim(),
+        "any point": _aim(limits=(0.25, 1.2)),
     },
 )
 
