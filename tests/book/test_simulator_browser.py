@@ -500,7 +500,7 @@ def shown(page):
 @pytest.mark.parametrize("guard", ["swept", "printed"])
 def test_it_explores_by_itself_and_counts_collisions(show, guard):
     page = show(figure())
-    page.get_by_role("combobox", name="CollisionGuard").select_option(guard)
+    page.get_by_role("combobox", name="Guard").select_option(guard)
     page.get_by_role("combobox", name="Strategy").select_option("fraction")
     page.get_by_role("button", name="Explore").click()
     page.wait_for_function(
