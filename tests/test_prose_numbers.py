@@ -11,14 +11,10 @@ from pathlib import Path
 import nbformat
 import pytest
 
+from tools.seeds import NOT_PROSE
+
 ROOT = Path(__file__).resolve().parents[1]
 CHAPTERS = sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))
-NOT_PROSE = (
-    r"(?s)\$\$.*?\$\$", r"\$[^$]*\$", r"`[^`]*`", r"!?\[[^\]]*\]\([^)]*\)", r"<[^>]+>",
-    r"\((?:P\d )?\d+[a-z]?\)(?:-\(\d+\))?",
-    r"(?i)\b(?:P\d|chapters?|figures?|sections?|steps?|tables?|formulas?) ?"
-    r"\(?\d+(?:\.\d+)?(?:(?:,| and| to) \d+)*",
-)  # fmt: skip
 NUMBER = re.compile(
     r"(?<![\w.,/\[(-])(\d{1,3}(?:[ \u00a0\u202f]\d{3})+|\d+(?:\.\d+)?)(?![\w.]*\d)"
 )

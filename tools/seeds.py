@@ -77,7 +77,7 @@ VERDICT = re.compile(
     r"converged|diverged|diverges|lost)\b",
     re.IGNORECASE,
 )
-# Numbers of the prose: as tests/test_prose_numbers.py reads them.
+# What is no prose; tests/test_prose_numbers.py reads numbers by it, too.
 NOT_PROSE = (
     r"(?s)\$\$.*?\$\$", r"\$[^$]*\$", r"`[^`]*`", r"!?\[[^\]]*\]\([^)]*\)", r"<[^>]+>",
     r"\((?:P\d )?\d+[a-z]?\)(?:-\(\d+\))?",

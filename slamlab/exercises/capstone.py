@@ -17,6 +17,7 @@ import numpy as np
 
 from slamlab._checks import Array
 from slamlab.exercises._report import NOTHING_YET, Report, Row
+from slamlab.geometry import inverse_transform, wrap_angle
 
 __all__ = ["STEPS", "NotWritten", "Own", "check", "save_file"]
 
@@ -200,15 +201,10 @@ def _poses(n: int, rng: np.random.Generator) -> Array:
     return np.column_stack([rng.normal(size=(n, 2)) * 3, rng.uniform(-np.pi, np.pi, n)])
 
 
-def _seen_from(pose: Array, points: Array) -> Array:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return (points - pose[:2]) @ np.array([[c, -s], [s, c]])
-
-
 def _off(pose: Array, true: Array) -> Array:
     """Return absolute errors of a pose, the heading wrapped."""
     error = np.asarray(pose, float) - true
-    error[..., 2] = np.arctan2(np.sin(error[..., 2]), np.cos(error[..., 2]))
+    error[..., 2] = wrap_angle(error[..., 2])
     return np.abs(error)
 
 
@@ -225,8 +221,8 @@ def _said(name: str, value: Any) -> str:
 def _wrapped(m: Own, rng: np.random.Generator) -> Outcome:
     given = np.array([np.pi + 0.1, -np.pi - 0.1, 7.0, 0.5])
     came = m.wrap(given)
-    due = np.array([0.1 - np.pi, np.pi - 0.1, 7.0 - 2 * np.pi, 0.5])
-    return np.allclose(came, due), _said("wrap([pi + 0.1, -pi - 0.1, 7, 0.5])", came)
+    expected = np.array([0.1 - np.pi, np.pi - 0.1, 7.0 - 2 * np.pi, 0.5])
+    return np.allclose(came, expected), _said("wrap([pi + 0.1, -pi - 0.1, 7, 0.5])", came)
 
 
 @_property(1, "ahead is along the heading", "b is turned by the heading of a, then added to a")
@@ -264,9 +260,9 @@ def _turns(m: Own, rng: np.random.Generator) -> Outcome:
 @_property(1, "points move as poses do", "points are rows: multiply by the transpose")
 def _carried(m: Own, rng: np.random.Generator) -> Outcome:
     (a, b), p = _poses(2, rng), rng.normal(size=(7, 2))
-    came, due = m.transform(m.compose(a, b), p), m.transform(a, m.transform(b, p))
+    came, expected = m.transform(m.compose(a, b), p), m.transform(a, m.transform(b, p))
     ahead = m.transform(np.array([1.0, 2.0, np.pi / 2]), np.array([[1.0, 0.0]]))
-    gap = np.abs(came - due).max()
+    gap = np.abs(came - expected).max()
     ok = gap < 1e-9 and np.allclose(ahead, [[1, 3]])
     return ok, _said("transform((1, 2, pi/2), [(1, 0)])", ahead)
 
@@ -323,11 +319,11 @@ def _submap(m: Own, points: Array, pose: Iterable[float] = (0.0, 0.0, 0.0)) -> A
 )
 def _across(m: Own, rng: np.random.Generator) -> Outcome:
     turned = np.array([0.0, 0.0, 0.5])
-    n = m.estimate_normals(_seen_from(turned, _walls(rng)))
+    n = m.estimate_normals(inverse_transform(turned, _walls(rng)))
     walls = np.isfinite(n[:, 0])
     # The sides of the room, in order, run along x, y, x, y, x, y.
     side = np.eye(2)[np.arange(len(n)) // 100 % 2]
-    along = np.abs((n * _seen_from(turned, side)).sum(1))[walls]
+    along = np.abs((n * inverse_transform(turned, side)).sum(1))[walls]
     across = (along < 0.25).mean()
     ok = walls.mean() > 0.8 and np.allclose(np.hypot(*n[walls].T), 1) and across > 0.9
     return (
@@ -358,7 +354,7 @@ def _directions(m: Own, rng: np.random.Generator) -> Outcome:
 def _matched(m: Own, true: Array, change: Callable[[Array], Array], rng: Any) -> Array:
     """Errors of a match in the room; `change` spoils the scan, in the robot's frame."""
     submap = _submap(m, _walls(rng))
-    scan = change(m.voxel_downsample(_seen_from(true, room()), 0.15))
+    scan = change(m.voxel_downsample(inverse_transform(true, room()), 0.15))
     return _off(m.icp(submap, scan, np.zeros(3), _LOOSE)[0], true)
 
 
@@ -391,14 +387,14 @@ def _robust(m: Own, rng: np.random.Generator) -> Outcome:
 def _elsewhere(m: Own, rng: np.random.Generator) -> Outcome:
     away, true = np.array([50.0, -30.0, 0.0]), _PLACES[1]
     submap = _submap(m, _walls(rng), away)
-    scan = m.voxel_downsample(_seen_from(true, room()), 0.15)
+    scan = m.voxel_downsample(inverse_transform(true, room()), 0.15)
     worst = _off(m.icp(submap, scan, away, _LOOSE)[0], away + true).max()
     return worst < 0.01, _said("largest error", worst)
 
 
 @_property(3, "a certain guess stays", "the prior belongs into H and into the right side")
 def _prior(m: Own, rng: np.random.Generator) -> Outcome:
-    scan = m.voxel_downsample(_seen_from(_PLACES[0], room()), 0.15)
+    scan = m.voxel_downsample(inverse_transform(_PLACES[0], room()), 0.15)
     x, _, _ = m.icp(_submap(m, _walls(rng)), scan, np.zeros(3), np.eye(3) * 1e-6)
     return np.abs(x).max() < 0.01, _said("moved by", x)
 
@@ -421,7 +417,7 @@ def _along(m: Own, rng: np.random.Generator) -> Outcome:
 )
 def _seam(m: Own, rng: np.random.Generator) -> Outcome:
     k = np.pi - 0.02
-    scan = m.voxel_downsample(_seen_from(np.array([0, 0, k]), room()), 0.15)
+    scan = m.voxel_downsample(inverse_transform(np.array([0, 0, k]), room()), 0.15)
     guess = np.array([0.0, 0.0, -k])
     x, _, _ = m.icp(_submap(m, _walls(rng)), scan, guess, np.diag([0.5, 0.5, 0.2]) ** 2)
     return _off(x, np.array([0, 0, k]))[2] < 0.01 and abs(x[2]) <= np.pi + 1e-9, _said(
@@ -451,7 +447,7 @@ _FAR = np.array([1.8, -1.0, 0.2618])
 
 
 def _searched(m: Own) -> tuple[Array, Any]:
-    scan = m.voxel_downsample(_seen_from(_FAR, room()), 0.2)
+    scan = m.voxel_downsample(inverse_transform(_FAR, room()), 0.2)
     return scan, m.search(room(), scan, np.zeros(3), 2.5, np.deg2rad(20))
 
 
@@ -532,7 +528,7 @@ _SPREAD = np.diag([0.3, 0.3, 0.1]) ** 2
 )
 def _searches(m: Own, rng: np.random.Generator) -> Outcome:
     true = np.array([-0.9, 0.9, 0.25])
-    scan = m.voxel_downsample(_seen_from(true, room()), 0.15)
+    scan = m.voxel_downsample(inverse_transform(true, room()), 0.15)
     y, _ = m.track(_submap(m, room()), scan, np.zeros(3), _SPREAD)
     return _off(y, true).max() < 0.03, _said("error", _off(y, true))
 
@@ -636,7 +632,7 @@ def _verified(m: Own, rng: np.random.Generator) -> Outcome:
     for points, reach in ((room(), 20.0), (corridor(40.0), 7.0)):
         nodes = []
         for pose in true:
-            scan = _seen_from(pose, points)
+            scan = inverse_transform(pose, points)
             scan = m.voxel_downsample(scan[np.hypot(*scan.T) < reach], 0.1)
             nodes.append((scan, m.estimate_normals(scan)))
         came = m.verify(3, 10, 2.5, nodes, believed, travel)
@@ -686,10 +682,10 @@ def _weighed(m: Own, rng: np.random.Generator) -> Outcome:
     z = np.array([[1.0, 0, 0], [1.4, 0.5, 0.1]])
     came, _ = m.solve(start, [(0, 1), (0, 1)], z, C, np.zeros(2, bool))
     information = np.linalg.inv(C)
-    due = np.linalg.solve(information.sum(0), (information @ z[:, :, None]).sum(0)[:, 0])
+    expected = np.linalg.solve(information.sum(0), (information @ z[:, :, None]).sum(0)[:, 0])
     return np.allclose(
-        came[1], due, atol=1e-3
-    ), f"{_said('came', came[1])}, {_said('weighted mean', due)}"
+        came[1], expected, atol=1e-3
+    ), f"{_said('came', came[1])}, {_said('weighted mean', expected)}"
 
 
 def _graph(m: Own) -> tuple[Any, ...]:

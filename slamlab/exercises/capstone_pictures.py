@@ -20,7 +20,7 @@ from slamlab._checks import Array
 from slamlab.datasets import killian
 from slamlab.evaluation import align, ate, run
 from slamlab.exercises.capstone import STEPS, NotWritten, Own, room, two_laps
-from slamlab.geometry import between, compose
+from slamlab.geometry import between, inverse_transform, transform
 from slamlab.logs import Log
 from slamlab.plots import COLOURS
 from slamlab.robots import RelativePose, dead_reckoning
@@ -191,8 +191,7 @@ def _icp(own: Own) -> Figure:
     for ax, x, kind in ((axes[0], guess, "dead_reckoning"), (axes[1], pose, "estimate")):
         _dots(ax, place, "wall")
         if x is not None:
-            moved = np.column_stack([scan, np.zeros(len(scan))])
-            _dots(ax, compose(x, moved)[:, :2], kind)
+            _dots(ax, transform(x, scan), kind)
     axes[0].set_title("the guess: 0.36 m and 9 degrees off", fontsize=10)
     if pose is not None:
         off = 100 * np.hypot(*(pose - true)[:2])
@@ -204,8 +203,7 @@ def _icp(own: Own) -> Figure:
 def _search(own: Own) -> Figure:
     figure, axes = _axes(2)
     true = np.array([1.8, -1.0, 0.2618])
-    c, s = np.cos(true[2]), np.sin(true[2])
-    scan = (room() - true[:2]) @ np.array([[c, -s], [s, c]])
+    scan = inverse_transform(true, room())
     field, title = _tried(own, lambda: own.likelihood_field(room(), np.zeros(2), 9.0, 0.1))
     if field is not None:
         half = 0.1 * len(field) / 2
@@ -225,8 +223,7 @@ def _search(own: Own) -> Figure:
     _dots(axes[1], room(), "wall")
     if found is not None:
         x, score, second = found
-        moved = compose(x, np.column_stack([scan, np.zeros(len(scan))]))[:, :2]
-        _dots(axes[1], moved, "estimate")
+        _dots(axes[1], transform(x, scan), "estimate")
         off = 100 * np.hypot(*(x - true)[:2])
         title = f"found: {off:.0f} cm off, score {score:.2f}\nsecond peak {second:.2f}"
     axes[1].set_title(title, fontsize=10)
