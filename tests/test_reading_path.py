@@ -14,6 +14,8 @@ import pytest
 
 import slamlab
 from slamlab import _checks
+from slamlab.filters.particle import ParticleFilter
+from slamlab.localization import MonteCarloLocalization
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar, RangeBearing, StereoRig
 from slamlab.slam import (
@@ -138,6 +140,34 @@ def fast_slam(version):
     return step
 
 
+def monte_carlo(injection):
+    """Three landmarks, far from where they were: particles are injected, if they may be."""
+    rng, trees = np.random.default_rng(0), np.array([[1.0, 1.0], [4.0, 2.0], [2.0, 4.0]])
+    bounds = [[0.0, 5.0], [0.0, 5.0]]
+    mcl = MonteCarloLocalization(trees, YOUBOT, SENSOR, 500, bounds, rng, injection)
+    mcl.update(SENSOR.observe([2.0, 2.0, 0.0], trees), [0, 1, 2])
+
+    def step():
+        mcl.predict(*CONTROL)
+        mcl.update(SENSOR.observe([4.0, 4.0, 2.0], trees), [0, 1, 2])
+        assert (mcl.injected > 0) == (injection is not None)
+
+    return step
+
+
+def particle_filter():
+    """Particles of one number, resampled."""
+    rng = np.random.default_rng(0)
+    belief = ParticleFilter(rng.normal(0.0, 2.0, (400, 1)), rng, threshold=1.0)
+
+    def step():
+        belief.predict(lambda x, rng: x + 1.0 + rng.normal(0.0, 0.5, x.shape))
+        belief.update(lambda x: -2.0 * (3.0 - x[:, 0]) ** 2)
+        assert belief.resampled
+
+    return step
+
+
 def grid_fast_slam(model):
     """A scan of walls that the map has, without resampling."""
     rng, lidar = np.random.default_rng(0), Lidar(40, max_range=8.0, sigma_range=0.01)
@@ -175,14 +205,22 @@ SYSTEMS = {
     "EKF-SLAM, side by side": (ekf_slam_batch, ("slam/batch.py", "slam/linearisation.py"), OWN),
     "FastSLAM 1": (partial(fast_slam, 1), ("slam/fast.py",), OWN),
     "FastSLAM 2": (partial(fast_slam, 2), ("slam/fast.py",), OWN + 10),
+    "particle filter": (particle_filter, ("filters/particle.py",), OWN),
+    "Monte Carlo": (partial(monte_carlo, None), ("localization/monte_carlo.py",), OWN),
+    "Monte Carlo, injection": (
+        partial(monte_carlo, (0.05, 0.5)),
+        ("localization/monte_carlo.py",),
+        OWN,
+    ),
     "grid FastSLAM": (partial(grid_fast_slam, "matching"), ("slam/grid_fast.py",), OWN + 10),
     "DP-SLAM": (partial(grid_fast_slam, "penetration"), ("slam/grid_fast.py",), OWN),
     "Gamma-SLAM": (gamma_slam, ("slam/gamma.py",), OWN),
 }
-# Beyond `ALL`: weights and resampling (60 lines), and maps that copies share (52; tiles: 75).
+# Beyond `ALL`: weights and resampling (60 to 95 lines), maps that copies share (52; tiles: 75).
 MORE = {
     "FastSLAM 1": 345,
     "FastSLAM 2": 370,
+    "Monte Carlo, injection": 270,
     "grid FastSLAM": 370,
     "DP-SLAM": 315,
     "Gamma-SLAM": 310,

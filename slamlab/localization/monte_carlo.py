@@ -201,58 +201,56 @@ class MonteCarloLocalization(PoseParticles):
             If a shape is wrong, a number is not finite, an id does not exist, or `ids` or `covs`
             come with ranges. The filter is then as it was before.
         """
-        if self._field is None:
-            values, count = self._weigh_landmarks(measurement, ids, covs)
-        elif ids is None and covs is None:
-            points = self.sensor.points(as_shaped("ranges", measurement, (self.sensor.n_beams,)))
-            values = self._field.log_likelihood(self._cloud.particles, points)
-            count = int(np.isfinite(points[:, 0]).sum())
-        else:
-            raise ValueError("ids, covs: expected None beside ranges")
+        # 1. Sample the motion: `predict` has done it.
+        # 2. Weigh, (14): how well does each pose explain what was measured?
+        log_likelihood, count = self._log_likelihood(measurement, ids, covs)
         if count == 0:
             self.injected = 0.0
             return 0.0
-        evidence = self._cloud.update(values)
+        # 3. Resample, if the weights say so.
+        evidence = self._cloud.update(log_likelihood)
+        # 4. Inject: replace some by particles from anywhere, if measurements got unlikely.
+        share = self._share_to_inject(evidence / count)
+        n = int(self._rng.binomial(self.n_particles, share)) if share > 0 else 0
+        if n and not self.resampled:  # those that are replaced must be of equal weight
+            self._cloud.resample()
+            n = min(n, self.n_particles)  # if the number is adaptive
         self._unweighed = np.zeros(self.n_particles, bool)
-        self._inject(evidence / count)
+        if n:
+            rows = self._rng.choice(self.n_particles, n, replace=False)
+            self._cloud.particles[rows] = self._anywhere(n)
+            self._cloud.ancestors[rows] = -1
+            self._unweighed[rows] = True
+        self.injected = n / self.n_particles
         return evidence
 
-    def _weigh_landmarks(
-        self, z: ArrayLike, ids: ArrayLike | None, covs: ArrayLike | None
+    def _log_likelihood(
+        self, measurement: ArrayLike, ids: ArrayLike | None, covs: ArrayLike | None
     ) -> tuple[Array, int]:
-        """Log likelihood (M,), landmarks given or chosen by each particle; and how many."""
-        z, poses = as_array("z", z, ("k", 2)), self._cloud.particles
-        if ids is None:
+        """Log likelihood (M,) of the poses; and of how many beams or landmarks."""
+        poses = self._cloud.particles
+        if self._field is not None:
+            if ids is not None or covs is not None:
+                raise ValueError("ids, covs: expected None beside ranges")
+            points = self.sensor.points(as_shaped("ranges", measurement, (self.sensor.n_beams,)))
+            count = int(np.isfinite(points[:, 0]).sum())
+            return self._field.log_likelihood(poses, points), count
+        z = as_array("z", measurement, ("k", 2))
+        if ids is None:  # each pose takes the landmark that explains a measurement best
             return self.sensor.best_log_likelihood(poses, z, self._landmarks, covs), len(z)
         known = self._landmarks[_checked_ids(ids, len(z), len(self._landmarks))]
         return self.sensor.log_likelihood(poses, z, known, covs), len(z)
 
-    def _inject(self, log_mean_likelihood: float) -> None:
-        """Follow the likelihood of one measurement; replace 1 - fast/slow of the particles."""
-        self.injected = 0.0
+    def _share_to_inject(self, log_mean_likelihood: float) -> float:
+        """1 - fast/slow of the averages of the likelihood of one measurement, Gutmann and Fox."""
         if self._rates is None:
-            return
+            return 0.0
         likelihood = float(np.exp(min(log_mean_likelihood, 700.0)))
-        if self._slow < 0:
+        if self._slow < 0:  # the first one
             self._slow = self._fast = likelihood
         self._slow += self._rates[0] * (likelihood - self._slow)
         self._fast += self._rates[1] * (likelihood - self._fast)
-        share = 1 - self._fast / self._slow if self._slow > 0 else 0.0
-        n = int(self._rng.binomial(self.n_particles, share)) if share > 0 else 0
-        if n:
-            self._replace(n)
-        self.injected = n / self.n_particles
-
-    def _replace(self, n: int) -> None:
-        """Replace n particles of a set of equal weights by uniform ones."""
-        if not self._cloud.resampled:
-            self._cloud.resample()
-            self._unweighed = np.zeros(self.n_particles, bool)
-        n = min(n, self.n_particles)
-        rows = self._rng.choice(self.n_particles, n, replace=False)
-        self._cloud.particles[rows] = self._anywhere(n)
-        self._cloud.ancestors[rows] = -1
-        self._unweighed[rows] = True
+        return 1 - self._fast / self._slow if self._slow > 0 else 0.0
 
     def _weighed(self) -> ParticleFilter:
         """Return the belief without the particles that no measurement has weighed yet."""

@@ -213,6 +213,23 @@ def test_the_number_of_particles_falls_once_the_robot_is_found():
     assert errors[-1] < 0.4
 
 
+def test_an_impossible_measurement_may_inject_while_the_number_falls():
+    # Nothing was resampled, so that the injection does it, and the number falls with it.
+    kld = KLD([0.5, 0.5, 0.3], epsilon=0.3, minimum=20, maximum=8000)
+    rng = np.random.default_rng(6)
+    mcl = MonteCarloLocalization(
+        LANDMARKS, ROBOT, SENSOR, 2000, BOUNDS, rng, injection=(0.01, 1.0), adaptive=kld
+    )
+    for _ in range(2):
+        mcl.update(SENSOR.observe([1.0, 1.0, 0.5], LANDMARKS), range(len(LANDMARKS)))
+    before = mcl.n_particles
+    assert mcl.update(np.full((len(LANDMARKS), 2), 1e200), range(len(LANDMARKS))) == -np.inf
+    assert mcl.resampled
+    assert mcl.n_particles <= before
+    assert mcl.injected == np.mean(mcl.ancestors == -1)
+    assert np.isfinite(mcl.pose).all()
+
+
 def test_same_seed_same_track():
     np.testing.assert_array_equal(localize(3, steps=5)[0], localize(3, steps=5)[0])
 
