@@ -166,7 +166,7 @@ check-library: $(VENV)/.dev-installed  ## The tests of the library on this Pytho
 	  --benchmark-disable tests
 
 # Tests that need no more than the library, pytest and hypothesis.
-CORE := $(addprefix tests/,commands datasets golden localization mapping matching robots sensors slam worlds)
+CORE := $(addprefix tests/,datasets golden localization mapping matching robots sensors slam worlds)
 
 # check-oldest: the oldest versions that pyproject allows. check-newest: the newest that there are.
 check-oldest: RESOLUTION := lowest-direct
