@@ -1,0 +1,56 @@
+"""The release says one thing everywhere: version, date, citation, paper."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+import slamlab
+
+ROOT = Path(__file__).resolve().parents[1]
+CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+CHANGES = (ROOT / "CHANGELOG.md").read_text()
+PAPER = (ROOT / "paper" / "paper.md").read_text()
+
+
+def test_the_version_is_the_same_everywhere():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    newest = re.search(r"(?m)^## (\d+\.\d+\.\d+) \(([\d-]+)\)$", CHANGES)
+    assert slamlab.__version__ == project["version"] == CITATION["version"] == newest.group(1)
+    assert str(CITATION["date-released"]) == newest.group(2)
+
+
+def test_the_citation_fits_its_schema(tmp_path):
+    pytest.importorskip("check_jsonschema")
+    words = [sys.executable, "-m", "check_jsonschema", "--builtin-schema"]
+    words.append("vendor.citation-file-format")
+    # Dates are strings to the schema; YAML 1.2, which the format asks for, agrees.
+    done = subprocess.run([*words, ROOT / "CITATION.cff"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    wrong = tmp_path / "CITATION.cff"
+    wrong.write_text((ROOT / "CITATION.cff").read_text().replace("title:", "name-of-it:"))
+    assert subprocess.run([*words, wrong], capture_output=True).returncode == 1
+
+
+def test_the_renaming_table_is_kept():
+    assert "| old | new |" in CHANGES
+    assert "| `Log.looks` | `Log.landmark_measurements` |" in CHANGES
+
+
+def test_the_paper_has_the_length_and_the_parts_that_the_journal_asks_for():
+    _, head, body = PAPER.split("---\n", 2)
+    assert 250 <= len(body.split()) <= 1000
+    assert {"title", "tags", "authors", "affiliations", "date", "bibliography"} <= set(
+        yaml.safe_load(head)
+    )
+    for part in ("Summary", "Statement of need", "Audience", "Experience of use", "Story"):
+        assert re.search(rf"(?m)^# {part}", body)
+
+
+def test_the_paper_cites_what_its_bibliography_has():
+    keys = set(re.findall(r"(?m)^@\w+\{(\w+),", (ROOT / "paper" / "paper.bib").read_text()))
+    assert set(re.findall(r"@(\w+)", PAPER.split("---\n", 2)[2])) == keys
