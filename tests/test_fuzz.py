@@ -504,6 +504,7 @@ RECORDS = {
     "SteadyState",
     "Step",
     "TrajectoryError",
+    "Trial",
     "Verdict",
     "View",
     "VisualOdometer",

@@ -11,17 +11,20 @@ from slamlab.evaluation.contract import (
 from slamlab.evaluation.relations import relation_error
 from slamlab.evaluation.run import Run, run
 from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
+from slamlab.evaluation.trials import Trial, changed, trial
 from slamlab.evaluation.wall_maps import WallScores, line_errors, seen_lengths, wall_scores
 
 __all__ = [
     "AssociationScores",
     "Run",
     "TrajectoryError",
+    "Trial",
     "Verdict",
     "WallScores",
     "align",
     "ate",
     "association_scores",
+    "changed",
     "check_estimator",
     "check_landmark_sensor",
     "check_motion_model",
@@ -35,5 +38,6 @@ __all__ = [
     "rpe",
     "run",
     "seen_lengths",
+    "trial",
     "wall_scores",
 ]

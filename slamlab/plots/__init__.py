@@ -12,6 +12,7 @@ from slamlab.plots._draw import (
     path,
     walls,
 )
+from slamlab.plots._show import show
 from slamlab.plots._style import COLOURS, line_style, use_style
 from slamlab.plots._table import Table
 
@@ -28,6 +29,7 @@ __all__ = [
     "occupancy",
     "particles",
     "path",
+    "show",
     "use_style",
     "walls",
 ]

@@ -144,13 +144,13 @@ def floor(ax: Axes) -> None:
 def error_band(
     ax: Axes, t: ArrayLike, error: ArrayLike, sigma: ArrayLike, label: str, kind: str = "estimate"
 ) -> Line2D:
-    """Draw an error over time with the +-2 sigma tube that the filter claims.
+    """Draw an error over time with the +-2 sigma tube that the filter reports.
 
     Parameters
     ----------
     ax : Axes
     t, error, sigma : array_like, shape (n,)
-        Time (s), error and claimed standard deviation, in one unit.
+        Time (s), error and reported standard deviation, in one unit.
     label : str
     kind : str
         A key of `COLOURS`.
@@ -166,7 +166,7 @@ def error_band(
     sigma = as_shaped("sigma", sigma, (len(t),))
     as_choice("kind", kind, tuple(COLOURS))
     _axes(ax).fill_between(
-        t, -2 * sigma, 2 * sigma, color=COLOURS[kind], alpha=0.2, lw=0, label="±2σ claimed"
+        t, -2 * sigma, 2 * sigma, color=COLOURS[kind], alpha=0.2, lw=0, label="reported ±2σ"
     )
     ax.axhline(0.0, color="0.3", lw=0.8)
     return ax.plot(t, error, label=_label(label), **line_style(kind))[0]

@@ -44,7 +44,7 @@ ANSWERS = {
     "Ellipse", "Step", "FilterResult", "SmootherResult", "SteadyState", "Match",
     "PointsWithNormals", "Walls", "Certificate", "Closure", "Scans",
     "Location", "Loop", "ManhattanGraph", "Relations",
-    "AssociationScores", "Run", "Verdict", "WallScores", "Situation", "View",
+    "AssociationScores", "Run", "Trial", "Verdict", "WallScores", "Situation", "View",
 }  # fmt: skip
 PROTOCOLS = {
     "Estimator", "LandmarkSensor", "MotionModel", "Pilot", "ScanSensor", "Smoother", "Strategy",
