@@ -11,7 +11,7 @@ most editors know as cells. A cell's tag says what it is:
     imports     what both notebooks import; the checks are added (with `solution`: this notebook's)
     statement   what is asked: a text, or code that stands in the exercise notebook only
     exercise    the function: its docstring is the student's, its body the solution's. It is the
-                reference of the check, too
+                reference of the check, too. Where the check has a picture, it is drawn below it
     stub        what is handed out in place of `...`: the body with bugs, or with a beginning
     try         the call below the stub
     hint        one folded hint
@@ -99,10 +99,12 @@ def notebooks(source: Path) -> tuple[list[Cell], list[Cell]]:
     """Return the cells of the exercise notebook and of the solution notebook."""
     cells = cells_of(source)
     checks = dict(_checks(cells))
+    drawn = dict(_pictures(cells))
     tasks: list[Cell] = []
     answers: list[Cell] = []
     hints: list[str] = []
-    pending: Cell | None = None  # a solution whose text is still to come
+    stub = _code("")
+    pending: list[Cell] = []  # a solution whose text is still to come
     number = 0
     for cell in cells:
         tags = set(cell.metadata.tags) & TAGS
@@ -118,12 +120,18 @@ def notebooks(source: Path) -> tuple[list[Cell], list[Cell]]:
             number = 0
             function = _function(cell.source)
             call = f"{checks[function.name]}({function.name})"
-            tasks += [_code(_stub(cell.source, "    ..."), cell), _code(call)]
-            pending = _code(f"{_solution(cell.source)}\n\n{call}", cell)
+            stub = _code(_stub(cell.source, "    ..."), cell)
+            tasks += [stub, _code(call)]
+            pending = [_code(f"{_solution(cell.source)}\n\n{call}", cell)]
+            if function.name in drawn:
+                shown = {"mystnb": {"image": {"alt": drawn[function.name]}}}
+                for of in (tasks, pending):
+                    of.append(_code(f"{checks[function.name]}.draw({function.name})"))
+                    of[-1].metadata = nbformat.from_dict(shown)
         elif "stub" in tags:
-            tasks[-2].source = tasks[-2].source.removesuffix("    ...") + cell.source
+            stub.source = stub.source.removesuffix("    ...") + cell.source
         elif "try" in tags:
-            tasks[-2].source += "\n\n" + cell.source
+            stub.source += "\n\n" + cell.source
         elif "hint" in tags:
             number += 1
             head = f"<details><summary>Hint {number}</summary>"
@@ -132,9 +140,9 @@ def notebooks(source: Path) -> tuple[list[Cell], list[Cell]]:
             tasks.append(_copy(cell))
         elif "solution" in tags:
             answers.append(_copy(cell))
-            if pending is not None and cell.cell_type == "markdown":
-                answers.append(pending)
-                pending = None
+            if pending and cell.cell_type == "markdown":
+                answers += pending
+                pending = []
     if hints:
         tasks.append(_text("\n\n".join(hints)))
     for letter, of in (("e", tasks), ("s", answers)):
@@ -145,12 +153,30 @@ def notebooks(source: Path) -> tuple[list[Cell], list[Cell]]:
 
 def _checks(cells: list[Cell]) -> Iterator[tuple[str, str]]:
     """Yield the name of each function that is checked, and that of its check."""
+    for made, name in _made(cells):
+        yield ast.unparse(made.args[0]), name
+
+
+def _pictures(cells: list[Cell]) -> Iterator[tuple[str, str]]:
+    """Yield the name of each function whose result is drawn, and the alternative text."""
+    bodies = [ast.parse(c.source).body for c in cells if "cases" in c.metadata.tags]
+    functions = [n for body in bodies for n in body if isinstance(n, ast.FunctionDef)]
+    texts = {function.name: ast.get_docstring(function) for function in functions}
+    for made, _ in _made(cells):
+        for word in made.keywords:
+            if word.arg == "picture":
+                text = " ".join(texts[ast.unparse(word.value)].removeprefix("Draw ").split())
+                yield ast.unparse(made.args[0]), f"Two panels, yours and as it should be: {text}"
+
+
+def _made(cells: list[Cell]) -> Iterator[tuple[ast.Call, str]]:
+    """Yield each call that makes a check, and the check's name."""
     for cell in cells:
         if "cases" in cell.metadata.tags:
             for node in ast.parse(cell.source).body:
                 made = node.value if isinstance(node, ast.Assign) else None
                 if isinstance(made, ast.Call) and ast.unparse(made.func) == "Check":
-                    yield ast.unparse(made.args[0]), ast.unparse(node.targets[0])
+                    yield made, ast.unparse(node.targets[0])
 
 
 def _function(code: str) -> ast.FunctionDef:

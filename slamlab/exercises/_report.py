@@ -46,6 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamlab.exercises._general import NEARLY, general_mistakes
+from slamlab.exercises._pictures import Picture, side_by_side
 from slamlab.exercises._values import agree, difference, overlap, places, plain, same, show
 
 __all__ = ["Array", "Check", "Function", "Ints", "Mask", "Observation", "Report"]
@@ -187,6 +188,8 @@ class Check:
         It may give a sentence: an empty one where all is well, else what the student reads.
     edges : sequence of str
         Properties on the edge of what is asked: to raise there is told, and not counted.
+    picture : callable, optional
+        ``picture(ax, function)`` draws the truth and what a function gives (see `draw`).
     """
 
     def __init__(
@@ -200,12 +203,14 @@ class Check:
         draws: int = 6,
         use: Function | None = None,
         edges: Sequence[str] = (),
+        picture: Picture | None = None,
     ) -> None:
         self.reference, self.mistakes, self.tolerance = reference, mistakes, tolerance
         self.name = reference.__name__.lstrip("_")
         self.returns = tuple(part.strip() for part in returns.split(","))
         self._use, self._properties, self._draws = use, properties, draws
         self._edges = frozenset(edges)
+        self._picture = picture
         # What a mistake gives on an input: asked of many wrong answers, worked out once.
         self._told: dict[tuple[int, int], Observation] = {}
         signature = inspect.signature(reference, eval_str=True)
@@ -223,6 +228,23 @@ class Check:
         if not hasattr(builtins, "get_ipython"):  # a notebook shows the table instead
             print(report)
         return report
+
+    def draw(self, student: Function) -> Any:
+        """Draw what a function gives beside what is expected; a failure is shown as well.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it.
+
+        Raises
+        ------
+        ValueError
+            If the exercise has no picture.
+        """
+        if self._picture is None:
+            raise ValueError(f"draw: expected an exercise with a picture, got {self!r}")
+        return side_by_side(self._picture, student, self.reference)
 
     @cached_property
     def inputs(self) -> list[tuple[str, tuple[Any, ...]]]:

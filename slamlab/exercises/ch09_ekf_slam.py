@@ -22,9 +22,9 @@ __all__ = ["check_add_landmark", "check_jacobian", "check_slam", "check_update",
 # %% [markdown] tags=["chapter"]
 # # Exercises 09: EKF-SLAM
 #
-# Five exercises: three pieces of the filter in which P1 went wrong, an update with a bug, and the
-# whole filter in a room; the chapter is [EKF-SLAM](../09_ekf_slam.ipynb). Replace each `...` and
-# run the check below it as often as you like.
+# Five exercises: three pieces of the filter in which P1 went wrong, an update with two bugs, and
+# the whole filter; the chapter is [EKF-SLAM](../09_ekf_slam.ipynb). Replace each `...` and run
+# the check below it as often as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 09: EKF-SLAM
@@ -46,8 +46,8 @@ __all__ = ["check_add_landmark", "check_jacobian", "check_slam", "check_update",
 # ## Exercise 1: the Jacobian with the lever arm
 #
 # A sensor stands $L$ metres ahead of the robot's centre and measures range and bearing of a
-# landmark. Differentiate both by the pose $(x_p, y_p, \theta)$: the entries $A \ldots F$ of P1
-# (23)-(29). Do not trust the paper.
+# landmark. Differentiate both with respect to the pose $(x_p, y_p, \theta)$: the entries $A
+# \ldots F$ of P1 (23)-(29). Do not trust the paper.
 
 
 # %% tags=["exercise"]
@@ -99,6 +99,23 @@ def _scene(rng: np.random.Generator) -> Any:
     return a_pose(rng), np.round(rng.uniform(-6, 6, 2), 2), float(np.round(rng.uniform(0, 1), 2))
 
 
+def _jacobian_drawn(ax: Any, function: Any) -> None:
+    """Draw what 1000 uncertain robots observe, and the ellipse of H P H^T."""
+    from slamlab import plots
+    from slamlab.sensors import RangeBearing
+
+    rng, degrees = np.random.default_rng(1), np.diag([1.0, np.degrees(1)])
+    pose, landmark, L = np.array([0.5, -0.4, 0.3]), np.array([2.4, 1.0]), 0.8
+    P = np.diag([0.05, 0.05, 0.08]) ** 2
+    robots = pose + rng.standard_normal((1000, 3)) * np.sqrt(np.diag(P))
+    sensor = RangeBearing(1, 1, offset=L)
+    cloud = sensor.residual(sensor.observe(robots, landmark), sensor.observe(pose, landmark))
+    plots.lidar_points(ax, cloud @ degrees, s=1.6)
+    H = degrees @ np.asarray(function(pose, landmark, L), float)
+    plots.ellipse(ax, [0, 0], H @ P @ H.T)
+    ax.set(xlabel="error of the range (m)", ylabel="error of the bearing (°)")
+
+
 check_jacobian = Check(
     jacobian,
     "H",
@@ -112,6 +129,7 @@ check_jacobian = Check(
         "anywhere": _scene,
     },
     tolerance=1e-4,
+    picture=_jacobian_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -225,7 +243,8 @@ def add_landmark(P: Array, G_pose: Array, G_z: Array, R: Array) -> Array:
 # Multiply that by every other error and take the mean.
 
 # %% [markdown] tags=["hint"]
-# The two new rows are $G_x P_{[0:3,\,:]}$: the pose's ties to *everything*, passed on.
+# The two new rows are $G_x P_{[0:3,\,:]}$: the pose's cross-covariances with *everything*, passed
+# on.
 
 # %% [markdown] tags=["hint"]
 # `np.block([[P, cross.T], [cross, own]])` puts it together.
@@ -239,6 +258,24 @@ def _map(rng: np.random.Generator, landmarks: int, doubt: float = 1.0) -> Any:
     return P, G_pose, G_z, a_covariance(rng, 2, 0.2)
 
 
+def _add_landmark_drawn(ax: Any, function: Any) -> None:
+    """Draw heading against landmark of 1000 uncertain robots, and the ellipse of the result."""
+    from slamlab import plots
+    from slamlab.sensors import RangeBearing
+
+    rng, pose, z = np.random.default_rng(2), np.array([0.0, 0.0, 0.4]), np.array([3.0, 0.5])
+    P, R = np.diag([0.05, 0.05, 0.06]) ** 2, np.diag([0.1, 0.02]) ** 2
+    robots = pose + rng.standard_normal((1000, 3)) * np.sqrt(np.diag(P))
+    sensor = RangeBearing(1, 1)
+    cloud = sensor.locate(robots, z + rng.standard_normal((1000, 2)) * np.sqrt(np.diag(R)))
+    degrees = np.diag([np.degrees(1), 1.0])
+    errors = np.column_stack([robots[:, 2] - pose[2], cloud[:, 0] - sensor.locate(pose, z)[0]])
+    plots.lidar_points(ax, errors @ degrees, s=1.6)
+    longer = np.asarray(function(P, *sensor.locate_jacobians(pose, z), R), float)
+    plots.ellipse(ax, [0, 0], degrees @ longer[2:4, 2:4] @ degrees)
+    ax.set(xlabel="error of the heading (°)", ylabel="error of the landmark's x (m)")
+
+
 check_add_landmark = Check(
     add_landmark,
     "P",
@@ -249,6 +286,7 @@ check_add_landmark = Check(
         "the fifth landmark": _map(4),
     },
     tolerance=1e-8,
+    picture=_add_landmark_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -291,10 +329,10 @@ check_add_landmark.mistakes = {
 #
 # The error of the new landmark is $G_x \tilde x_p + G_z v$. Its product with any other error of
 # the state is $G_x$ times the pose's covariance with that one, since the measurement's noise $v$
-# is new and tied to nothing. Its own square is the two contributions added.
+# is independent of everything. Its own square is the two contributions added.
 
 # %% [markdown] tags=["solution"]
-# Without the ties the filter believes that the new landmark says something fresh about the pose.
+# Without the cross-covariances the new landmark counts as independent information about the pose.
 # It does not: it was placed *from* the pose.
 
 # %% active="ipynb" tags=["solution"]
@@ -357,6 +395,37 @@ def _walled(rng: np.random.Generator) -> Any:
     return np.round(a_pose(rng), 2), wall, float(np.round(rng.uniform(0, 1), 2))
 
 
+def _observe_wall_drawn(ax: Any, function: Any) -> None:
+    """Draw four walls, a path, and the closest point of each wall where it is observed."""
+    from slamlab import plots
+
+    L, sides = 0.3, (0, np.pi / 2, np.pi, -np.pi / 2)
+    outer = [[r, side] for r, side in zip((3, 2, 3, 2), sides, strict=True)]
+    inner = [[r, side] for r, side in zip((0.7, 0.4, 0.7, 0.4), sides, strict=True)]
+    for corner in ([3, 2], [0.7, 0.4]):
+        corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * corner
+        plots.walls(ax, np.stack([corners, np.roll(corners, -1, 0)], 1))
+    turn = np.linspace(0, 2 * np.pi, 25)
+    poses = np.column_stack([1.8 * np.cos(turn), np.sin(turn), wrap_angle(turn + np.pi / 2)])
+    plots.path(ax, poses, "truth")
+    points = []
+    for pose in poses:
+        scanner = pose[:2] + L * np.array([np.cos(pose[2]), np.sin(pose[2])])
+        side, along = np.abs(scanner) / [0.7, 0.4] > 1  # beside which walls of the box it is
+        near = [w for w in inner if (side != along) and scanner @ _normal(w) > w[0]]
+        for wall in outer + near:
+            distance, direction = function(pose, np.array(wall, float), L)
+            angle = direction + pose[2]
+            points.append(scanner + distance * np.array([np.cos(angle), np.sin(angle)]))
+    plots.lidar_points(ax, np.array(points, float), s=4)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
+def _normal(wall: Any) -> Array:
+    return np.array([np.cos(wall[1]), np.sin(wall[1])])
+
+
 check_wall = Check(
     observe_wall,
     "distance and direction",
@@ -368,6 +437,7 @@ check_wall = Check(
         "a direction that crosses half a turn": ([1, -1, -2.5], [3, 2.5], 0.4),
         "any wall": _walled,
     },
+    picture=_observe_wall_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -426,8 +496,8 @@ check_wall.mistakes = {
 # ## Exercise 4: a bug to find
 #
 # In this update the state holds the pose and then the landmarks, two numbers each. With one
-# landmark the map grows sharper for as long as you like. With three it falls apart. Run the
-# check, find the two bugs, repair them.
+# landmark it works. With three the map falls apart. Run the check, find the two bugs, repair
+# them.
 
 
 # %% tags=["exercise"]
@@ -508,6 +578,35 @@ def _in_a_map(rng: np.random.Generator, landmarks: int, i: int, behind: bool = F
     return mean, a_covariance(rng, len(mean), 0.05), z, i, a_covariance(rng, 2, 0.02)
 
 
+def _update_drawn(ax: Any, function: Any) -> None:
+    """Draw a map of three landmarks, too far off at first, after thirty updates."""
+    from slamlab import plots
+    from slamlab.sensors import RangeBearing
+
+    rng, sensor = np.random.default_rng(4), RangeBearing(0.05, 0.03)
+    pose, stars = np.array([0.0, 0.0, 2.9]), np.array([[-3.0, 0.8], [1.0, 2.0], [-1.5, -1.6]])
+    P = np.diag([0.01, 0.01, 0.01, *[0.3] * 6]) ** 2
+    mean = np.concatenate([pose, (stars + rng.normal(0, 0.3, (3, 2))).ravel()])
+    plots.landmarks(ax, stars)
+    for k in range(30):
+        z = sensor.observe(pose, stars[k % 3]) + rng.standard_normal(2) * [0.05, 0.03]
+        z[1] = wrap_angle(z[1])
+        mean, P = function(mean, P, z, k % 3, sensor.cov)
+    _map_drawn(ax, np.asarray(mean, float), np.asarray(P, float))
+
+
+def _map_drawn(ax: Any, mean: Array, P: Array) -> None:
+    """Draw pose and landmarks with their 95 % ellipses."""
+    from slamlab import plots
+
+    ax.plot(*mean[:2], "o", color=plots.COLOURS["estimate"], markersize=5)
+    for k in (0, *range(3, len(mean), 2)):
+        plots.ellipse(ax, mean[k : k + 2], P[k : k + 2, k : k + 2])
+    plots.landmarks(ax, mean[3:].reshape(-1, 2), estimated=True)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
 check_update = Check(
     update,
     "mean, P",
@@ -524,8 +623,23 @@ check_update = Check(
             0.01 * np.eye(2),
         ),
         "a bearing across the back": _in_a_map(2, 1, behind=True),
+        "an innovation across half a turn, both bearings in (-pi, pi]": (
+            [0.0, 0.0, 0.0, -5.0, 0.2],
+            np.diag([0.01, 0.01, 0.01, 0.05, 0.05]),
+            [5.1, -3.1],
+            0,
+            0.01 * np.eye(2),
+        ),
+        "a range that is off by more than pi": (
+            [0.0, 0.0, 0.0, 9.0, 1.0],
+            np.diag([1.0, 1.0, 0.01, 4.0, 4.0]),
+            [5.2, 0.2],
+            0,
+            0.01 * np.eye(2),
+        ),
     },
     tolerance=1e-6,
+    picture=_update_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -574,8 +688,8 @@ check_update.mistakes = {
 # bug is a missing wrap, and it needs a landmark behind the robot to show.
 
 # %% [markdown] tags=["solution"]
-# An update that forgets that the landmark is in doubt gives all of the surprise to the robot, and
-# the map never learns:
+# An update that takes the landmark as certain gives the whole innovation to the robot, and the
+# map is never corrected:
 
 # %% active="ipynb" tags=["solution"]
 # def landmark_is_sure(mean, P, z, i, R):
@@ -661,7 +775,39 @@ def slam(u: Array, dt: float, V: Array, z: Array, ids: Ints, R: Array) -> tuple[
 # Differentiate by the pose and by $(r, \beta)$. It is not used for an update in the step in which
 # it comes in.
 
+
 # %% tags=["cases"]
+def _slam_drawn(ax: Any, function: Any) -> None:
+    """Draw a drive round eight landmarks: truth, path and map with 95 % ellipses."""
+    from slamlab import plots
+    from slamlab.sensors import RangeBearing
+
+    rng, sensor, dt, steps = np.random.default_rng(6), RangeBearing(0.05, 0.02), 0.5, 48
+    turn = np.linspace(0, 2 * np.pi, 9)[:-1]
+    stars = np.column_stack([4 * np.cos(turn), 3 + 4 * np.sin(turn)])
+    u, V = np.tile([0.8, 0.8 / 3], (steps, 1)), np.diag([0.08, 0.05]) ** 2
+    driven = u + rng.standard_normal((steps, 2)) * np.sqrt(np.diag(V))
+    truth, z = [np.zeros(3)], []
+    for k, (v, omega) in enumerate(driven):
+        x, y, theta = truth[-1]
+        move = dt * np.array([v * np.cos(theta), v * np.sin(theta), omega])
+        truth.append(np.array([x, y, theta]) + move)
+        noise = rng.standard_normal(2) * [0.05, 0.02]
+        z.append(sensor.observe(truth[-1], stars[k % 8]) + noise)
+    plots.path(ax, np.array(truth), "truth")
+    plots.landmarks(ax, stars)
+    seen, ids = (
+        np.column_stack([np.array(z)[:, 0], wrap_angle(np.array(z)[:, 1])]),
+        np.arange(48) % 8,
+    )
+    path = [np.zeros(2)]
+    for k in range(1, steps + 1):
+        mean, P = function(u[:k], dt, V, seen[:k], ids[:k], sensor.cov)
+        path.append(np.asarray(mean, float)[:2])
+    plots.path(ax, np.array(path))
+    _map_drawn(ax, np.asarray(mean, float), np.asarray(P, float))
+
+
 check_slam = Check(
     slam,
     "mean, P",
@@ -670,7 +816,7 @@ check_slam = Check(
         "one landmark, first seen after a step": in_the_room(1, 1, dt=0.8),
         "one landmark, seen again and again": in_the_room(8, 1, dt=0.25),
         "five landmarks": in_the_room(20, 5),
-        "a drive with steps that see nothing": in_the_room(20, 4, 0.4),
+        "a drive with steps that see nothing": in_the_room(20, 4, 0.4, dt=0.2),
         "a heading past half a turn": (
             [[0.5, 2.5]] * 3,
             0.5,
@@ -681,6 +827,7 @@ check_slam = Check(
         ),
     },
     tolerance=1e-6,
+    picture=_slam_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -732,8 +879,8 @@ check_slam.mistakes = {
 # ## Solution 5: EKF-SLAM in the room
 #
 # Three functions and a list of names. What to notice: the two lines that move the blocks beside
-# the pose. They cost nothing and nobody sees them missing in the path of a single run; the
-# covariance is wrong from the first step on which the robot turns.
+# the pose. Their absence does not show in the path of a single run; the covariance is wrong from
+# the first step on which the robot turns.
 
 # %% [markdown] tags=["solution"]
 # Is it consistent? Two hundred drives round the same room, the error of the last pose in units of

@@ -1,0 +1,85 @@
+"""The picture after a check: what *yours* gives beside what is expected, also when it fails.
+
+How one writes a picture, in three lines::
+
+    def _drawn(ax, function):                 # the student's function, or the reference
+        plots.path(ax, TRUTH, "truth")        # the truth first, then what the function gives
+        plots.path(ax, function(*DRIVE))
+
+    check_drive = Check(_drive, ..., picture=_drawn)      # check_drive.draw(drive)
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Picture", "side_by_side"]
+
+Function = Callable[..., Any]
+# Draws the truth and what a function gives into axes.
+Picture = Callable[[Any, Function], None]
+
+
+def side_by_side(picture: Picture, student: Function, reference: Function) -> Any:
+    """Draw a picture of the student's function and one of the reference, on one scale.
+
+    Parameters
+    ----------
+    picture : callable
+        ``picture(ax, function)`` draws the truth and what the function gives.
+    student, reference : callable
+        Whatever the student's function does is shown, never raised: no result, an exception, a
+        result that cannot be drawn.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A notebook shows it.
+    """
+    from matplotlib.figure import Figure  # the checks themselves need numpy only
+
+    from slamlab.plots import use_style
+
+    use_style()
+    figure = Figure(figsize=(7, 3.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    picture(right, reference)
+    message = _attempt(picture, left, student)
+    left.set_aspect(right.get_aspect(), adjustable="box")
+    for name in ("xlim", "ylim"):
+        low, high = getattr(right, f"get_{name}")()
+        for ax in (left, right):
+            getattr(ax, f"set_{name}")(low - 0.1 * (high - low), high + 0.1 * (high - low))
+    right.set_aspect(right.get_aspect(), adjustable="box")
+    left.set(title="Yours", xlabel=right.get_xlabel(), ylabel=right.get_ylabel())
+    right.set(title="As it should be", ylabel="")
+    if message:
+        left.text(
+            0.5, 0.5, message, transform=left.transAxes, ha="center", va="center", wrap=True,
+            fontsize=9, bbox={"facecolor": "white", "edgecolor": "0.5"},
+        )  # fmt: skip
+    return figure
+
+
+def _attempt(picture: Picture, ax: Any, student: Function) -> str:
+    """Draw what a function gives; say in words why it cannot be drawn."""
+
+    def watched(*arguments: Any) -> Any:
+        came = student(*(np.copy(a) if isinstance(a, np.ndarray) else a for a in arguments))
+        if came is None or came is Ellipsis:
+            raise NotImplementedError
+        return came
+
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            picture(ax, watched)
+        except NotImplementedError:
+            return "nothing returned yet"
+        except Exception as error:
+            return f"cannot be drawn: {type(error).__name__}: {str(error)[:120]}"
+    return ""

@@ -1,0 +1,104 @@
+"""The picture after a check: a wrong answer looks wrong, and whatever comes is shown."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+mpl.use("Agg")
+
+from slamlab.exercises import ch09_ekf_slam as ch
+from slamlab.exercises._report import Check
+
+PICTURES = [
+    (module, name)
+    for module in (ch,)
+    for name, check in vars(module).items()
+    if isinstance(check, Check) and check._picture is not None
+]
+
+
+def drawn(axes):
+    """All that was drawn into axes, as numbers."""
+    parts = [np.asarray(line.get_xydata(), float).ravel() for line in axes.lines]
+    parts += [np.asarray(patch.get_path().vertices, float).ravel() for patch in axes.patches]
+    return np.concatenate(parts)
+
+
+def texts(figure):
+    return [text.get_text() for text in figure.axes[0].texts]
+
+
+@pytest.fixture(params=PICTURES, ids=lambda pair: pair[1])
+def check(request):
+    module, name = request.param
+    return getattr(module, name)
+
+
+def test_every_exercise_of_chapter_09_has_a_picture():
+    assert {name for _, name in PICTURES} == {n for n in ch.__all__ if n.startswith("check_")}
+
+
+def test_the_right_answer_looks_as_it_should(check):
+    left, right = check.draw(check.reference).axes
+    np.testing.assert_array_equal(drawn(left), drawn(right))
+    assert tuple(ax.get_title(loc="left") for ax in (left, right)) == ("Yours", "As it should be")
+    assert left.get_xlim() == right.get_xlim()
+
+
+@pytest.mark.parametrize(
+    ("check", "wrong"),
+    [
+        (ch.check_jacobian, lambda p, m, L: ch._jacobian(p, m, 0.0)),
+        (ch.check_add_landmark, lambda *a: np.diag(np.diag(ch._add_landmark(*a)))),
+        (ch.check_wall, lambda p, w, L: np.abs(ch._observe_wall(p, w, L))),
+        (ch.check_update, lambda m, P, z, i, R: (m, P)),
+        (ch.check_slam, lambda u, dt, V, z, ids, R: ch._slam(u, 2 * dt, V, z, ids, R)),
+    ],
+)  # fmt: skip
+def test_a_wrong_answer_looks_different(check, wrong):
+    left, right = check.draw(wrong).axes
+    a, b = drawn(left), drawn(right)
+    assert a.shape != b.shape or np.abs(a - b).max() > 0.01
+
+
+def raising(*arguments):
+    raise KeyError("lost")
+
+
+@pytest.mark.parametrize(
+    ("student", "message"),
+    [
+        (lambda *arguments: None, "nothing returned yet"),
+        (lambda *arguments: ..., "nothing returned yet"),
+        (raising, "cannot be drawn: KeyError: 'lost'"),
+        (lambda *arguments: 7, "cannot be drawn: "),
+        (lambda *arguments: "seven", "cannot be drawn: "),
+        (lambda one: one, "cannot be drawn: TypeError"),
+    ],
+)
+def test_whatever_comes_is_told_and_never_raised(check, student, message):
+    (text,) = texts(check.draw(student))
+    assert text.startswith(message)
+
+
+def test_numbers_that_are_none_are_drawn_or_told(check):
+    nothing = check.draw(lambda *arguments: np.full((2, 2), np.nan))
+    nothing.canvas.draw()
+
+
+def test_a_function_that_changes_its_arguments_spoils_nothing():
+    def spoiling(P, G_pose, G_z, R):
+        result = ch._add_landmark(P, G_pose, G_z, R)
+        P[:] = 0.0
+        return result
+
+    left, right = ch.check_add_landmark.draw(spoiling).axes
+    np.testing.assert_array_equal(drawn(left), drawn(right))
+
+
+def test_an_exercise_without_a_picture_says_so():
+    def _one(x: float) -> float:
+        return x
+
+    with pytest.raises(ValueError, match="draw: expected an exercise with a picture"):
+        Check(_one, "x", {"one": (1.0,)}).draw(_one)
