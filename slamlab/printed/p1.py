@@ -25,8 +25,10 @@ __all__ = [
     "LeverlessBearingSlopesWorst",
     "LeverlessRangeSlope",
     "MotionAsPrinted",
+    "SlopesAndBeamAsPrinted",
     "Variant",
     "gain_as_printed",
+    "together",
     "variants",
 ]
 
@@ -137,6 +139,24 @@ class BeamlessLocate(RangeBearing):
         return G_pose, G_z
 
 
+@dataclass(frozen=True)
+class SlopesAndBeamAsPrinted(LeverlessBearingSlopes):
+    """P1 (26)-(29) and (41) together: signs right, lever terms and heading column as printed."""
+
+    def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
+        """Return H with the printed C, D, E, F; A and B are right."""
+        H_pose, H_landmark = super().jacobians(pose, landmark)
+        arguments = (getattr(self, field.name) for field in fields(RangeBearing) if field.init)
+        without_L = LeverlessRangeSlope(*arguments)
+        H_pose[..., 0, 2] = without_L.jacobians(pose, landmark)[0][..., 0, 2]
+        return H_pose, H_landmark
+
+    def locate_jacobians(self, pose: ArrayLike, z: ArrayLike) -> tuple[Array, Array]:
+        """Return G_pose with the heading column (-L s, L c) alone, and the right G_z."""
+        arguments = (getattr(self, field.name) for field in fields(RangeBearing) if field.init)
+        return BeamlessLocate(*arguments).locate_jacobians(pose, z)
+
+
 def gain_as_printed(P: ArrayLike, H: ArrayLike, S: ArrayLike, R: ArrayLike) -> Array:
     """Gain K = P H^T S^-1 + R, P1 (34): a sum of (N, 2) and (2, 2) that does not exist.
 
@@ -200,6 +220,28 @@ def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
         "(26), (27), (29) worst signs": Variant(motion, LeverlessBearingSlopesWorst(*arguments)),
         "(28) without L": Variant(motion, LeverlessRangeSlope(*arguments)),
         "(41) without the beam": Variant(motion, BeamlessLocate(*arguments)),
+    }
+
+
+def together(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
+    """Return filters with several printed formulas at once; (18) is repaired in both.
+
+    Parameters
+    ----------
+    motion, sensor
+        As `variants`.
+
+    Returns
+    -------
+    dict of str to Variant
+        (17) and (41), whose mistakes nearly cancel; and all that P1 prints.
+    """
+    sensor = as_instance("sensor", sensor, RangeBearing)
+    arguments = [getattr(sensor, field.name) for field in fields(RangeBearing) if field.init]
+    wheels = MotionAsPrinted(motion)
+    return {
+        "(17) and (41)": Variant(wheels, BeamlessLocate(*arguments)),
+        "(17), (26)-(29), (41)": Variant(wheels, SlopesAndBeamAsPrinted(*arguments)),
     }
 
 
