@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -54,7 +53,7 @@ def show(
     Returns
     -------
     Figure
-        Its axes are labelled "map", "x", "y" and "heading". Without truth there is the map only.
+        A notebook shows it where it ends a cell. Its axes are labelled "map", "x", "y" and "heading". Without truth there is the map only.
 
     Raises
     ------
@@ -72,7 +71,6 @@ def show(
     >>> figure = show(run(EKFSlam(YOUBOT, ROOM_SENSOR, log.truth[0]), log), title="Two seconds")
     >>> [axes.get_label() for axes in figure.axes]
     ['map', 'x', 'y', 'heading']
-    >>> plt.close(figure)
     """
     if isinstance(result, Run):
         if covs is not None or log is not None:
@@ -95,9 +93,8 @@ def show(
         raise ValueError(f"log: expected a drive of one robot, got {log!r}")
     layout = "axxx;ayyy;attt" if log.truth is not None else "a"
     ratios = [2.6, 1, 1, 1] if log.truth is not None else [1]
-    figure, axes = plt.subplot_mosaic(
-        layout, figsize=(7, 3.9), width_ratios=ratios, layout="constrained"
-    )
+    figure = Figure(figsize=(7, 3.9), layout="constrained")  # unknown to pyplot: shown once
+    axes = figure.subplot_mosaic(layout, width_ratios=ratios)
     for name, ax in zip(("map", "x", "y", "heading"), axes.values(), strict=False):
         ax.set_label(name)
     _draw_map(axes["a"], log, poses, other, mean, map_cov)
