@@ -53,7 +53,8 @@ def show(
     Returns
     -------
     Figure
-        A notebook shows it where it ends a cell. Its axes are labelled "map", "x", "y" and "heading". Without truth there is the map only.
+        A notebook shows it where it ends a cell. Its axes are labelled
+        "map", "x", "y" and "heading". Without truth there is the map only.
 
     Raises
     ------
