@@ -30,7 +30,7 @@ CHAPTERS = [
 SECOND = [path for path in CHAPTERS if re.match(r"\d\db_", path.stem)]
 CHAPTERS = [path for path in CHAPTERS if path not in SECOND]
 # Chapters whose lesson shows its algorithm whole, in cells of this tag.
-LESSONS = {"02", "03", "08"}
+LESSONS = {"02", "03", "08", "09"}
 NOTEBOOKS = sorted((ROOT / "notebooks").rglob("*.ipynb"))
 NOTEBOOKS = [path for path in NOTEBOOKS if ".ipynb_checkpoints" not in path.parts]
 BONES = (
@@ -41,10 +41,6 @@ BONES = (
     r"^## (Exercises|Yours)",
     r"^## What to remember",
 )
-# A lesson shows its algorithm in cells tagged so; what else belongs to the chapter is a second
-# page, 09b beside 09.
-LESSON_BONES = (BONES[0], BONES[1], BONES[3], r"^## Yours", BONES[5])
-SECOND_BONES = (BONES[0], *BONES[2:])
 HEADER = ("**You will be able to**", "**You need first**", "**Minutes**", "**Symbols**")
 
 
@@ -126,14 +122,9 @@ def dead_links(path):
 def missing_bones(notebook):
     prose = "\n\n".join(c.source for c in notebook.cells if c.cell_type == "markdown")
     code = "\n".join(c.source for c in notebook.cells if c.cell_type == "code")
-    lesson = any("algorithm" in c.metadata.get("tags", []) for c in notebook.cells)
-    second = re.search(r"(?m)^# \d\d[b-z] ", prose) is not None
-    bones = LESSON_BONES if lesson else SECOND_BONES if second else BONES
-    missing = [bone for bone in bones if not re.search(bone, prose, re.MULTILINE)]
+    missing = [bone for bone in BONES if not re.search(bone, prose, re.MULTILINE)]
     missing += [part for part in HEADER if part not in prose]
-    if lesson:
-        return missing
-    if not second and not re.search(r"\b(Replay(\.of)?|Sweep)\(", code):
+    if not re.search(r"\b(Replay(\.of)?|Sweep)\(", code):
         missing.append("an interactive figure")
     if "plots.claims(" not in code:
         missing.append("the table of claims")
@@ -262,16 +253,14 @@ def test_a_chapter_shows_a_figure_within_two_cells(chapter):
     assert first_figure(chapter) <= 2
 
 
-@pytest.mark.parametrize("path", [p for p in CHAPTERS if p.stem[2] == "_"], ids=name)
+@pytest.mark.parametrize("path", CHAPTERS, ids=name)
 def test_a_chapter_has_exercises_and_solutions(path):
     assert (path.parent / "exercises" / path.name).exists()
     assert (path.parent / "solutions" / path.name).exists()
 
 
 def test_every_chapter_has_a_number_and_every_page_exists():
-    assert [path.stem for path in CHAPTERS if not re.match(r"\d\d[b-z]?_", path.stem)] == []
-    first = {path.stem[:2] for path in CHAPTERS if path.stem[2] == "_"}
-    assert {path.stem[:2] for path in CHAPTERS} == first
+    assert [path.stem for path in CHAPTERS if not re.match(r"\d\d_", path.stem)] == []
     assert {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")} >= PAGES
 
 
@@ -558,7 +547,7 @@ def minutes_of_guide(text, number):
     return tuple(map(int, row.groups())) if row else None
 
 
-@pytest.mark.parametrize("path", [p for p in CHAPTERS if p.stem[2] == "_"], ids=name)
+@pytest.mark.parametrize("path", CHAPTERS, ids=name)
 def test_the_teachers_guide_has_the_minutes_of_the_header(path):
     guide = (ROOT / "book" / "teachers_guide.md").read_text()
     assert minutes_of_guide(guide, path.stem[:2]) == minutes_of_header(path)
