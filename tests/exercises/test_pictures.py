@@ -48,11 +48,11 @@ def test_the_right_answer_looks_as_it_should(check):
 @pytest.mark.parametrize(
     ("check", "wrong"),
     [
-        (ch.check_jacobian, lambda p, m, L: ch._jacobian(p, m, 0.0)),
-        (ch.check_add_landmark, lambda *a: np.diag(np.diag(ch._add_landmark(*a)))),
-        (ch.check_wall, lambda p, w, L: np.abs(ch._observe_wall(p, w, L))),
+        (ch.check_jacobian, lambda p, m, L: ch.jacobian(p, m, 0.0)),
+        (ch.check_add_landmark, lambda *a: np.diag(np.diag(ch.add_landmark(*a)))),
+        (ch.check_wall, lambda p, w, L: np.abs(ch.observe_wall(p, w, L))),
         (ch.check_update, lambda m, P, z, i, R: (m, P)),
-        (ch.check_slam, lambda u, dt, V, z, ids, R: ch._slam(u, 2 * dt, V, z, ids, R)),
+        (ch.check_slam, lambda u, dt, V, z, ids, R: ch.slam(u, 2 * dt, V, z, ids, R)),
     ],
 )  # fmt: skip
 def test_a_wrong_answer_looks_different(check, wrong):
@@ -88,7 +88,7 @@ def test_numbers_that_are_none_are_drawn_or_told(check):
 
 def test_a_function_that_changes_its_arguments_spoils_nothing():
     def spoiling(P, G_pose, G_z, R):
-        result = ch._add_landmark(P, G_pose, G_z, R)
+        result = ch.add_landmark(P, G_pose, G_z, R)
         P[:] = 0.0
         return result
 
