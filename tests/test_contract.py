@@ -12,12 +12,7 @@ import numpy as np
 import pytest
 
 from slamlab.datasets import killian, read_carmen
-from slamlab.evaluation import (
-    check_estimator,
-    check_landmark_sensor,
-    check_motion_model,
-    run,
-)
+from slamlab.evaluation import run
 from slamlab.geometry import between, compose
 from slamlab.localization import DeadReckoning, LikelihoodField, MonteCarloLocalization
 from slamlab.logs import Log
@@ -38,6 +33,7 @@ from slamlab.slam import (
     WallSlam,
 )
 from slamlab.slam.linear import CompassMotion, Displacement
+from slamlab.testing import check_estimator, check_landmark_sensor, check_motion_model
 from slamlab.worlds import Terrain, rooms
 
 MOTIONS = {

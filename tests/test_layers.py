@@ -17,7 +17,7 @@ FLOORS = [
     {"slam", "localization"},
     {"navigation"},
     {"simulation", "datasets", "evaluation"},
-    {"printed", "plots", "widgets", "exercises", "commands", "__main__"},
+    {"printed", "plots", "widgets", "testing", "exercises", "commands", "__main__"},
 ]
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
 CORE = {"slamlab", "numpy", "scipy"}  # what every import of a core room may need

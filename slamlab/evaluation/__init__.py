@@ -2,12 +2,6 @@
 
 from slamlab.evaluation.association_scores import AssociationScores, association_scores
 from slamlab.evaluation.consistency import chi2_band, invariant_nees, monte_carlo, nees, nis
-from slamlab.evaluation.contract import (
-    Verdict,
-    check_estimator,
-    check_landmark_sensor,
-    check_motion_model,
-)
 from slamlab.evaluation.relations import relation_error
 from slamlab.evaluation.run import Run, run
 from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
@@ -19,15 +13,11 @@ __all__ = [
     "Run",
     "TrajectoryError",
     "Trial",
-    "Verdict",
     "WallScores",
     "align",
     "ate",
     "association_scores",
     "changed",
-    "check_estimator",
-    "check_landmark_sensor",
-    "check_motion_model",
     "chi2_band",
     "invariant_nees",
     "line_errors",

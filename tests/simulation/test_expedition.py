@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from slamlab.evaluation import check_motion_model
 from slamlab.evaluation.tours import path_length
 from slamlab.localization import DeadReckoning
 from slamlab.navigation import YOUBOT_BODY, CollisionGuard, CoveragePilot, ReturnPilot
@@ -20,6 +19,7 @@ from slamlab.simulation.expedition import (
     explore,
     results,
 )
+from slamlab.testing import check_motion_model
 from slamlab.worlds import BitmapWorld, rooms
 
 LIDAR = Lidar(120, max_range=5.0, offset=0.3)
