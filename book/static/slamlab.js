@@ -21,6 +21,12 @@ function scrollBox(thing, kind, label) {
   box.setAttribute("aria-label", label);
   thing.parentNode.insertBefore(box, thing);
   box.appendChild(thing);
+  // What goes on beyond the right edge fades there.
+  function fade() {
+    box.classList.toggle("goes-on", box.scrollWidth - box.clientWidth - box.scrollLeft > 2);
+  }
+  box.addEventListener("scroll", fade);
+  new ResizeObserver(fade).observe(box);
 }
 document.addEventListener("DOMContentLoaded", function () {
   // Wide tables and code scroll inside their own box; such a box must be reachable by keyboard.
@@ -83,16 +89,76 @@ document.addEventListener("DOMContentLoaded", function () {
   (counts.closest(".table-scroll") || counts).after(bar);
 });
 
-// On a phone the labels of a wide figure would shrink to specks: it scrolls in a box of its own.
+// On a phone the labels of a wide figure would shrink to specks. Panels that stand side by side with
+// nothing between them are stacked; any other wide figure scrolls in a box of its own.
 document.addEventListener("DOMContentLoaded", function () {
   var phone = window.matchMedia("(max-width: 600px)");
+  // Middles of the empty stripes between panels, as parts of the width: one near a half, or two
+  // near the thirds. None if something crosses them.
+  function gaps(picture) {
+    var canvas = document.createElement("canvas");
+    var width = canvas.width = 600;
+    var height = canvas.height = Math.round(width * picture.naturalHeight / picture.naturalWidth);
+    var context = canvas.getContext("2d", { willReadFrequently: true });
+    context.fillStyle = "#fff";
+    context.fillRect(0, 0, width, height);
+    context.drawImage(picture, 0, 0, width, height);
+    var pixels = context.getImageData(0, 0, width, height).data;
+    function empty(x) {
+      for (var y = 0; y < height; y++) {
+        var at = 4 * (y * width + x);
+        if (pixels[at] + pixels[at + 1] + pixels[at + 2] < 750) return false;
+      }
+      return true;
+    }
+    function gap(from, to) {
+      var best = null, start = -1;
+      for (var x = Math.round(from * width); x <= to * width; x++) {
+        if (!empty(x)) { start = -1; continue; }
+        if (start < 0) start = x;
+        if (x - start >= 4 && (!best || x - start > best[1] - best[0])) best = [start, x];
+      }
+      return best && (best[0] + best[1]) / 2 / width;
+    }
+    var half = gap(0.4, 0.6);
+    var thirds = [gap(0.26, 0.4), gap(0.58, 0.74)];
+    if (thirds[0] && thirds[1]) return thirds;
+    return half ? [half] : [];
+  }
+  function stack(whole, picture, cuts) {
+    var box = document.createElement("div");
+    box.className = "figure-panels";
+    whole.replaceWith(box);
+    box.appendChild(whole);
+    var ends = [0].concat(cuts, [1]);
+    cuts.concat([1]).forEach(function (end, k) {
+      var share = end - ends[k];
+      var panel = document.createElement("div");
+      panel.className = "figure-panel";
+      var part = document.createElement("img");
+      part.src = picture.src;
+      part.alt = k ? "" : picture.alt;
+      part.style.width = 100 / share + "%";
+      part.style.marginLeft = -100 * ends[k] / share + "%";
+      panel.appendChild(part);
+      box.appendChild(panel);
+    });
+  }
   function place(picture) {
     var width = Number(picture.getAttribute("width")) || picture.naturalWidth;
-    if (width >= 480) scrollBox(picture, "figure-scroll", "Figure, scrolls sideways");
+    var whole = picture.closest("a") || picture;
+    if (width < 480 || whole.parentElement.matches(".figure-panels, .figure-scroll")) return;
+    var cuts = [];
+    try {
+      if (picture.naturalWidth > 1.5 * picture.naturalHeight) cuts = gaps(picture);
+    } catch (error) { /* a page from the disk may not look into its pictures */ }
+    if (cuts.length) stack(whole, picture, cuts);
+    else scrollBox(whole, "figure-scroll", "Figure, scrolls sideways");
   }
   function placeAll() {
     if (!phone.matches) return;
-    document.querySelectorAll(".bd-article .cell_output > img").forEach(function (picture) {
+    var pictures = ".bd-article .cell_output > img, .bd-article .cell_output > a > img";
+    document.querySelectorAll(pictures).forEach(function (picture) {
       if (picture.complete) place(picture);
       else picture.addEventListener("load", function () { place(picture); });
     });

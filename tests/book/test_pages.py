@@ -332,6 +332,32 @@ def test_a_page_that_opens_on_a_dark_phone_is_readable(tab, address, axe, page):
         assert visit.troubles == []
 
 
+@needs_browser
+def test_on_a_phone_panels_and_cards_are_stacked_and_what_scrolls_fades_at_its_edge(tab, address):
+    with Visit(tab, address, "notebooks/index.html", 390) as visit:
+        cards = visit.tab.eval_on_selector_all(
+            "td:has(a img)", "e => e.map(one => one.getBoundingClientRect().right)"
+        )
+        assert len(cards) > 20
+        assert max(cards) <= 390
+    with Visit(tab, address, "notebooks/exercises/09_ekf_slam.html", 390) as visit:
+        assert len(visit.tab.query_selector_all(".figure-panels")) == 5
+        panels = visit.tab.eval_on_selector_all(
+            ".figure-panel", "e => e.map(one => one.getBoundingClientRect().toJSON())"
+        )
+        assert all(one["right"] <= 390 and one["height"] > 150 for one in panels)
+        assert panels[1]["top"] >= panels[0]["bottom"]
+        visit.turn(1100)
+        assert not visit.tab.locator(".figure-panel").first.is_visible()
+        assert visit.tab.locator(".figure-panels > *").first.is_visible()
+    with Visit(tab, address, "book/league.html", 390) as visit:
+        faded = "e => [e.scrollLeft = 1e6, e.classList.contains('goes-on')][1]"
+        wide = visit.tab.locator(".table-scroll.goes-on").first
+        assert wide.evaluate(faded)
+        visit.tab.wait_for_timeout(100)
+        assert visit.tab.locator(".table-scroll").first.evaluate(faded) is False
+
+
 FAULTY = """<!doctype html><html lang="en"><head><title>Faulty</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <style>html[data-theme=dark] { background: #111 } html[data-theme=dark] p { color: #222 }
