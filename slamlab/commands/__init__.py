@@ -29,7 +29,11 @@ EXAMPLES = {
     "graph": ("graph court.g2o -o court/", "graph court.g2o --kernel huber"),
     "handout": ("handout 01 02 --to week1/",),
     "lab": ("lab III my_slam.py", "lab I my_tracker.ipynb --seed 7"),
-    "map": ("map drive.log.gz -o mymap/", "map drive.bag --method hector --resolution 0.1"),
+    "map": (
+        "map drive.log.gz -o mymap/",
+        "map drive.bag --method hector --resolution 0.1",
+        "map later.log.gz --localize mymap/ -o later/",
+    ),
     "warm": ("warm",),
 }
 

@@ -2,6 +2,7 @@
 
 Written into the folder: map.yaml and map.pgm (as ROS' map_server reads them), map.png,
 trajectory.tum, graph.g2o (scan-graph only) and index.html, a report with a replay of the drive.
+With --localize no map is made: the log is found in one that was made before.
 """
 
 from __future__ import annotations
@@ -17,23 +18,26 @@ import numpy as np
 from slamlab._checks import as_scalar
 from slamlab._files import about
 from slamlab.commands import _page
+from slamlab.commands._localize import KnownMap, found
 from slamlab.commands._progress import Progress
 from slamlab.commands._results import results
 from slamlab.datasets import read_carmen, read_rosbag, write_tum
 from slamlab.evaluation import Run
 from slamlab.evaluation import run as run_system
-from slamlab.localization import DeadReckoning
+from slamlab.localization import DeadReckoning, GlobalLocalization
 from slamlab.logs import CONTROLS, Log
 from slamlab.mapping import OccupancyGrid
 from slamlab.models import MotionModel, as_scan_sensor
 from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.slam import HectorSlam, ScanGraphSlam
 
+METHODS = ("scan-graph", "hector", "odometry")
 FILES = ("map.yaml", "map.pgm", "map.png", "trajectory.tum", "graph.g2o")
 _MOST_STEPS, _MOST_BEAMS = 500, 90  # of the replay: the page stays below some megabytes
 _CELLS = 0.005, 10.0  # smallest and largest cell of a map (m)
 _BAGS = (".bag", ".db3", ".mcap")
 _DISTRUST = "do not trust the map"
+_DISTRUST_PATH = "do not trust the path"
 _MOST_PIXELS = 2000  # of a side of the picture
 _UNKNOWN = 205  # grey of a cell that nothing was seen of
 _PAUSE = 2.0  # a longer one between two scans is named where scans are lost (s)
@@ -59,13 +63,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="FOLDER",
-        default=Path("map"),
-        help="where the results go (default: map); made if it is not there",
+        help="where the results go (default: map, or localized); made if it is not there",
     )
     parser.add_argument(
         "--method",
-        choices=["scan-graph", "hector", "odometry"],
-        default="scan-graph",
+        choices=METHODS,
         help="scan-graph: scans are matched to those before, places that come again are "
         "recognised and the graph of poses optimised (default); hector: each scan is matched to "
         "the map so far, no place is recognised; odometry: the wheels are believed",
@@ -91,6 +93,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="what the controls of an .npz are, where it does not say so: velocities (m/s, rad/s) "
         "or displacements from scan to scan (m, rad)",
     )
+    parser.add_argument(
+        "--localize",
+        type=Path,
+        metavar="MAP",
+        help="a map made before (map.yaml, or the folder of an earlier run): where in it was the "
+        "robot? Particles search the free floor, then each scan is matched; no map is made",
+    )
     parser.add_argument("--scan-topic", metavar="TOPIC", help="of a bag with several lidars")
     parser.add_argument(
         "--odometry-topic", metavar="TOPIC", help="of a bag with several odometries"
@@ -100,24 +109,39 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Read, run, report, write."""
     resolution = as_scalar("resolution", options.resolution, *_CELLS)
+    known = known_map(options)
+    output = options.output or Path("map" if known is None else "localized")
     # Numbers of astronomic size end in a sentence.
     with np.errstate(all="ignore"), about(options.log.name):
         log = read_log(options)
-        with results(options.output, FILES) as folder:  # made now, not after an hour
+        with results(output, FILES) as folder:  # made now, not after an hour
             start = time.perf_counter()
-            system = system_for(options.method, log)
+            method = "localize" if known else options.method or METHODS[0]
+            system = known.localizer(log, motion_of(log)) if known else system_for(method, log)
             progress = Progress("scans")
             try:
                 result = run_system(system, log, progress=progress)
             finally:
                 progress.clear()
             seconds = time.perf_counter() - start
-            rows = report(options.method, result, seconds, suspects(options, log))
-            grid = draw_map(result, resolution)
+            rows = report(method, result, seconds, suspects(options, log))
+            grid = known or draw_map(result, resolution)
             for name, value in rows:
                 print(f"{name:24s} {value}")
             write(folder, options.log.name, result, grid, rows)
-    print(f"{'written to':24s} {options.output}")
+    print(f"{'written to':24s} {output}")
+
+
+def known_map(options: argparse.Namespace) -> KnownMap | None:
+    """Return the map that the log is to be found in, if one is given."""
+    if options.localize is None:
+        return None
+    if options.method is not None:
+        raise ValueError(f"--localize: expected no --method beside it, got {options.method}")
+    folder = options.localize if options.localize.is_dir() else options.localize.parent
+    if options.output is not None and options.output.resolve() == folder.resolve():
+        raise ValueError("--output: expected another folder than that of the map, got the same")
+    return KnownMap.read(options.localize)
 
 
 def read_log(options: argparse.Namespace) -> Log:
@@ -148,12 +172,17 @@ def read_log(options: argparse.Namespace) -> Log:
 
 def system_for(method: str, log: Log) -> Any:
     """Return the system that makes the map."""
-    motion = MOTIONS[str(log.controls), log.u.ndim, log.u.shape[-1]]
+    motion = motion_of(log)
     if method == "odometry":
         return DeadReckoning(motion, np.zeros(3))
     lidar = as_scan_sensor("log.scan", log.scan)
     system = HectorSlam if method == "hector" else ScanGraphSlam
     return system(lidar, motion=motion)
+
+
+def motion_of(log: Log) -> MotionModel:
+    """Return how a robot with the controls of this log moves."""
+    return MOTIONS[str(log.controls), log.u.ndim, log.u.shape[-1]]
 
 
 def suspects(options: argparse.Namespace, log: Log) -> list[str]:
@@ -197,9 +226,10 @@ def report(method: str, result: Run, seconds: float, causes: list[str]) -> list[
             f"{len(log)}, {log.ranges.shape[1]} beams each" if log.ranges is not None else "",
         ),
         ("method", method),
-        ("driven", f"{driven:.1f} m"),
         ("seconds", f"{seconds:.1f}, {1e3 * seconds / len(log):.1f} ms a scan"),
     ]
+    if getattr(system, "localized", True):  # else the poses are those of many places
+        rows.insert(2, ("driven", f"{driven:.1f} m"))
     if back := _backwards(log):
         rows.append(("times", f"run backwards in {back}: is the file in order?"))
     if isinstance(system, ScanGraphSlam):
@@ -208,6 +238,8 @@ def report(method: str, result: Run, seconds: float, causes: list[str]) -> list[
             counts[one.state] += 1
         rows.append(("nodes", f"{len(system.nodes)}"))
         rows.append(("closures", ", ".join(f"{n} {state}" for state, n in counts.items())))
+    if isinstance(system, GlobalLocalization):
+        rows += found(result, _DISTRUST_PATH)
     lost = _lost(log, system)
     if lost:
         rows.append(("lost", lost))
@@ -253,11 +285,16 @@ def draw_map(result: Run, resolution: float) -> OccupancyGrid:
 
 
 def write(
-    folder: Path, name: str, result: Run, grid: OccupancyGrid, rows: list[tuple[str, str]]
+    folder: Path,
+    name: str,
+    result: Run,
+    grid: OccupancyGrid | KnownMap,
+    rows: list[tuple[str, str]],
 ) -> None:
     """Write into `folder` what `result`, `grid` and the `rows` of the report on `name` say."""
     path, system = result.trajectory, result.system
-    grid.save_ros(folder / "map.yaml")
+    if isinstance(grid, OccupancyGrid):
+        grid.save_ros(folder / "map.yaml")
     write_tum(folder / "trajectory.tum", result.times, path)
     parts = [_page.table(rows)]
     if _has("matplotlib"):
@@ -270,10 +307,11 @@ def write(
         parts += _closure_table(system)
     if _has("anywidget"):
         parts += _replay(result)
-    (folder / "index.html").write_text(_page.page(f"Map of {name}", *parts), encoding="utf-8")
+    title = f"Map of {name}" if isinstance(grid, OccupancyGrid) else f"{name} in a known map"
+    (folder / "index.html").write_text(_page.page(title, *parts), encoding="utf-8")
 
 
-def drawing(result: Run, grid: OccupancyGrid) -> bytes:
+def drawing(result: Run, grid: OccupancyGrid | KnownMap) -> bytes:
     """Draw map, path and closures."""
     from matplotlib.figure import Figure
 

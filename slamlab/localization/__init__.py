@@ -1,6 +1,7 @@
 """Where am I in a known map?."""
 
 from slamlab.localization.dead_reckoning import DeadReckoning
+from slamlab.localization.global_localization import GlobalLocalization
 from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.localization.monte_carlo import MonteCarloLocalization
 from slamlab.localization.signature import (
@@ -13,6 +14,7 @@ from slamlab.localization.signature import (
 
 __all__ = [
     "DeadReckoning",
+    "GlobalLocalization",
     "LikelihoodField",
     "Location",
     "MonteCarloLocalization",

@@ -5,17 +5,28 @@ P2 (13)-(15) on poses; random injection after Gutmann and Fox (2002). Chapter 04
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_instance, as_rng, as_shaped
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_count,
+    as_function,
+    as_instance,
+    as_rng,
+    as_shaped,
+)
 from slamlab.filters.particle import KLD, ParticleFilter, PoseParticles
 from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.models import MotionModel, as_motion, as_scan_sensor, as_sensor
 
 __all__ = ["MonteCarloLocalization"]
+
+_MOST_DRAWS = 1000  # until every particle lies on free floor
 
 
 class Scoring(Protocol):
@@ -67,6 +78,9 @@ class MonteCarloLocalization(PoseParticles):
     resample : str, default "systematic"
     adaptive : KLD, optional
         These three as in `slamlab.filters.particle.ParticleFilter`.
+    free : callable, optional
+        ``free(points) -> bools``, as `BitmapWorld.is_free`: particles from anywhere begin where it
+        is true, not on all of `bounds`.
 
     Attributes
     ----------
@@ -107,6 +121,7 @@ class MonteCarloLocalization(PoseParticles):
         threshold: float = 0.5,
         resample: str = "systematic",
         adaptive: KLD | None = None,
+        free: Callable[[Array], NDArray[np.bool_]] | None = None,
     ) -> None:
         self.motion = as_motion("motion", motion)
         self._field: LikelihoodField | None = None
@@ -131,6 +146,7 @@ class MonteCarloLocalization(PoseParticles):
             if not 0 < slow < fast <= 1:
                 rates = f"{slow:g}, {fast:g}"
                 raise ValueError(f"injection: expected rates 0 < slow < fast <= 1, got {rates}")
+        self._free = None if free is None else as_function("free", free)
         self._slow = self._fast = -1.0
         self.injected = 0.0
         start = self._anywhere(as_count("n_particles", n_particles, 1))
@@ -260,11 +276,22 @@ class MonteCarloLocalization(PoseParticles):
         return ParticleFilter(cloud.particles[old], self._rng, cloud.weights[old])
 
     def _anywhere(self, n: int) -> Array:
-        """Uniform poses (n, 3) over the bounds and all headings."""
+        """Uniform poses (n, 3) over the bounds, where the floor is free, and all headings."""
         low, high = self._bounds.T
         position = self._rng.uniform(low, high, (n, 2))
+        if self._free is not None:
+            self._draw_again_off_the_floor(position, self._free)
         heading = -self._rng.uniform(-np.pi, np.pi, (n, 1))
         return np.concatenate([position, heading], 1)
+
+    def _draw_again_off_the_floor(self, position: Array, free: Callable[[Array], Any]) -> None:
+        low, high = self._bounds.T
+        for _ in range(_MOST_DRAWS):
+            off = ~np.asarray(free(position), bool)
+            if not off.any():
+                return
+            position[off] = self._rng.uniform(low, high, (int(off.sum()), 2))
+        raise ValueError("free: expected free floor within bounds, found hardly any")
 
 
 def _checked_ids(ids: ArrayLike, count: int, n_landmarks: int) -> NDArray[np.intp]:

@@ -27,11 +27,11 @@ class MapImage(NamedTuple):
     origin: tuple[float, float]
 
 
-def read_map(path: Path, threshold: float = 0.5) -> MapImage:
+def read_map(path: Path, threshold: float = 0.5, unknown: bool = True) -> MapImage:
     """Read an image or a map of ROS; `BitmapWorld.from_file` says what it means."""
     threshold = as_scalar("threshold", threshold, 0.0, 1.0)
     if path.suffix.lower() in (".yaml", ".yml"):
-        return _read_ros(path)
+        return _read_ros(path, unknown)
     grey = read_grey(path)
     occupied = grey < 255 * threshold
     if not occupied.any():
@@ -80,7 +80,7 @@ def _guarded(path: Path, read: Callable[[], Any]) -> Any:
         raise ValueError(f"{path}: expected a readable image, got: {error}") from error
 
 
-def _read_ros(path: Path) -> MapImage:
+def _read_ros(path: Path, unknown: bool) -> MapImage:
     yaml = needed("yaml", "maps of ROS", package="pyyaml")
     if path.stat().st_size > MOST_YAML_BYTES:
         raise ValueError(f"{path}: expected a short YAML file, got {path.stat().st_size} bytes")
@@ -102,18 +102,20 @@ def _read_ros(path: Path) -> MapImage:
     image = str(entries["image"])
     if not 0 < len(image) <= 255 or not image.isprintable():
         raise ValueError(f"{path}: expected the name of an image, got {shown(image)}")
-    solid = _solid(path, entries, read_grey(path.parent / image) / 255.0)
+    solid = _solid(path, entries, read_grey(path.parent / image) / 255.0, unknown)
     resolution = as_scalar(f"{path}: resolution", entries["resolution"], 1e-9, 1e9)
     return MapImage(solid, resolution, tuple(origin[:2]))
 
 
-def _solid(path: Path, entries: dict[str, Any], grey: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Cells that are occupied or unknown."""
+def _solid(
+    path: Path, entries: dict[str, Any], grey: NDArray[np.float64], unknown: bool
+) -> NDArray[np.bool_]:
+    """Cells that are occupied, or unknown where that counts."""
     if entries.get("mode", "trinary") not in ("trinary", "scale"):
         raise ValueError(f"{path}: expected mode trinary or scale, got {entries['mode']!r:.80}")
     negate = as_scalar(f"{path}: negate", entries["negate"], 0.0, 1.0)
     free = as_scalar(f"{path}: free_thresh", entries["free_thresh"], 0.0, 1.0)
-    as_scalar(f"{path}: occupied_thresh", entries["occupied_thresh"], free, 1.0)
+    solid = as_scalar(f"{path}: occupied_thresh", entries["occupied_thresh"], free, 1.0)
     # ROS: black is occupied, unless negated.
     probability = grey if negate else 1.0 - grey
-    return probability >= free
+    return probability >= free if unknown else probability > solid

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped, shown
+from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped, shown
 from slamlab.grids import Grid
 from slamlab.kernels.cast import cast_everywhere, cast_grid
 from slamlab.kernels.clearance import grid_clearance
@@ -83,13 +83,14 @@ class BitmapWorld(Grid, Solid):
         origin: ArrayLike | None = None,
         *,
         threshold: float = 0.5,
+        unknown: str = "occupied",
     ) -> BitmapWorld:
         """Read an image (BMP, PNG, PGM and whatever Pillow knows) or a map of ROS (YAML).
 
         In an image a pixel darker than `threshold` is occupied. A YAML file is what ROS'
         `map_server` writes: `image`, `resolution`, `origin`, `negate`, `occupied_thresh`,
         `free_thresh`; cells between the thresholds are unknown and count as occupied, for a robot
-        must not go there.
+        must not go there, unless `unknown` says "free".
 
         Parameters
         ----------
@@ -100,6 +101,8 @@ class BitmapWorld(Grid, Solid):
             Lower left corner in the world (m), by default (0, 0) or the one in the YAML file.
         threshold : float, default 0.5
             Of an image: part of white. A room drawn in light colours needs a higher one.
+        unknown : {"occupied", "free"}
+            Of a map of ROS: what cells are that nothing was seen of.
 
         Raises
         ------
@@ -109,7 +112,8 @@ class BitmapWorld(Grid, Solid):
         FileNotFoundError
             If there is no such file.
         """
-        image = read_map(Path(path), threshold)
+        unknown = as_choice("unknown", unknown, ("occupied", "free"))
+        image = read_map(Path(path), threshold, unknown == "occupied")
         resolution = image.resolution if resolution is None else resolution
         if resolution is None:
             raise ValueError(f"resolution: expected the side of a pixel of {path}, got None")

@@ -106,6 +106,42 @@ def test_other_methods(method, npz, tmp_path, capsys):
     assert ate(poses, moved_path()).rmse < limit
 
 
+def test_a_log_is_found_in_a_map_made_before(npz, tmp_path, capsys):
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert main(["map", str(npz), "-o", str(first)]) == 0
+    before = {file.name: file.read_bytes() for file in first.iterdir()}
+    Log.load(npz)[10:].save(tmp_path / "later.npz")
+    words = ["map", str(tmp_path / "later.npz"), "--localize", str(first), "-o", str(second)]
+    assert main(words) == 0
+    assert "localized                from scan" in capsys.readouterr().out
+    assert {file.name for file in second.iterdir()} == {"index.html", "map.png", "trajectory.tum"}
+    made, found = (read_tum(folder / "trajectory.tum")[1] for folder in (first, second))
+    assert np.abs(found - made[10:])[:, :2].max() < 0.1
+    assert {file.name: file.read_bytes() for file in first.iterdir()} == before
+
+
+def test_a_log_from_elsewhere_is_not_found_and_a_senseless_call_harms_no_map(
+    npz, tmp_path, capsys
+):
+    first = tmp_path / "first"
+    assert main(["map", str(npz), "-o", str(first)]) == 0
+    x = np.column_stack([np.full((N, 2), 0.5), np.linspace(0.0, 3.0, N)])
+    scans = LIDAR.scan(rooms.thesis_room_two(), x, np.random.default_rng(0))
+    replace(Log.load(npz), ranges=scans).save(tmp_path / "other.npz")
+    words = ["map", str(tmp_path / "other.npz"), "--localize", str(first / "map.yaml")]
+    assert main([*words, "-o", str(tmp_path / "out")]) == 0
+    assert "not sure: no place in the map fits, do not trust the path" in capsys.readouterr().out
+    for more, message in (
+        (["-o", str(first)], "--output: expected another folder"),
+        (["--method", "hector"], "--localize: expected no --method"),
+    ):
+        assert main([*words, *more]) == 1
+        assert message in capsys.readouterr().err
+    (first / "map.yaml").write_text("resolution: 0.05")
+    assert main(words) == 1
+    assert "map.yaml" in capsys.readouterr().err
+
+
 def test_the_page_is_the_same_whatever_the_name(npz, tmp_path):
     odd = npz.rename(tmp_path / "<b>&.npz")
     assert main(["map", str(odd), "-o", str(tmp_path / "out")]) == 0

@@ -1,0 +1,281 @@
+"""Where in a map made before is the robot? Particles find the place, then each scan is matched.
+
+Particles anywhere on the free floor: Thrun, Burgard and Fox, Probabilistic Robotics (2005),
+chapter 8. Matching: Hector, P5 section 2.4. Chapters 04 and 14; `slamlab map --localize`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from slamlab._checks import Array, as_count, as_distances, as_instance, as_rng
+from slamlab.filters.particle import KLD
+from slamlab.geometry import compose, inverse, rotation, transform, wrap_angle
+from slamlab.localization.likelihood_field import LikelihoodField
+from slamlab.localization.monte_carlo import MonteCarloLocalization
+from slamlab.matching import LikelihoodGrid, match_field
+from slamlab.models import MotionModel, ScanSensor, as_motion, as_scan_sensor
+from slamlab.robots import moved
+from slamlab.worlds import BitmapWorld
+
+__all__ = ["GlobalLocalization"]
+
+_REACH = 30.0  # points farther away than this (m) are not used
+_LEAST_POINTS = 10
+_MOVED = 0.2, 0.1  # the particles are weighed again after so much motion (m, rad)
+_SEARCH = 0.3, 0.8, 15  # of the likelihood field: sigma (m), share of hits, points a scan
+_FIELDS = 0.4, 0.1  # widths of the fields that a match climbs, wide first (m)
+_CONCENTRATED = np.array([0.4, 0.4, np.deg2rad(10)])  # a cloud so narrow is one place (m, rad)
+_NEAR_A_WALL = 0.1  # a point so near (m), or two cells, fits the map
+_FITS = 0.85  # share of points that fit where tracking begins
+_MISFITS = 0.85  # below this part of the usual share a scan does not fit
+_PATIENCE = 20  # scans in a row that do not fit before the particles search again
+_BIAS = 9.0  # times the covariance of the odometry: it has a bias, not only noise
+_FLOOR = np.diag(np.square([0.01, 0.01, np.deg2rad(0.2)]))  # of each match and step (m, m, rad)
+_PER_CELL = 200  # particles for each square metre of free floor, at first
+_MOST = 300_000
+
+
+class GlobalLocalization:
+    """A lidar on a robot that may be anywhere in a known map.
+
+    At first a `MonteCarloLocalization` over the whole free floor searches. Once its cloud is one
+    place in which 85 % of the scan lie on walls, each scan is matched to the map from where the
+    odometry leads. After twenty scans in a row that fit worse than usual, the search begins anew.
+
+    Parameters
+    ----------
+    walls : BitmapWorld
+        Cells with a wall.
+    lidar : ScanSensor
+    motion : MotionModel
+    rng : numpy.random.Generator
+    floor : BitmapWorld, optional
+        Its free cells are where the robot may be, `walls` by default. A map of ROS gives both:
+        ``BitmapWorld.from_file(path, unknown="free")`` and ``BitmapWorld.from_file(path)``.
+    n_particles : int, optional
+        At first; 50 for each square metre of free floor by default, 60 000 at most.
+
+    Attributes
+    ----------
+    localized_at : int or None
+        Number of the scan at which one place was found; None while it is searched for.
+    fits : list of float
+        For each scan the share of its points near a wall (0.1 m, or two cells).
+
+    Raises
+    ------
+    ValueError
+        If an argument is no such thing, the map has no wall or no free floor.
+
+    Examples
+    --------
+    >>> from slamlab.robots import RelativePose
+    >>> from slamlab.sensors import Lidar
+    >>> cells = np.ones((60, 100), bool)
+    >>> cells[2:58, 2:98] = cells[20:40, 50:70] = False
+    >>> cells[30:44, 50:64] = True
+    >>> room, lidar = BitmapWorld(cells, 0.1), Lidar(90, max_range=8.0)
+    >>> system = GlobalLocalization(room, lidar, RelativePose(), np.random.default_rng(1))
+    >>> for x in np.arange(1.0, 4.0, 0.25):
+    ...     system.predict([0.25, 0, 0], 1.0, np.diag([0.02, 0.02, 0.01]) ** 2)
+    ...     fit = system.update(lidar.scan(room, [x, 1.5, 0.0]))
+    >>> system.localized, bool(np.abs(system.pose - [3.75, 1.5, 0.0]).max() < 0.1)
+    (True, True)
+    """
+
+    measures = "scan"
+
+    def __init__(
+        self,
+        walls: BitmapWorld,
+        lidar: ScanSensor,
+        motion: MotionModel,
+        rng: np.random.Generator,
+        floor: BitmapWorld | None = None,
+        n_particles: int | None = None,
+    ) -> None:
+        walls = as_instance("walls", walls, BitmapWorld)
+        floor = walls if floor is None else as_instance("floor", floor, BitmapWorld)
+        self._lidar = as_scan_sensor("lidar", lidar)
+        self._motion, self._rng = as_motion("motion", motion), as_rng("rng", rng)
+        if floor.occupied.all():
+            raise ValueError("floor: expected free cells, found none")
+        sigma, hit, n_points = _SEARCH
+        self._walls = LikelihoodField(
+            walls.occupied, walls.resolution, walls.origin, sigma, hit, n_points
+        )
+        rows, columns = np.nonzero(walls.occupied)
+        points = walls.origin + walls.resolution * (np.column_stack([columns, rows]) + 0.5)
+        self._fields = [
+            LikelihoodGrid.of_points(points, width, max(walls.resolution, width / 2))
+            for width in _FIELDS
+        ]
+        area = float((~floor.occupied).sum()) * floor.resolution**2
+        wished = int(np.clip(_PER_CELL * area, 1000, _MOST))
+        self._n_particles = wished if n_particles is None else as_count("n_particles", n_particles)
+        self._floor = floor
+        self._search = self._anywhere()
+        self._pose, self._cov = self._search.pose, self._search.pose_cov
+        self.localized_at: int | None = None
+        self.fits: list[float] = []
+        # Motion since the last scan, its covariance in the frame of the body then.
+        self._step = np.zeros(3), np.zeros((3, 3))
+        self._since_weighed: Array | None = None  # motion since the particles were weighed
+        self._records: list[tuple[tuple[Array, Array], Array, Array]] = []  # step, pose, points
+        self._misfits = 0
+        self._usual = 0.0  # share of points that fitted so far
+
+    @property
+    def localized(self) -> bool:
+        """Whether one place was found, and the scans fit there."""
+        return self.localized_at is not None
+
+    @property
+    def pose(self) -> Array:
+        """Estimated pose (3,) (m, m, rad); of the particles' mean while it is searched for."""
+        return self._pose.copy()
+
+    @property
+    def pose_cov(self) -> Array:
+        """Covariance (3, 3) of `pose`."""
+        return self._cov.copy()
+
+    @property
+    def trajectory(self) -> Array:
+        """Best poses (T, 3): from where it was found, the scans before are matched backwards."""
+        path = np.array([pose for _, pose, _ in self._records]).reshape(-1, 3)
+        for k in range((self.localized_at or 0) - 1, -1, -1):
+            (step, Q), _, _ = self._records[k + 1]
+            guess = compose(path[k + 1], inverse(step))
+            path[k], _, _ = self._matched(self._records[k][2], guess, _step_cov(Q, guess))
+        return path
+
+    def __repr__(self) -> str:
+        """Say whether the place is known."""
+        x, y, theta = self._pose
+        if not self.localized:
+            return f"GlobalLocalization(searching with {self._search.n_particles} particles)"
+        return f"GlobalLocalization(at ({x:.2f} m, {y:.2f} m, {np.rad2deg(theta):.1f} deg))"
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
+        step = moved(self._motion, self._step[0], u, dt, control_cov, self._step[1])
+        pose, cov = moved(self._motion, self._pose, u, dt, control_cov, self._cov)
+        if not self.localized:
+            self._search.predict(u, dt, control_cov)
+            pose, cov = self._search.pose, self._search.pose_cov
+        self._step, self._pose, self._cov = (step[0], step[1]), pose, cov
+
+    def update(self, ranges: ArrayLike, ids: None = None) -> float:
+        """Search with a scan, or match it.
+
+        Parameters
+        ----------
+        ranges : array_like, shape (n_beams,)
+            (m); NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
+        ids : None
+            Scans have no names.
+
+        Returns
+        -------
+        float
+            Share of the points that lie near a wall; 0 for a scan of fewer than ten.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a range negative.
+        """
+        ranges = as_distances("ranges", ranges, (self._lidar.n_beams,))
+        ranges = np.where(ranges <= _REACH, ranges, np.nan)
+        points = self._lidar.points(ranges)
+        points = points[np.isfinite(points[:, 0])]
+        fit = self._track(points) if self.localized else self._seek(ranges, points)
+        self._records.append((self._step, self._pose, points))
+        self._step = np.zeros(3), np.zeros((3, 3))
+        self.fits.append(fit)
+        return fit
+
+    def _seek(self, ranges: Array, points: Array) -> float:
+        """Weigh the particles; if they are one place in which the scan fits, begin to track."""
+        cloud, since = self._search, self._since_weighed
+        self._since_weighed = None if since is None else compose(since, self._step[0])
+        if since is None or _is_new(compose(since, self._step[0])):
+            cloud.update(ranges)
+            self._since_weighed = np.zeros(3)
+        self._pose, self._cov = cloud.pose, cloud.pose_cov
+        sigma = np.sqrt(np.diag(self._cov))
+        pose, cov, fit = self._matched(points, self._pose, self._cov)
+        if (sigma < _CONCENTRATED).all() and fit >= _FITS:
+            self._pose, self._cov = pose, cov
+            self.localized_at, self._misfits, self._usual = len(self._records), 0, fit
+        return fit
+
+    def _track(self, points: Array) -> float:
+        """Match the scan from where the odometry led; search again if many do not fit."""
+        cov = self._cov + _step_cov(self._step[1], self._pose)
+        self._pose, self._cov, fit = self._matched(points, self._pose, cov)
+        if fit >= _MISFITS * self._usual:
+            self._usual += 0.05 * (fit - self._usual)
+            self._misfits = 0
+        else:
+            self._misfits += 1
+        if self._misfits >= _PATIENCE:
+            self._search, self._since_weighed, self.localized_at = self._anywhere(), None, None
+        return fit
+
+    def _matched(self, points: Array, guess: Array, cov: Array) -> tuple[Array, Array, float]:
+        """Match and guess as one pose and covariance; and the share of points near walls there.
+
+        Along a corridor, where the covariance of the match is wide, the odometry decides.
+        """
+        if len(points) < _LEAST_POINTS:
+            return guess, cov, 0.0
+        match = match_field(self._fields, points, guess)
+        if (fit := self._fit(points, match.pose)) < 0.5:
+            return guess, cov, fit
+        gain = cov @ np.linalg.inv(cov + match.cov + _FLOOR)
+        off = match.pose - guess
+        off[2] = wrap_angle(off[2])
+        pose = guess + gain @ off
+        pose[2] = wrap_angle(pose[2])
+        return pose, (np.eye(3) - gain) @ cov, self._fit(points, pose)
+
+    def _fit(self, points: Array, pose: Array) -> float:
+        """Share of the points near a wall (0.1 m, or two cells)."""
+        near = max(_NEAR_A_WALL, 2 * self._walls.resolution)
+        cells = self._walls.cells(transform(pose, points))
+        inside = np.all((cells >= 0) & (cells < self._walls.shape), axis=1)
+        row, column = (cells * inside[:, None]).T
+        return float((inside & (self._walls.distance[row, column] <= near)).mean())
+
+    def _anywhere(self) -> MonteCarloLocalization:
+        low = self._floor.origin
+        high = low + self._floor.resolution * np.array(self._floor.shape)[::-1]
+        return MonteCarloLocalization(
+            self._walls,
+            self._motion,
+            self._lidar,
+            self._n_particles,
+            np.column_stack([low, high]),
+            self._rng,
+            adaptive=KLD(
+                np.array([0.5, 0.5, 0.2]),
+                minimum=min(1000, self._n_particles),
+                maximum=self._n_particles,
+            ),
+            free=self._floor.is_free,
+        )
+
+
+def _is_new(motion: Array) -> bool:
+    return bool(np.hypot(*motion[:2]) >= _MOVED[0] or abs(motion[2]) >= _MOVED[1])
+
+
+def _step_cov(Q: Array, pose: Array) -> Array:
+    """Covariance (3, 3) of a step in the world, the bias of the odometry included."""
+    R = np.eye(3)
+    R[:2, :2] = rotation(pose[2])
+    return R @ (_BIAS * Q + _FLOOR) @ R.T
