@@ -1,4 +1,4 @@
-"""Refresh the browser files that the built book needs, so that no page asks the network.
+"""Refresh the browser files that book and slides need, so that no page asks the network.
 
 python tools/vendor.py
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -19,7 +20,12 @@ import tempfile
 from pathlib import Path
 
 VENDOR = Path(__file__).resolve().parents[1] / "book" / "static" / "vendor"
-NPM = {"mathjax": "3.2.2", "requirejs": "2.3.8", "@jupyter-widgets/html-manager": "1.0.15"}
+NPM = {
+    "mathjax": "3.2.2",
+    "requirejs": "2.3.8",
+    "@jupyter-widgets/html-manager": "1.0.15",
+    "reveal.js": "4.6.1",
+}
 
 # embed-amd.js looks for its icon fonts beside the page; they lie beside the script.
 BESIDE_PAGE = "document.baseURI||self.location.href"
@@ -65,6 +71,19 @@ def html_manager(source: Path, target: Path) -> None:
     (target / "embed-amd.js").write_text(REMEMBER + script.replace(BESIDE_PAGE, BESIDE_SCRIPT))
 
 
+def reveal(source: Path, target: Path) -> None:
+    """Copy what a deck of slides needs; its theme takes letters that every machine has."""
+    for name in (
+        "dist/reveal.js",
+        "dist/reveal.css",
+        "dist/theme/white.css",
+        "plugin/notes/notes.js",
+    ):
+        copy(source, name, target)
+    theme = target / "dist" / "theme" / "white.css"
+    theme.write_text(re.sub(r"(?m)^@import .*\n", "", theme.read_text()))
+
+
 def write_table(rows: list[tuple[str, str, str]]) -> None:
     """Write README.md: packages, versions, licences, and the checksum of every file."""
     lines = [
@@ -102,6 +121,7 @@ def main() -> int:
         copy(es5, "output/chtml/fonts/**/*", VENDOR / "mathjax")
         copy(es5, "input/tex/extensions/**/*", VENDOR / "mathjax")
         copy(folders["requirejs"], "require.js", VENDOR / "requirejs")
+        reveal(folders["reveal.js"], VENDOR / "reveal")
         target = VENDOR / "html-manager"
         target.mkdir()
         html_manager(folders["@jupyter-widgets/html-manager"], target)
