@@ -146,6 +146,12 @@ def test_nothing_generated_is_tracked():
     assert {name for name in tracked if does_not_belong(name, ROOT)} == set()
 
 
+def test_no_two_test_files_have_one_name():
+    """Else pytest, called at the root, collects the first only."""
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert [name for name in names if names.count(name) > 1] == []
+
+
 def test_a_generated_file_is_seen(tmp_path):
     (tmp_path / "log").write_bytes(b"\x80\x04\0")
     (tmp_path / ".log").write_text("a line")
