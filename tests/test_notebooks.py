@@ -22,7 +22,7 @@ from tools.notebooks import SETTINGS, differences
 
 ROOT = Path(__file__).resolve().parents[1]
 # A page that is no chapter has no number, no bones and no exercises: each is named here.
-PAGES = {"index", "simulator"}
+PAGES = {"index", "questions", "simulator"}
 CHAPTERS = [
     path for path in sorted((ROOT / "notebooks").glob("*.ipynb")) if path.stem not in PAGES
 ]
