@@ -41,7 +41,7 @@ NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb
 FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py jupyterlab.py drawings.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help book pdf slides test lab set-up lint-and-warm lint unit quick speed notebooks same pages-and-figures \
+.PHONY: help book paper pdf slides test lab set-up lint-and-warm lint unit quick speed notebooks same pages-and-figures \
   pages figures book-tests seeds steady chromium exercises check-library check-oldest check-newest check-tag \
   dist site lock vendor slim clean
 
@@ -69,6 +69,9 @@ site: book  ## Make the folder for a static host, _build/site (BOOK_URL=https://
 
 pdf: $(VENV)/.pdf-installed chromium book  ## Print the book into one file, _build/slam.pdf
 	$(BIN)/python tools/pdf.py
+
+paper: $(VENV)/.pdf-installed chromium  ## Print the paper on the course, _build/paper.pdf
+	@$(BIN)/python tools/paper.py
 
 slides: book  ## Make slides of a lesson, _build/slides (CH=09; every lesson without CH)
 	@$(BIN)/python tools/slides.py $(CH)

@@ -1,6 +1,8 @@
 """The release says one thing everywhere: version, date, citation, paper."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -15,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
 CHANGES = (ROOT / "CHANGELOG.md").read_text()
 PAPER = (ROOT / "paper" / "paper.md").read_text()
+CHROMIUM = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
 
 
 def test_the_version_is_the_same_everywhere():
@@ -49,6 +52,30 @@ def test_the_paper_has_the_length_and_the_parts_that_the_journal_asks_for():
     )
     for part in ("Summary", "Statement of need", "Audience", "Experience of use", "Story"):
         assert re.search(rf"(?m)^# {part}", body)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+def test_the_paper_is_printed_with_the_works_that_it_cites(tmp_path, monkeypatch):
+    pypdf = pytest.importorskip("pypdf")
+    pytest.importorskip("pypandoc")
+    from tools import paper
+
+    assert paper.main(tmp_path / "paper.pdf") == 0
+    sheets = [sheet.extract_text() for sheet in pypdf.PdfReader(tmp_path / "paper.pdf").pages]
+    text = " ".join(" ".join(sheets).split())
+    assert 2 <= len(sheets) <= 5
+    assert "SLAM, executed" in sheets[0]
+    assert "The slamlab authors" in sheets[0]
+    assert "References" in text
+    assert "Probabilistic robotics" in text.replace("Robotics", "robotics")
+    assert "[@" not in text
+    assert "???" not in text  # pandoc's mark of a work that the bibliography does not have
+    source = paper.PAPER.read_text().replace("@thrun2005", "@nobody1999")
+    wrong = tmp_path / "paper.md"
+    wrong.write_text(source)
+    (tmp_path / "paper.bib").write_text((paper.PAPER.parent / "paper.bib").read_text())
+    monkeypatch.setattr(paper, "PAPER", wrong)
+    assert "nobody1999?" in paper.page()
 
 
 def test_the_paper_cites_what_its_bibliography_has():
