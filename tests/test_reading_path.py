@@ -25,6 +25,8 @@ from slamlab.slam import (
     FastSlam,
     GammaSlam,
     GridFastSlam,
+    IncrementalGraph,
+    PoseGraph,
 )
 from slamlab.worlds import Terrain, rooms
 
@@ -198,6 +200,35 @@ def gamma_slam():
     return step
 
 
+def pose_graph(method, **options):
+    """Four poses and a closure that contradicts them, to the end."""
+    step = np.array([1.0, 0.0, np.pi / 2])
+    measurements = np.vstack([np.tile(step, (3, 1)), step + 0.1])
+    graph = PoseGraph(
+        [[0, 0, 0], [1, 0, 1.5], [1, 1, 3], [0, 1, 4.5]],
+        [[0, 1], [1, 2], [2, 3], [3, 0]],
+        measurements,
+        np.diag([100.0, 100.0, 400.0]),
+    )
+    return lambda: graph.optimize(method, **options)
+
+
+def incremental_graph():
+    """A pose and a closure more, with the factors of the graph before."""
+    step, grown = np.array([1.0, 0.0, np.pi / 2]), IncrementalGraph()
+    for _ in range(3):
+        grown.add_pose(step, np.eye(3))
+    grown.add_edge(3, 0, step + 0.1, np.eye(3))
+    assert len(grown.poses) == 4
+
+    def close():
+        grown.add_pose(step, np.eye(3))
+        grown.add_edge(4, 1, step - 0.1, np.eye(3))
+        assert len(grown.poses) == 5
+
+    return close
+
+
 # A system: its step, its own files, and the most lines of them that the step may read.
 SYSTEMS = {
     "EKF-SLAM": (ekf_slam, ("slam/ekf.py", "slam/linearisation.py"), OWN),
@@ -215,6 +246,13 @@ SYSTEMS = {
     "grid FastSLAM": (partial(grid_fast_slam, "matching"), ("slam/grid_fast.py",), OWN + 10),
     "DP-SLAM": (partial(grid_fast_slam, "penetration"), ("slam/grid_fast.py",), OWN),
     "Gamma-SLAM": (gamma_slam, ("slam/gamma.py",), OWN),
+    "pose graph": (partial(pose_graph, "gauss-newton"), ("slam/least_squares.py",), OWN),
+    "pose graph, robust": (
+        partial(pose_graph, "levenberg-marquardt", kernel="dcs"),
+        ("slam/least_squares.py",),
+        OWN + 10,
+    ),
+    "pose graph, incremental": (incremental_graph, ("slam/incremental.py",), OWN),
 }
 # Beyond `ALL`: weights and resampling (60 to 95 lines), maps that copies share (52; tiles: 75).
 MORE = {

@@ -7,15 +7,18 @@ from slamlab.slam.association import (
     nearest_neighbour,
 )
 from slamlab.slam.batch import EKFSlamBatch
+from slamlab.slam.certificate import Certificate
 from slamlab.slam.compressed import CompressedEKFSlam
 from slamlab.slam.ekf import EKFSlam
 from slamlab.slam.fast import FastSlam
+from slamlab.slam.g2o import Scans
 from slamlab.slam.gamma import GammaSlam
-from slamlab.slam.graph import Certificate, PoseGraph, Result, Scans, edge_error, edge_jacobians
 from slamlab.slam.grid_fast import GridFastSlam
 from slamlab.slam.hector import HectorSlam
 from slamlab.slam.incremental import IncrementalGraph
+from slamlab.slam.least_squares import edge_error, edge_jacobians
 from slamlab.slam.local_range import AdaptiveRange
+from slamlab.slam.pose_graph import PoseGraph, Result
 from slamlab.slam.scan_graph import Closure, ScanGraphSlam
 from slamlab.slam.wall_slam import WallSlam
 

@@ -8,14 +8,23 @@ faster than a batch from the last answer (1.5 times slower at 2000 poses). Chapt
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse.linalg import LinearOperator, cg
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_scalar
 from slamlab.geometry import compose
-from slamlab.slam._edges import Edges, edge_jacobians
-from slamlab.slam._sparse import BlockSystem, Solve
-from slamlab.slam.graph import PoseGraph
+from slamlab.slam.least_squares import (
+    Edges,
+    NormalEquations,
+    edge_jacobians,
+    factorised,
+    times,
+)
+from slamlab.slam.pose_graph import PoseGraph
 
 __all__ = ["IncrementalGraph"]
 
@@ -63,7 +72,7 @@ class IncrementalGraph:
         self._births: list[int] = [-1]  # edge by which each pose came
         self._settled = self.converged = True
         self.factorisations = 0
-        self._solve: Solve | None = None
+        self._factors: Any = None
         self._n_old = 1  # poses that the factors know
 
     def __repr__(self) -> str:
@@ -161,24 +170,23 @@ class IncrementalGraph:
         tolerance = as_scalar("tolerance", tolerance, 0.0)
         if len(self._x) == 1:
             return
+        free = np.arange(len(self._x)) > 0  # the first pose stays
         edges = Edges(self._edges, self._measurements, self._information)
-        self.converged = False
-        precondition: Solve | None = None
+        equations = NormalEquations(np.repeat(free[:, None], 3, 1), self._edges)
+        x, self.converged = self._x, False
         for _ in range(_MAX_ITERATIONS):
-            edges.linearise(self._x)
-            if self._solve is None or len(self._x) - self._n_old > _MANY_POSES:
-                self._factorise(edges)
-                precondition = None
-            precondition = precondition or self._preconditioner()
-            step, count = self._conjugate_gradients(edges, precondition)
-            self._x = self._x + step
-            if np.abs(step).max() <= tolerance:
+            equations.fill(*edges.linearise(edges.at(x)))
+            if self._factors is None or len(x) - self._n_old > _MANY_POSES:
+                self._factors, self._n_old = factorised(equations.H), len(x)
+                self.factorisations += 1
+            dx, count = self._conjugate_gradients(equations, x)
+            x = equations.moved(x, dx)
+            if count > _MANY_STEPS:
+                self._factors = None
+            if np.abs(dx).max() <= tolerance:
                 self.converged = True
                 break
-            if count > _MANY_STEPS:
-                self._solve = None
-        self._x[:, 2] = np.arctan2(np.sin(self._x[:, 2]), np.cos(self._x[:, 2]))
-        self._settled = True
+        self._x, self._settled = x, True
 
     # Helpers
 
@@ -193,77 +201,37 @@ class IncrementalGraph:
         self._measurements = np.vstack([self._measurements, z])
         self._information = np.concatenate([self._information, Omega[None]])
 
-    def _factorise(self, edges: Edges) -> None:
-        system = BlockSystem(len(self._x), self._edges, np.arange(1, len(self._x)))
-        self._solve = system.factorise(system.matrix(edges.blocks()), check=False)
-        self._n_old = len(self._x)
-        self.factorisations += 1
+    def _conjugate_gradients(self, equations: NormalEquations, x: Array) -> tuple[Array, int]:
+        """Solve H dx = -g to 1e-3 of it; return dx and the number of rounds."""
+        rounds: list[Array] = []
+        shape = (equations.N, equations.N)
+        H = LinearOperator(shape, lambda v: times(equations.H, v), dtype=float)
+        M = LinearOperator(shape, self._preconditioner(x), dtype=float)
+        dx, _ = cg(H, -equations.g, rtol=1e-3, M=M, callback=rounds.append)
+        return dx, len(rounds)
 
-    def _conjugate_gradients(self, edges: Edges, precondition: Solve) -> tuple[Array, int]:
-        """Solve H step = -gradient to 1e-3 of it; return the step and the number of rounds."""
-        blocks = edges.blocks()
-        r = -edges.gradient()
-        r[0] = 0.0  # the first pose stays
-        step, z = np.zeros_like(r), precondition(r)
-        p, power, count = z, np.vdot(r, z), 0
-        enough = 1e-6 * power
-        while power > enough and count < 3 * len(r):
-            Hp = _times(blocks, edges, p)
-            length = power / np.vdot(p, Hp)
-            step, r = step + length * p, r - length * Hp
-            z = precondition(r)
-            power, before = np.vdot(r, z), power
-            p = z + power / before * p
-            count += 1
-        return step, count
-
-    def _preconditioner(self) -> Solve:
+    def _preconditioner(self, x: Array) -> Callable[[Array], Array]:
         """Inverse of H as it was, with each newer pose hung on by the edge it came with.
 
-        Where only such edges are new, H = T^T diag(H_old, Omega, ...) T. A new pose has one row
-        B x + A x_parent in T: with C those to old parents, N those among the new poses,
-        x_new = N^-1 (y - C x_old).
+        Where only such edges e = A x_parent + B x_new are new, H = T^T diag(H_old, Omega, ...) T:
+        T takes x_new to e and leaves the old poses as they are.
         """
-        n_old, new = self._n_old, np.arange(self._n_old, len(self._x))
-        births = np.array(self._births, dtype=int)[new]
+        new = np.arange(self._n_old, len(x))
+        births = np.array(self._births)[new]
         parents = self._edges[births, 0]
-        A, B = edge_jacobians(self._x[parents], self._x[new], self._measurements[births])
-        k, old = np.arange(len(new)), parents < n_old
-        N = np.zeros((len(new), 3, len(new), 3))
-        N[k, :, k, :] = B
-        N[k[~old], :, parents[~old] - n_old, :] = A[~old]
-        inverse = np.linalg.inv(N.reshape(3 * len(new), 3 * len(new)))
-        spread = np.linalg.inv(self._information[births])
-        A_old, parents = A[old], parents[old]
-        solve = self._solve
-        assert solve is not None
+        A, B = edge_jacobians(x[parents], x[new], self._measurements[births])
+        inverse, cov = np.linalg.inv(B), np.linalg.inv(self._information[births])
+        hung = list(zip(new, parents, A, inverse, cov, strict=True))
 
         def precondition(r: Array) -> Array:
-            x, r_old = np.zeros_like(r), r[:n_old].copy()
-            y = (r[n_old:].ravel() @ inverse).reshape(-1, 3)
-            np.subtract.at(r_old, parents, np.einsum("kba,kb->ka", A_old, y[old]))
-            if n_old > 1:
-                x[1:n_old] = solve(r_old[1:])
-            y = np.einsum("kab,kb->ka", spread, y)
-            y[old] -= np.einsum("kab,kb->ka", A_old, x[parents])
-            x[n_old:] = (inverse @ y.ravel()).reshape(-1, 3)
-            return x
+            v = np.vstack([np.zeros(3), r.reshape(-1, 3)])
+            for k, parent, A_k, B_inverse, _ in reversed(hung):  # T^-T
+                v[k] = v[k] @ B_inverse
+                v[parent] -= v[k] @ A_k
+            v[0] = 0.0
+            v[1 : self._n_old] = self._factors.solve(v[1 : self._n_old].ravel()).reshape(-1, 3)
+            for k, parent, A_k, B_inverse, cov_k in hung:  # diag(..., Omega, ...)^-1, then T^-1
+                v[k] = B_inverse @ (cov_k @ v[k] - A_k @ v[parent])
+            return v[1:].ravel()
 
         return precondition
-
-
-def _times(blocks: Array, edges: Edges, v: Array) -> Array:
-    """H v for all poses but the first, which stays."""
-    at_i, at_j = v[edges.i].T, v[edges.j].T
-    to_i = np.einsum("abm,bm->am", blocks[0], at_i) + np.einsum("abm,bm->am", blocks[2], at_j)
-    to_j = np.einsum("abm,bm->am", blocks[3], at_i) + np.einsum("abm,bm->am", blocks[1], at_j)
-    n = len(v)
-    y = np.stack(
-        [
-            np.bincount(edges.i, a, n) + np.bincount(edges.j, b, n)
-            for a, b in zip(to_i, to_j, strict=True)
-        ],
-        1,
-    )
-    y[0] = 0.0
-    return y

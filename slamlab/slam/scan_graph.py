@@ -30,7 +30,7 @@ from slamlab.slam._tracking import (
     scan_points,
     track,
 )
-from slamlab.slam.graph import PoseGraph
+from slamlab.slam.pose_graph import PoseGraph
 
 __all__ = ["Closure", "ScanGraphSlam"]
 

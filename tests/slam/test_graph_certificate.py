@@ -11,8 +11,8 @@ from slamlab.datasets.synthetic import manhattan_graph
 from slamlab.geometry import between
 from slamlab.robots import RelativePose
 from slamlab.sensors import PointSensor
-from slamlab.slam import PoseGraph, _relaxation
-from slamlab.slam._relaxation import (
+from slamlab.slam import PoseGraph, certificate
+from slamlab.slam.certificate import (
     Relaxation,
     certify,
     isotropic,
@@ -117,7 +117,7 @@ def test_the_stand_in_touches_the_cost_and_is_nowhere_above_it(monkeypatch):
         assert least_gap(at, z, at[None]) == pytest.approx(0.0, abs=1e-9)
         assert least_gap(at, z, elsewhere) > 0
         with monkeypatch.context() as patch:  # the means promise too much
-            patch.setattr(_relaxation, "isotropic_below", isotropic)
+            patch.setattr(certificate, "isotropic_below", isotropic)
             assert least_gap(at, z, elsewhere) < -1
 
 

@@ -8,7 +8,7 @@ import pytest
 from slamlab.datasets.synthetic import manhattan_graph
 from slamlab.geometry import between
 from slamlab.slam import PoseGraph
-from slamlab.slam._optimize import KERNELS
+from slamlab.slam.least_squares import KERNELS
 
 
 def lied_to(seed=0, n=300, m=400, lies=8):

@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, diags
-from scipy.sparse.linalg import LinearOperator, eigsh
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from slamlab._checks import Array
 from slamlab.geometry import rotation
-from slamlab.slam._sparse import factors
+from slamlab.slam.least_squares import SYMMETRIC
+
+__all__ = ["Certificate"]
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ def hermitian_factor(H: csc_matrix) -> Any:
     if not np.isfinite(H.data).all():
         raise ValueError("poses: expected a graph of moderate size, the equations overflow")
     try:
-        return factors(H.tocsc(), "MMD_AT_PLUS_A")
+        return splu(H.tocsc(), "MMD_AT_PLUS_A", **SYMMETRIC)
     except RuntimeError as error:
         raise ValueError("information: the measurements do not determine the graph") from error
 

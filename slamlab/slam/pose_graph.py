@@ -1,22 +1,22 @@
 """Pose graphs: a trajectory and landmarks from relative measurements, by least squares.
 
-Grisetti et al. 2010, "A tutorial on graph-based SLAM"; errors as in g2o. P5 cites the method.
-Chapter 00 uses it on real data, chapter 13 derives it.
+Grisetti et al. 2010, "A tutorial on graph-based SLAM"; P5 cites the method. `least_squares` holds
+the algorithm. Chapter 00 uses it on real data, chapter 13 derives it.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from slamlab._checks import (
@@ -32,15 +32,28 @@ from slamlab._checks import (
 from slamlab.geometry import inverse_transform
 from slamlab.logs import Log
 from slamlab.models import LandmarkSensor, MotionModel
-from slamlab.slam import _g2o
-from slamlab.slam._edges import Edges, edge_error, edge_jacobians
-from slamlab.slam._g2o import Scans
+from slamlab.slam import g2o
 from slamlab.slam._graph_of import graph_of
-from slamlab.slam._optimize import KERNEL_WIDTH, KERNELS, NormalEquations, Optimization
-from slamlab.slam._relaxation import Certificate, Relaxation, certify, isotropic, touching
-from slamlab.slam._sparse import BlockSystem
+from slamlab.slam.certificate import (
+    Certificate,
+    Relaxation,
+    certify,
+    isotropic,
+    touching,
+)
+from slamlab.slam.g2o import Scans
+from slamlab.slam.least_squares import (
+    KERNEL_WIDTH,
+    KERNELS,
+    METHODS,
+    Edges,
+    NormalEquations,
+    Outcome,
+    edge_error,
+    gauss_newton,
+)
 
-__all__ = ["Certificate", "PoseGraph", "Result", "Scans", "edge_error", "edge_jacobians"]
+__all__ = ["PoseGraph", "Result"]
 
 # A robust kernel that leaves an edge less than this weight has rejected it.
 REJECTED = 0.1
@@ -93,13 +106,12 @@ class Result:
     landmark_weights: Array
     message: str
     n_rejected: int
-    _graph: PoseGraph = field(repr=False)
+    _certify: Callable[[], Certificate] = field(repr=False)
 
     @cached_property
     def certificate(self) -> Certificate:
         """Bound from below on the chi2 of any poses; see `PoseGraph.certificate`."""
-        weights = np.append(self.weights, self.landmark_weights)
-        return self._graph._certificate(self._graph._stack(self.poses, self.landmarks), weights)
+        return self._certify()
 
     @property
     def certified(self) -> bool:
@@ -286,24 +298,7 @@ class PoseGraph:
         FileNotFoundError
             If there is no such file.
         """
-        content = _g2o.read(path)
-        row = {identity: k for k, identity in enumerate(content.ids)}
-        spot = {identity: k for k, identity in enumerate(content.point_ids)}
-        edges, observations = content.edges, content.observations
-        return cls(
-            content.poses,
-            [(row[i], row[j]) for i, j in edges.pairs],
-            np.reshape(edges.measurements, (-1, 3)),
-            np.reshape(edges.information, (-1, 3, 3)),
-            ids=content.ids,
-            fixed=[row[identity] for identity in content.fixed] or (0,),
-            scans=content.scans,
-            landmarks=np.reshape(content.points, (-1, 2)),
-            landmark_edges=[(row[i], spot[j]) for i, j in observations.pairs],
-            landmark_measurements=np.reshape(observations.measurements, (-1, 2)),
-            landmark_information=np.reshape(observations.information, (-1, 2, 2)),
-            landmark_ids=content.point_ids,
-        )
+        return cls(**g2o.read(path))
 
     def write_g2o(self, path: str | Path) -> None:
         """Write the graph as g2o text; `read_g2o` gives back exactly this graph.
@@ -312,21 +307,7 @@ class PoseGraph:
         ----------
         path : str or Path
         """
-        ids, names = self.ids.tolist(), self.landmark_ids.tolist()
-        edges = _g2o.Links(
-            [(ids[i], ids[j]) for i, j in self.edges.tolist()],
-            self.measurements.tolist(),
-            self.information.tolist(),
-        )
-        observations = _g2o.Links(
-            [(ids[i], names[j]) for i, j in self.landmark_edges.tolist()],
-            self.landmark_measurements.tolist(),
-            self.landmark_information.tolist(),
-        )
-        fixed = [] if self.fixed == (0,) else [ids[row] for row in self.fixed]
-        poses, points = self.poses.tolist(), self.landmarks.tolist()
-        content = _g2o.Content(ids, poses, edges, fixed, self.scans, names, points, observations)
-        _g2o.write(path, content)
+        g2o.write(path, self)
 
     def with_poses(self, poses: ArrayLike, landmarks: ArrayLike | None = None) -> PoseGraph:
         """Return the same graph at other poses, for example those of a `Result`.
@@ -437,7 +418,7 @@ class PoseGraph:
         -------
         float
         """
-        return float(Edges(*self._all_edges()).linearise(self._stack(poses, landmarks)).sum())
+        return float(Edges(*self._all_edges()).at(self._stack(poses, landmarks)).cost)
 
     def optimize(
         self,
@@ -446,8 +427,8 @@ class PoseGraph:
         kernel: str | None = None,
         kernel_width: float | Sequence[float] = KERNEL_WIDTH,
         hypotheses: Sequence[Sequence[int]] = (),
-        max_iterations: int = 50,
-        tolerance: float = 1e-7,
+        max_iterations: int = 100,
+        tolerance: float = 1e-12,
     ) -> Result:
         """Move the free poses and landmarks to the least cost; the graph itself stays as it is.
 
@@ -487,25 +468,29 @@ class PoseGraph:
             If an argument is out of range, or if the measurements do not hold every pose: the
             graph is not connected to a fixed pose, or is singular. The message names the poses.
         """
-        as_choice("method", method, ["gauss-newton", "levenberg-marquardt"])
+        as_choice("method", method, list(METHODS))
         robust = None if kernel is None else KERNELS[as_choice("kernel", kernel, list(KERNELS))]
         widths = [as_positive("kernel_width", w, 1e150) for w in np.atleast_1d(kernel_width)]
         if not widths:
             raise ValueError("kernel_width: expected at least one width, got none")
         max_iterations = as_count("max_iterations", max_iterations)
         tolerance = as_scalar("tolerance", tolerance, 0.0, 1.0)
+        edges, measurements, information = self._all_edges()
         groups = self._groups(hypotheses)
-        equations = self._equations(self._all_edges(), self.fixed)
-        poses = self._stack(None, None)
+        equations = self._equations(edges, self.fixed)
+        x = self._stack(None, None)
         # Poses of astronomic size overflow; they end in a message, not in a warning.
         with np.errstate(over="ignore", invalid="ignore"):
             for width in widths if robust else widths[:1]:
-                run = Optimization(
-                    poses, equations, robust, width, groups, max_iterations, tolerance
-                )
-                message = run.minimise(method)
-                poses = run.poses
-        return self._result(run, message)
+                rho = None if robust is None else partial(robust, width=width)
+                own = Edges(edges, measurements, information, rho, groups)
+                if equations.N == 0:
+                    here = own.at(x)
+                    found = Outcome(here, [here.cost], True, "every pose is fixed")
+                else:
+                    found = METHODS[method](x, own, equations, max_iterations, tolerance)
+                x = found.estimate.x
+        return self._result(found, robust is not None)
 
     def certificate(
         self, poses: ArrayLike | None = None, landmarks: ArrayLike | None = None
@@ -607,17 +592,16 @@ class PoseGraph:
             np.vstack([self.information, np.pad(self.landmark_information, (*pad, (0, 1)))]),
         )
 
-    def _equations(self, edges: tuple[Any, ...], fixed: Sequence[int]) -> NormalEquations:
+    def _equations(self, edges: np.ndarray, fixed: Sequence[int]) -> NormalEquations:
         self._check_connected()
-        n, size = len(self.poses), len(self.poses) + len(self.landmarks)
-        free = np.setdiff1d(np.arange(size), fixed)
-        system = BlockSystem(size, edges[0], free, np.arange(n, size))
-        return NormalEquations(Edges(*edges), system, self._names)
+        free = np.ones((len(self.poses) + len(self.landmarks), 3), dtype=bool)
+        free[list(fixed)] = free[len(self.poses) :, 2] = False  # nothing measures these headings
+        return NormalEquations(free, edges, self._names)
 
-    def _result(self, run: Optimization, message: str) -> Result:
-        n, m = len(self.poses), len(self.edges)
-        closures = self.closures & (run.kernel is not None)
-        rejected = int((run.weights[:m][closures] < REJECTED).sum())
+    def _result(self, found: Outcome, robust: bool) -> Result:
+        here, n, m, message = found.estimate, len(self.poses), len(self.edges), found.message
+        closures = self.closures & robust
+        rejected = int((here.weights[:m][closures] < REJECTED).sum())
         if rejected > 0.5 * closures.sum():
             warnings.warn(
                 f"the kernel rejected {rejected} of {closures.sum()} closures: from a drifted "
@@ -628,43 +612,48 @@ class PoseGraph:
         if rejected:
             message += f"; {rejected} of {closures.sum()} closures rejected"
         return Result(
-            poses=run.poses[:n].copy(),
-            landmarks=run.poses[n:, :2].copy(),
-            chi2=run.chi2,
-            history=np.array(run.history),
-            iterations=len(run.history) - 1,
-            converged=run.converged,
-            weights=run.weights[:m],
-            landmark_weights=run.weights[m:],
+            poses=here.x[:n].copy(),
+            landmarks=here.x[n:, :2].copy(),
+            chi2=float(here.squared.sum()),
+            history=np.array(found.history),
+            iterations=len(found.history) - 1,
+            converged=found.converged,
+            weights=here.weights[:m],
+            landmark_weights=here.weights[m:],
             message=message,
             n_rejected=rejected,
-            _graph=self,
+            _certify=partial(self._certificate, here.x, here.weights),
         )
 
     def _certificate(self, x: Array, weights: Array) -> Certificate:
         """Certificate for the edges as weighted; the bound is taken where x settles."""
         edges, measurements, information = self._all_edges()
         information = weights[:, None, None] * information
-        equations = self._equations((edges, measurements, information), self.fixed[:1])
-        run = Optimization(x, equations, None, 1.0, [], 10, 0.0)
-        run.minimise("gauss-newton")
-        i, j = edges.T
-        e = edge_error(run.poses[i], run.poses[j], measurements)
-        measurements, tau, kappa, raised = touching(e, measurements, information)
+        equations = self._equations(edges, self.fixed[:1])
+        own = Edges(edges, measurements, information)
+        found = gauss_newton(x, own, equations, 10 if equations.N else 0, 1e-12)
+        here = found.estimate
+        measurements, tau, kappa, raised = touching(here.e.T, measurements, information)
         n, k = len(self.poses), len(self.landmarks)
         relaxation = Relaxation(edges, measurements, tau, kappa, n, k)
-        return certify(relaxation, run.poses, run.history[0], 0.01, raised)
+        return certify(relaxation, here.x, found.history[0], 0.01, raised)
 
     def _marginals(self, i: Any, count: int, first: int, x: Array) -> Array:
         rows = first + _checked_rows("i", np.atleast_1d(i), count)
-        equations = self._equations(self._all_edges(), self.fixed)
-        place = np.full(len(x), -1)
-        place[equations.system.free] = np.arange(equations.system.n)
-        wanted = np.flatnonzero(place[rows] >= 0)
-        covs = np.zeros((len(rows), 3, 3))
-        if wanted.size:
-            equations.edges.linearise(x)
-            covs[wanted] = equations.inverse_blocks(place[rows[wanted]])
+        edges, measurements, information = self._all_edges()
+        equations, covs = self._equations(edges, self.fixed), np.zeros((len(rows), 3, 3))
+        if equations.free[rows].any():
+            own = Edges(edges, measurements, information)
+            equations.fill(*own.linearise(own.at(x)))
+            equations.factorise()
+        columns = np.cumsum(equations.free.ravel()).reshape(-1, 3) - 1
+        for cov, row in zip(covs, rows, strict=True):
+            free = equations.free[row]
+            for a in np.flatnonzero(free):  # a column of the inverse of H
+                unit = np.zeros(equations.N)
+                unit[columns[row, a]] = 1.0
+                cov[free, a] = equations.solve(unit)[columns[row, free]]
+        covs = 0.5 * (covs + covs.mT)
         return covs[0] if np.ndim(i) == 0 else covs
 
     def _groups(self, hypotheses: Sequence[Sequence[int]]) -> list[np.ndarray]:
@@ -680,7 +669,7 @@ class PoseGraph:
 
     def _check_connected(self) -> None:
         edges, size = self._all_edges()[0], len(self.poses) + len(self.landmarks)
-        links = csr_matrix((np.ones(len(edges)), edges.T), shape=(size, size))
+        links = sp.csr_matrix((np.ones(len(edges)), edges.T), shape=(size, size))
         _, part = connected_components(links, directed=False)
         adrift = ~np.isin(part, part[list(self.fixed)])
         if adrift.any():

@@ -1,20 +1,23 @@
 """Pose graphs as text: the g2o and TORO formats, and the lidar scans that ride along.
 
 Format: Grisetti et al. 2011 (g2o), Grisetti et al. 2007 (TORO), CARMEN for ROBOTLASER1.
-`slamlab.slam.graph` calls `read` and `write`; chapter 00 starts from such a file.
+`PoseGraph.read_g2o` and `write_g2o` are the doors; chapter 00 starts from such a file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from slamlab._checks import Array, cut
 from slamlab._files import read_bytes
+
+__all__ = ["Scans"]
 
 # Where the six numbers of a line stand in the upper triangle of the information matrix.
 _G2O_ORDER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -54,28 +57,19 @@ class Scans:
     lines: tuple[str, ...]
 
 
-@dataclass
-class Links:
+class _Edges(NamedTuple):
     """Edges of one kind, by vertex id, and in which line of the file each stands."""
 
-    pairs: list[tuple[int, int]] = field(default_factory=list)
-    measurements: list[list[float]] = field(default_factory=list)
-    information: list[list[list[float]]] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
+    pairs: list[tuple[int, int]]
+    measurements: list[list[float]]
+    information: list[list[list[float]]]
+    lines: list[int]
 
-
-@dataclass
-class Content:
-    """What one file holds: vertices in the order of the file; `observations` are of points."""
-
-    ids: list[int] = field(default_factory=list)
-    poses: list[list[float]] = field(default_factory=list)
-    edges: Links = field(default_factory=Links)
-    fixed: list[int] = field(default_factory=list)
-    scans: Scans | None = None
-    point_ids: list[int] = field(default_factory=list)
-    points: list[list[float]] = field(default_factory=list)
-    observations: Links = field(default_factory=Links)
+    def arguments(self, size: int, first: dict[int, int], second: dict[int, int]) -> list[Any]:
+        """Rows of the vertices, measurements (m, size) and information (m, size, size)."""
+        rows = [(first[i], second[j]) for i, j in self.pairs]
+        information = np.reshape(self.information, (-1, size, size))
+        return [rows, np.reshape(self.measurements, (-1, size)), information]
 
 
 class _Parser:
@@ -84,21 +78,23 @@ class _Parser:
     def __init__(self, name: str) -> None:
         self.name = name
         self.number = 0
-        self.content = content = Content()
-        # The line in which each of them is defined.
+        # The line in which each vertex is defined, by its id, and the vertices themselves.
         self.poses: dict[int, int] = {}
         self.points: dict[int, int] = {}
-        self.fix_lines: list[int] = []
+        self.pose_values: list[list[float]] = []
+        self.point_values: list[list[float]] = []
+        self.edges, self.observations = _Edges([], [], [], []), _Edges([], [], [], [])
+        self.fixed: list[tuple[int, int]] = []  # id, line
         self.scan_rows: list[int] = []
         self.scan_numbers: list[list[float]] = []
         self.scan_lines: list[str] = []
         self.tags: dict[str, Callable[[list[str]], None]] = {
             "VERTEX_SE2": self.vertex,
             "VERTEX2": self.vertex,
-            "EDGE_SE2": lambda words: self.edge(words, content.edges, _G2O_ORDER),
-            "EDGE2": lambda words: self.edge(words, content.edges, _TORO_ORDER),
+            "EDGE_SE2": lambda words: self.edge(words, self.edges, _G2O_ORDER),
+            "EDGE2": lambda words: self.edge(words, self.edges, _TORO_ORDER),
             "VERTEX_XY": self.point,
-            "EDGE_SE2_XY": lambda words: self.edge(words, content.observations, _POINT_ORDER),
+            "EDGE_SE2_XY": lambda words: self.edge(words, self.observations, _POINT_ORDER),
             "FIX": self.fix,
             "ROBOTLASER1": self.scan,
         }
@@ -144,46 +140,44 @@ class _Parser:
 
     def vertex(self, words: list[str]) -> None:
         self.words_expected(words, 5)
-        self.content.ids.append(self.new_vertex(words[1], self.poses))
-        self.content.poses.append(self.floats(words[2:]))
+        self.new_vertex(words[1], self.poses)
+        self.pose_values.append(self.floats(words[2:]))
 
-    def new_vertex(self, word: str, lines: dict[int, int]) -> int:
+    def new_vertex(self, word: str, lines: dict[int, int]) -> None:
         identity = self.whole(word)
         first = self.poses.get(identity, self.points.get(identity))
         if first is not None:
             raise self.error(f"vertex {identity} was already defined in line {first}")
         lines[identity] = self.number
-        return identity
 
     def point(self, words: list[str]) -> None:
         self.words_expected(words, 4)
-        self.content.point_ids.append(self.new_vertex(words[1], self.points))
-        self.content.points.append(self.floats(words[2:]))
+        self.new_vertex(words[1], self.points)
+        self.point_values.append(self.floats(words[2:]))
 
-    def edge(self, words: list[str], links: Links, order: tuple[tuple[int, int], ...]) -> None:
+    def edge(self, words: list[str], edges: _Edges, order: tuple[tuple[int, int], ...]) -> None:
         size = 1 + max(order)[0]
         self.words_expected(words, 3 + size + len(order))
         i, j = self.whole(words[1]), self.whole(words[2])
-        if i == j and links is self.content.edges:
+        if i == j and edges is self.edges:
             raise self.error(f"edge joins vertex {i} with itself")
         numbers = self.floats(words[3:])
         information = [[0.0] * size for _ in range(size)]
         for (row, column), number in zip(order, numbers[size:], strict=True):
             information[row][column] = information[column][row] = number
-        links.pairs.append((i, j))
-        links.measurements.append(numbers[:size])
-        links.information.append(information)
-        links.lines.append(self.number)
+        edges.pairs.append((i, j))
+        edges.measurements.append(numbers[:size])
+        edges.information.append(information)
+        edges.lines.append(self.number)
 
     def fix(self, words: list[str]) -> None:
         if len(words) < 2:
             raise self.error("FIX: expected at least one vertex id")
         for word in words[1:]:
-            self.content.fixed.append(self.whole(word))
-            self.fix_lines.append(self.number)
+            self.fixed.append((self.whole(word), self.number))
 
     def scan(self, words: list[str]) -> None:
-        if not self.content.ids:
+        if not self.poses:
             raise self.error("ROBOTLASER1: expected a vertex before the first scan")
         if len(words) < 1 + _LASER_HEADER:
             raise self.error("ROBOTLASER1: truncated header")
@@ -197,20 +191,20 @@ class _Parser:
         numbers = self.floats([*words[1 : after + 12], words[after + 13]])
         if self.scan_numbers and numbers[:_LASER_HEADER] != self.scan_numbers[0][:_LASER_HEADER]:
             raise self.error("ROBOTLASER1: expected the same lidar as in the scans before")
-        row = len(self.content.ids) - 1
+        row = len(self.poses) - 1
         if self.scan_rows and self.scan_rows[-1] == row:
-            raise self.error(f"ROBOTLASER1: second scan of vertex {self.content.ids[row]}")
+            raise self.error(f"ROBOTLASER1: second scan of vertex {list(self.poses)[row]}")
         self.scan_rows.append(row)
         tail = after - 1
         self.scan_numbers.append(
             numbers[: _LASER_HEADER + n_beams] + numbers[tail : tail + 3] + [numbers[tail + 11]]
         )
 
-    def finish(self) -> Content:
-        content = self.content
-        if not content.ids:
+    def finish(self) -> dict[str, Any]:
+        """Check what only the whole file tells; return the arguments of `PoseGraph`."""
+        edges, observations = self.edges, self.observations
+        if not self.poses:
             raise self.error("the file ends without a vertex")
-        edges, observations = content.edges, content.observations
         if not edges.pairs and not observations.pairs:
             raise self.error("the file ends without an edge")
         for (i, j), number in zip(edges.pairs, edges.lines, strict=True):
@@ -219,7 +213,7 @@ class _Parser:
         for (i, j), number in zip(observations.pairs, observations.lines, strict=True):
             self.defined(i, self.poses, number)
             self.defined(j, self.points, number, "landmark")
-        for identity, number in zip(content.fixed, self.fix_lines, strict=True):
+        for identity, number in self.fixed:
             if identity not in self.poses:
                 raise self.error(f"FIX {identity}: the vertex is not defined", number)
         reached = {identity for pair in edges.pairs + observations.pairs for identity in pair}
@@ -228,8 +222,22 @@ class _Parser:
                 raise self.error(f"no edge reaches vertex {identity} (truncated file?)", number)
         self.check_information(edges)
         self.check_information(observations)
-        content.scans = self.scans()
-        return content
+        row = {identity: k for k, identity in enumerate(self.poses)}
+        spot = {identity: k for k, identity in enumerate(self.points)}
+        names = ("edges", "measurements", "information")
+        return {
+            "poses": self.pose_values,
+            "ids": list(self.poses),
+            "fixed": [row[identity] for identity, _ in self.fixed] or (0,),
+            "scans": self.scans(),
+            "landmarks": np.reshape(self.point_values, (-1, 2)),
+            "landmark_ids": list(self.points),
+            **dict(zip(names, edges.arguments(3, row, row), strict=True)),
+            **{
+                f"landmark_{name}": value
+                for name, value in zip(names, observations.arguments(2, row, spot), strict=True)
+            },
+        }
 
     def defined(
         self, identity: int, where: dict[int, int], number: int, kind: str = "pose"
@@ -241,10 +249,10 @@ class _Parser:
         kind = "vertex" if kind == "pose" else kind
         raise self.error(f"edge to {kind} {identity}, which is not defined", number)
 
-    def check_information(self, links: Links) -> None:
-        if not links.pairs:
+    def check_information(self, edges: _Edges) -> None:
+        if not edges.pairs:
             return
-        information = np.array(links.information)
+        information = np.array(edges.information)
         scale = np.abs(information).max(axis=(1, 2))
         smallest = np.linalg.eigvalsh(information)[:, 0]
         bad = np.flatnonzero(~(smallest >= -1e-9 * scale))
@@ -252,7 +260,7 @@ class _Parser:
             raise self.error(
                 "expected a positive semi-definite information matrix, "
                 f"smallest eigenvalue is {smallest[bad[0]]:.3g}",
-                links.lines[bad[0]],
+                edges.lines[bad[0]],
             )
 
     def scans(self) -> Scans | None:
@@ -272,8 +280,8 @@ class _Parser:
         )
 
 
-def parse(text: str, name: str = "text") -> Content:
-    """Content of a g2o or TORO text; `name` begins every error message.
+def parse(text: str, name: str = "text") -> dict[str, Any]:
+    """Arguments of `PoseGraph` of a g2o or TORO text; `name` begins every error message.
 
     Raises
     ------
@@ -286,8 +294,8 @@ def parse(text: str, name: str = "text") -> Content:
     return parser.finish()
 
 
-def read(path: str | Path) -> Content:
-    """Content of a file; a ``.gz`` or ``.zip`` is opened on the way.
+def read(path: str | Path) -> dict[str, Any]:
+    """Arguments of `PoseGraph` of a file; a ``.gz`` or ``.zip`` is opened on the way.
 
     Raises
     ------
@@ -306,25 +314,36 @@ def _is_graph(member: str) -> bool:
     return member.endswith((".g2o", ".toro", ".graph")) and not member.startswith("__MACOSX")
 
 
-def write(path: str | Path, content: Content) -> None:
-    """Write `content` as g2o text; every number is written so that it reads back exactly."""
-    scans = content.scans
+def write(path: str | Path, graph: Any) -> None:
+    """Write a `PoseGraph` as g2o text; every number is written so that it reads back exactly."""
+    scans, names, points = graph.scans, graph.ids.tolist(), graph.landmark_ids.tolist()
     scan_of = {} if scans is None else dict(zip(scans.rows.tolist(), scans.lines, strict=True))
     with Path(path).open("w", encoding="utf-8", errors="surrogateescape", newline="\n") as file:
-        for row, (identity, pose) in enumerate(zip(content.ids, content.poses, strict=True)):
-            file.write(f"VERTEX_SE2 {identity} {_numbers(pose)}\n")
+        for row, (name, pose) in enumerate(zip(names, graph.poses.tolist(), strict=True)):
+            file.write(f"VERTEX_SE2 {name} {_numbers(pose)}\n")
             if row in scan_of:
                 file.write(scan_of[row] + "\n")
-        for identity, point in zip(content.point_ids, content.points, strict=True):
-            file.write(f"VERTEX_XY {identity} {_numbers(point)}\n")
-        for identity in content.fixed:
-            file.write(f"FIX {identity}\n")
-        for tag, links in ("EDGE_SE2", content.edges), ("EDGE_SE2_XY", content.observations):
-            each = zip(links.pairs, links.measurements, links.information, strict=True)
-            for (i, j), z, information in each:
-                upper = [number for k, row in enumerate(information) for number in row[k:]]
-                file.write(f"{tag} {i} {j} {_numbers([*z, *upper])}\n")
+        for name, point in zip(points, graph.landmarks.tolist(), strict=True):
+            file.write(f"VERTEX_XY {name} {_numbers(point)}\n")
+        for row in graph.fixed if graph.fixed != (0,) else ():
+            file.write(f"FIX {names[row]}\n")
+        each = zip(graph.edges.tolist(), graph.measurements, graph.information, strict=True)
+        for (i, j), z, Omega in each:
+            file.write(f"EDGE_SE2 {names[i]} {names[j]} {_with_upper(z, Omega)}\n")
+        each = zip(
+            graph.landmark_edges.tolist(),
+            graph.landmark_measurements,
+            graph.landmark_information,
+            strict=True,
+        )
+        for (i, j), z, Omega in each:
+            file.write(f"EDGE_SE2_XY {names[i]} {points[j]} {_with_upper(z, Omega)}\n")
 
 
-def _numbers(values: list[float]) -> str:
+def _with_upper(z: Array, Omega: Array) -> str:
+    # A measurement, then the upper triangle of its information, row by row.
+    return _numbers([*z, *Omega[np.triu_indices(len(z))]])
+
+
+def _numbers(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
