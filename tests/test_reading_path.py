@@ -250,7 +250,7 @@ SYSTEMS = {
     "pose graph, robust": (
         partial(pose_graph, "levenberg-marquardt", kernel="dcs"),
         ("slam/least_squares.py",),
-        OWN + 10,
+        OWN + 15,
     ),
     "pose graph, incremental": (incremental_graph, ("slam/incremental.py",), OWN),
 }

@@ -496,6 +496,23 @@ def test_a_singular_graph_names_its_poses(method):
         chain(21, np.diag([1.0, 1.0, 0.0])).optimize()
 
 
+@pytest.mark.parametrize("weight", [0.0, 1e-14])
+def test_a_graph_that_loses_an_edge_to_its_weights_is_named_only_if_it_is_lost(weight):
+    graph = chain()
+    weights = np.ones(4)
+    edges = Edges(graph.edges, graph.measurements, graph.information, lambda x: (x, weights))
+    free = np.arange(5)[:, None] > [0, 0, 0]
+    equations = NormalEquations(free, graph.edges)
+    for weights[2] in (1.0, weight):
+        equations.fill(*edges.linearise(edges.at(graph.poses)))
+        if weights[2]:
+            equations.factorise()
+            assert np.isfinite(equations.step()).all()
+        else:  # what the update of factors alone would pass over
+            with pytest.raises(ValueError, match=r"free to move: \[3 4\]"):
+                equations.factorise()
+
+
 @pytest.mark.parametrize("lost", [[0, 1, 1], [1, 1, 0], [0, 0, 0]])
 @pytest.mark.parametrize("at", [3, 600, 1198])
 def test_one_lost_measurement_in_a_long_walk_is_found(at, lost):
