@@ -2,8 +2,8 @@
 
 The idea of iSAM (Kaess, Ranganathan and Dellaert 2008), that old factors stay good, by other
 means: the factors of an old H precondition conjugate gradients on the new one, so that the result
-is that of the whole graph, not of an approximation. It saves factorisations; in time it is no
-faster than a batch from the last answer (1.5 times slower at 2000 poses). Chapter 13.
+is that of the whole graph, not of an approximation. It saves factorisations; in time it costs as
+much as a batch from the last answer (at 2000 poses). Chapter 13.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ class IncrementalGraph:
         free = np.arange(len(self._x)) > 0  # the first pose stays
         edges = Edges(self._edges, self._measurements, self._information)
         equations = NormalEquations(np.repeat(free[:, None], 3, 1), self._edges)
-        x, self.converged = self._x, False
+        x, converged = self._x, False
         for _ in range(_MAX_ITERATIONS):
             equations.fill(*edges.linearise(edges.at(x)))
             if self._factors is None or len(x) - self._n_old > _MANY_POSES:
@@ -184,9 +184,9 @@ class IncrementalGraph:
             if count > _MANY_STEPS:
                 self._factors = None
             if np.abs(dx).max() <= tolerance:
-                self.converged = True
+                converged = True
                 break
-        self._x, self._settled = x, True
+        self._x, self._settled, self.converged = x, True, converged
 
     # Helpers
 

@@ -117,7 +117,7 @@ def errors(x_i: Array, x_j: Array, z: Array) -> Array:
 
 
 def turned_back(angle: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """R(angle)^T (x, y)."""
+    """Components of R(angle)^T (x, y)."""
     c, s = np.cos(angle), np.sin(angle)
     return c * x + s * y, c * y - s * x
 
