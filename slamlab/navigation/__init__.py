@@ -1,9 +1,10 @@
 """Where the robot goes: pilots, who see what the robot believes, and what they plan with."""
 
-from slamlab.navigation.drive import YOUBOT_BODY, Body, CollisionGuard, CoveragePilot
+from slamlab.navigation.drive import CoveragePilot
 from slamlab.navigation.exploration_grid import ExplorationGrid
 from slamlab.navigation.explore import Explorer
 from slamlab.navigation.follow import PathFollower, RegulatedPurePursuit, ReturnLaw, ReturnPilot
+from slamlab.navigation.guard import YOUBOT_BODY, Body, CollisionGuard
 from slamlab.navigation.path_memory import (
     VARIANTS,
     Cubic,

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_array, as_instance, as_scalar
 from slamlab.geometry import wrap_angle
 from slamlab.models import ScanSensor, Smoother, View
-from slamlab.navigation.drive import MOVED, CollisionGuard
+from slamlab.navigation.drive import MOVED
+from slamlab.navigation.guard import CollisionGuard
 from slamlab.navigation.path_memory import PathMemory
 
 __all__ = ["PathFollower", "Law", "RegulatedPurePursuit", "ReturnPilot", "ReturnLaw"]

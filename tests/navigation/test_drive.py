@@ -83,7 +83,7 @@ def test_the_guard_saves_a_robot_that_does_not_know_where_it_is(monkeypatch):
     # Without the guard each of them drives into things within so many seconds.
     seconds = {11: 26.0, 1: 50.0, 9: 65.0, 2: 91.0}
     assert sum(hits(seed, 120.0) for seed in seconds) == 0
-    monkeypatch.setattr(CoveragePilot, "_guarded", lambda self, wish, points, dt: wish)
+    monkeypatch.setattr(CollisionGuard, "safe_velocity", lambda self, u, points, dt: u)
     assert all(hits(seed, at_most) > 0 for seed, at_most in seconds.items())
 
 
@@ -201,19 +201,19 @@ def test_the_clearance_of_a_body_is_the_distance_to_its_rectangle():
 
 
 def test_the_guard_slows_down_turns_less_and_stands_still():
-    pilot = CoveragePilot(YOUBOT_BODY, LIDAR)
+    guard = CollisionGuard(YOUBOT_BODY)
     ahead = np.stack([np.full(41, 0.5), np.linspace(-1, 1, 41)], -1)
     forward = np.array([0.5, 0.0, 0.0])
-    assert pilot._guarded(forward, ahead + [2.0, 0.0], 0.2).tolist() == [0.5, 0, 0]
-    slow = pilot._guarded(forward, ahead, 0.2)
+    assert guard.safe_velocity(forward, ahead + [2.0, 0.0], 0.2).tolist() == [0.5, 0, 0]
+    slow = guard.safe_velocity(forward, ahead, 0.2)
     assert 0 < slow[0] < 0.5
-    assert pilot._guarded(forward, ahead - [0.15, 0.0], 0.2).tolist() == [0, 0, 0]
+    assert guard.safe_velocity(forward, ahead - [0.15, 0.0], 0.2).tolist() == [0, 0, 0]
     # Too near already: it may back out and not come nearer; very near it goes back by itself.
-    assert pilot._guarded(-forward, ahead - [0.17, 0.0], 0.2).tolist() == [-0.5, 0, 0]
-    assert pilot._guarded(forward, ahead - [0.19, 0.0], 0.2)[0] < -0.05
+    assert guard.safe_velocity(-forward, ahead - [0.17, 0.0], 0.2).tolist() == [-0.5, 0, 0]
+    assert guard.safe_velocity(forward, ahead - [0.19, 0.0], 0.2)[0] < -0.05
     # Between two walls it may drive and not turn.
     sides = np.concatenate([[[x, y]] for x in np.linspace(-2, 2, 81) for y in (-0.255, 0.255)])
-    assert pilot._guarded(np.array([0.3, 0.0, 0.8]), sides, 0.2).tolist() == [0.3, 0, 0]
+    assert guard.safe_velocity(np.array([0.3, 0.0, 0.8]), sides, 0.2).tolist() == [0.3, 0, 0]
 
 
 def limits(travel=None):
