@@ -16,6 +16,7 @@ import slamlab
 from slamlab import _checks
 from slamlab.filters.particle import ParticleFilter
 from slamlab.localization import MonteCarloLocalization
+from slamlab.navigation import PathMemory
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar, RangeBearing, StereoRig
 from slamlab.slam import (
@@ -229,6 +230,21 @@ def incremental_graph():
     return close
 
 
+def path_point():
+    """A point that the curve through those before it meets: P3 steps 1.2 to 1.4."""
+    memory = PathMemory(0.02)
+    t = np.linspace(0.0, 0.5, 21)
+    points = np.stack([t, 0.2 * t**2], -1)
+    for point in points[:-1]:
+        memory.add(point)
+
+    def step():
+        memory.add(points[-1])
+        assert memory.n_segments == 1
+
+    return step
+
+
 # A system: its step, its own files, and the most lines of them that the step may read.
 SYSTEMS = {
     "EKF-SLAM": (ekf_slam, ("slam/ekf.py", "slam/linearisation.py"), OWN),
@@ -253,6 +269,7 @@ SYSTEMS = {
         OWN + 15,
     ),
     "pose graph, incremental": (incremental_graph, ("slam/incremental.py",), OWN),
+    "path memory, a point": (path_point, ("navigation/path_memory.py",), OWN),
 }
 # Beyond `ALL`: weights and resampling (60 to 95 lines), maps that copies share (52; tiles: 75).
 MORE = {

@@ -263,22 +263,3 @@ def _dot(W, j, k):  # type: ignore[no-untyped-def]
     for i in range(W.shape[0]):
         total += W[i, j] * W[i, k]
     return total
-
-
-@njit(cache=True)
-def deviation(c, tau, points, between):  # type: ignore[no-untyped-def]
-    """Largest distance of a point from the curve at its parameter, P3 step 1.4.
-
-    With `between` also of the curve, halfway between two points, from the line that joins them.
-    """
-    worst = 0.0
-    for i in range(len(tau)):
-        dx = points[i, 0] - value(c, tau[i], X)
-        dy = points[i, 1] - value(c, tau[i], Y)
-        worst = max(worst, dx * dx + dy * dy)
-        if between and i > 0:
-            t = 0.5 * (tau[i - 1] + tau[i])
-            dx = 0.5 * (points[i - 1, 0] + points[i, 0]) - value(c, t, X)
-            dy = 0.5 * (points[i - 1, 1] + points[i, 1]) - value(c, t, Y)
-            worst = max(worst, dx * dx + dy * dy)
-    return np.sqrt(worst)

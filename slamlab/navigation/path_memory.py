@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count, as_instance, as_scalar
 from slamlab._files import read_npz
+from slamlab.kernels import compiled
 from slamlab.kernels import cubic as _loops
 from slamlab.navigation import _cubic
 from slamlab.navigation._spline import Loop, Spline
@@ -174,8 +175,47 @@ def fit_cubic(
     slope = np.zeros(2)
     if start_derivative is not None:
         slope = as_array("start_derivative", start_derivative, (2,)) * (t[-1] - t[0])
-    c = _loops.fit(tau, held, end is not None, start_derivative is not None, *slope.tolist())
+    c = fit(tau, held, end is not None, start_derivative is not None, *slope.tolist())
     return Cubic(c, float(t[0]), float(t[-1]))
+
+
+@compiled("cubic.fit")
+def fit(
+    tau: Array, points: Array, has_end: bool, has_slope: bool, slope_x: float, slope_y: float
+) -> Array:
+    """Constrained least-squares cubic (4, 2) through points[0], P3 section 2.
+
+    tau (n,) runs from 0 to 1, the slope is by tau. What the constraints leave free:
+    1: tau, tau^2, tau^3; 2 (slope): tau^2, tau^3; 3 (end): tau - tau^2, tau^2 - tau^3;
+    4 (both): tau^2 - tau^3. The highest of them that the data cannot tell apart are left out.
+    """
+    c = np.zeros((4, 2))
+    c[0] = points[0]
+    if has_slope:
+        c[1] = slope_x, slope_y
+    if has_end:
+        c[1 + has_slope] = points[-1] - c.sum(0)
+    free = np.eye(4)[1 + has_slope :]  # powers that the constraints leave, (m, 4)
+    if has_end:
+        free = free[:-1] - free[1:]
+    powers = tau[:, None] ** np.arange(4)
+    A, b = powers @ free.T, points - powers @ c
+    told_apart = np.abs(np.diag(np.linalg.qr(A, mode="r"))) > 1e-9 * np.hypot.reduce(A)[: len(A)]
+    m = len(told_apart) if told_apart.all() else int(np.argmin(told_apart))
+    x = np.linalg.lstsq(A[:, :m], b, rcond=None)[0]
+    return np.asarray(c + free[:m].T @ x)
+
+
+def deviation(c: Array, tau: Array, points: Array, between: bool) -> float:
+    """Largest distance of a point from the curve at its parameter (m), P3 step 1.4.
+
+    With `between` also of the curve, halfway between two points, from the line that joins them.
+    """
+    if between:
+        tau = np.concatenate([tau, 0.5 * (tau[:-1] + tau[1:])])
+        points = np.concatenate([points, 0.5 * (points[:-1] + points[1:])])
+    gap = points - tau[:, None] ** np.arange(4) @ c
+    return float(np.hypot(gap[:, 0], gap[:, 1]).max())
 
 
 def refit_by_arc_length(curve: Cubic, t: ArrayLike, points: ArrayLike) -> Cubic:
@@ -393,8 +433,8 @@ class PathMemory:
         tau = self._t[: n + 1] / width
         slope = [0.0, 0.0] if self._slope is None else (self._slope * width).tolist()
         has_end = self.variant.startswith("two-points")
-        curve = _loops.fit(tau, points, has_end, self._slope is not None, *slope)
-        return curve, float(_loops.deviation(curve, tau, points, self.check_between))
+        curve = fit(tau, points, has_end, self._slope is not None, *slope)
+        return curve, deviation(curve, tau, points, self.check_between)
 
     def _path(self) -> Spline:
         """Return the path as it stands: what is stored and, at its end, the open curve."""
