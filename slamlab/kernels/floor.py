@@ -11,11 +11,11 @@ from slamlab.kernels.compiling import njit
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 # Between beams that are farther apart than this (rad) nothing is known.
-_WIDEST_WEDGE = np.deg2rad(12.5)
+WIDEST_WEDGE = np.deg2rad(12.5)
 # End points of neighbouring beams nearer than this many cells belong to one wall.
-_WALL_STEP = 3.0
+WALL_STEP = 3.0
 # So many scans must see through an occupied cell, by so many cells, to free it again.
-_DOUBTS, _THROUGH = 3, 1.5
+DOUBTS, THROUGH = 3, 1.5
 
 
 @njit(cache=True)
@@ -34,7 +34,7 @@ def mark_walls(state, doubt, x, y, heading, angles, reach, met):  # type: ignore
             a, r = heading + angles[j], reach[j] + 0.02
             x1, y1 = x + r * np.cos(a), y + r * np.sin(a)
             length = np.hypot(x1 - x0, y1 - y0)
-            if length <= _WALL_STEP:
+            if length <= WALL_STEP:
                 steps = int(2 * length) + 1
         for k in range(steps + 1):
             u = k / steps if steps else 0.0
@@ -63,12 +63,12 @@ def mark_free(state, doubt, x, y, heading, angles, reach):  # type: ignore[no-un
                 wedge += 2 * np.pi
             distance, end = np.hypot(dx, dy), min(reach[before], reach[after])
             if state[row, column] == UNKNOWN:
-                if distance <= end and wedge <= _WIDEST_WEDGE:
+                if distance <= end and wedge <= WIDEST_WEDGE:
                     state[row, column] = FREE
             # Nothing as large as the cell hides between two beams less than a cell apart.
-            elif distance <= end - _THROUGH and distance * wedge <= 1.0:
+            elif distance <= end - THROUGH and distance * wedge <= 1.0:
                 doubt[row, column] += 1
-                if doubt[row, column] == _DOUBTS:
+                if doubt[row, column] == DOUBTS:
                     state[row, column] = FREE
 
 
@@ -82,12 +82,12 @@ def _spans(shape, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
     rows, columns = shape
     left, right = np.full(rows, columns), np.zeros(rows, np.int64)
     # A wedge too wide for unknown cells may still raise doubts about occupied ones right here.
-    near = 1.0 + 1.0 / _WIDEST_WEDGE
+    near = 1.0 + 1.0 / WIDEST_WEDGE
     _hold(left, right, columns, (x - near, x + near, y - near, y + near))
     for after in range(len(angles)):
         before = after - 1 if after > 0 else len(angles) - 1
         wedge = angles[after] - angles[before]
-        if (wedge if wedge > 0 else wedge + 2 * np.pi) > _WIDEST_WEDGE:
+        if (wedge if wedge > 0 else wedge + 2 * np.pi) > WIDEST_WEDGE:
             continue
         end, a, b = min(reach[before], reach[after]), angles[before], angles[after]
         px, py = x + end * np.cos(heading + a), y + end * np.sin(heading + a)

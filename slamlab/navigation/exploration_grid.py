@@ -6,6 +6,7 @@ Yamauchi 1997), where the body fits, and how to get there. Chapters 18 and 20.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,15 +15,15 @@ from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_count, as_distances, as_scalar
 from slamlab.grids import Grid
+from slamlab.kernels import compiled
 from slamlab.kernels.floor import (
+    DOUBTS,
     FREE,
     OCCUPIED,
+    THROUGH,
     UNKNOWN,
-    corners_of,
-    mark_free,
-    mark_walls,
-    unknown_area,
-    wavefront,
+    WALL_STEP,
+    WIDEST_WEDGE,
 )
 from slamlab.models import ScanSensor, as_scan_sensor
 
@@ -287,3 +288,127 @@ def box_of(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
     ends = (rows[0], rows[-1]), (columns[0], columns[-1])
     row, column = (slice(low - margin, high + 1 + margin) for low, high in ends)
     return row, column
+
+
+# What a scan shows and where a path leads, in cells. The compiled twins take the same arguments.
+
+
+@compiled("floor.mark_walls")
+def mark_walls(
+    state: NDArray[np.uint8],
+    doubt: NDArray[np.uint8],
+    x: float,
+    y: float,
+    heading: float,
+    angles: Array,
+    reach: Array,
+    met: NDArray[np.bool_],
+) -> None:
+    """Mark the cells in which beams ended, and those between two ends that are neighbours."""
+    # A little behind the surface: on a grid line the free side must not be marked.
+    beams, far = heading + angles, reach + 0.02
+    ends = np.stack([x + far * np.cos(beams), y + far * np.sin(beams)], -1)
+    gap = np.roll(ends, -1, axis=0) - ends
+    length = np.hypot(gap[:, 0], gap[:, 1])
+    joined = met & np.roll(met, -1) & (length <= WALL_STEP)
+    steps = np.where(joined, np.minimum(2 * length, 2 * WALL_STEP).astype(int) + 1, 0)
+    k = np.arange(int(2 * WALL_STEP) + 2)
+    u = k / np.maximum(steps, 1)[:, None]
+    columns, rows = np.floor(ends[:, None] + u[..., None] * gap[:, None]).astype(int).T
+    inside = (0 <= rows) & (rows < state.shape[0]) & (0 <= columns) & (columns < state.shape[1])
+    marked = inside & met & (k[:, None] <= steps)
+    state[rows[marked], columns[marked]], doubt[rows[marked], columns[marked]] = OCCUPIED, 0
+
+
+@compiled("floor.mark_free")
+def mark_free(
+    state: NDArray[np.uint8],
+    doubt: NDArray[np.uint8],
+    x: float,
+    y: float,
+    heading: float,
+    angles: Array,
+    reach: Array,
+) -> None:
+    """Mark cells whose centre lies nearer than the ends of both beams beside it."""
+    rows, columns = np.nonzero(state != FREE)
+    dx, dy = columns + 0.5 - x, rows + 0.5 - y
+    angle = np.arctan2(dy, dx) - heading
+    after = np.searchsorted(angles, angle - 2 * np.pi * np.rint(angle / (2 * np.pi)))
+    after, before = after % len(angles), after % len(angles) - 1
+    wedge = angles[after] - angles[before]
+    wedge = np.where(wedge <= 0, wedge + 2 * np.pi, wedge)
+    distance, end = np.hypot(dx, dy), np.minimum(reach[before], reach[after])
+    unknown = state[rows, columns] == UNKNOWN
+    freed = unknown & (distance <= end) & (wedge <= WIDEST_WEDGE)
+    # Nothing as large as the cell hides between two beams less than a cell apart.
+    through = ~unknown & (distance <= end - THROUGH) & (distance * wedge <= 1.0)
+    doubt[rows[through], columns[through]] += 1
+    freed |= through & (doubt[rows, columns] == DOUBTS)
+    state[rows[freed], columns[freed]] = FREE
+
+
+@compiled("floor.wavefront")
+def wavefront(
+    fits: NDArray[np.bool_], row: int, column: int, lengths: Array, parents: NDArray[np.int32]
+) -> None:
+    """Lengths (cells) of the shortest eight-connected paths, and the cell before each.
+
+    Among paths of one length the queue's order decides; SciPy's `dijkstra` chooses others.
+    """
+    lengths[row, column] = 0.0
+    queue, waiting = deque([(row, column)]), {(row, column)}
+    while queue:
+        r, c = queue.popleft()
+        waiting.remove((r, c))
+        for i in range(max(r - 1, 0), min(r + 2, fits.shape[0])):
+            for j in range(max(c - 1, 0), min(c + 2, fits.shape[1])):
+                # A diagonal step must not cut a corner.
+                if not (fits[i, j] and fits[r, j] and fits[i, c]):
+                    continue
+                length = lengths[r, c] + np.hypot(i - r, j - c)
+                if length < lengths[i, j] - 1e-9:
+                    lengths[i, j], parents[i, j] = length, r * fits.shape[1] + c
+                    if (i, j) not in waiting:
+                        waiting.add((i, j))
+                        queue.append((i, j))
+
+
+@compiled("floor.corners_of")
+def corners_of(fits: NDArray[np.bool_], cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Numbers of the cells of a path (k, 2) at which it must bend; of one cell, that one."""
+    kept, at, last = [], 0, len(cells) - 1
+    while at < last:
+        ahead = last
+        while ahead > at + 1 and not _straight(fits, cells[at], cells[ahead]):
+            ahead -= 1
+        kept.append(ahead)
+        at = ahead
+    return np.array(kept or [0])
+
+
+def _straight(fits: NDArray[np.bool_], a: NDArray[np.int64], b: NDArray[np.int64]) -> bool:
+    """Tell whether all cells on the straight line between two cells fit."""
+    steps = int(4 * np.abs(b - a).max())
+    line = a + (np.arange(1, steps) / steps)[:, None] * (b - a)
+    # A quarter of a cell to all sides: no cell that the line only grazes is left out.
+    sides = 0.25 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    rows, columns = np.rint(line[:, None] + sides).astype(int).T
+    return bool(fits[rows, columns].all())
+
+
+@compiled("floor.unknown_area")
+def unknown_area(
+    state: NDArray[np.uint8], points: Array, reach: float, n_rays: int, out: Array
+) -> None:
+    """Add unknown area (cells) around each point, by sectors up to the first occupied cell."""
+    width = 2 * np.pi / n_rays
+    angles, r = np.arange(n_rays) * width, 0.5 + np.arange(np.floor(reach + 0.5))
+    rays = np.stack([np.cos(angles), np.sin(angles)], -1)[:, None] * r[:, None]
+    columns, rows = np.moveaxis(np.floor(points[:, None, None] + rays), -1, 0)
+    ringed = np.pad(state, 1, constant_values=OCCUPIED)
+    rows = np.clip(rows, -1, state.shape[0]).astype(int) + 1
+    columns = np.clip(columns, -1, state.shape[1]).astype(int) + 1
+    seen = ringed[rows, columns]
+    before_walls = np.logical_and.accumulate(seen != OCCUPIED, axis=-1)
+    out += width * ((before_walls & (seen == UNKNOWN)) * r).sum((1, 2))
