@@ -153,35 +153,6 @@ def wavefront(fits, row, column, lengths, parents):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def corners_of(fits, cells):  # type: ignore[no-untyped-def]
-    """Numbers of the cells of a way (k, 2) at which it must bend; of one cell, that one."""
-    kept = np.zeros(len(cells), np.int64)
-    count = at = 0
-    while at < len(cells) - 1:
-        ahead = len(cells) - 1
-        while ahead > at + 1 and not _straight(fits, cells[at], cells[ahead]):
-            ahead -= 1
-        kept[count] = at = ahead
-        count += 1
-    return kept[: max(count, 1)]
-
-
-@njit(cache=True)
-def _straight(fits, a, b):  # type: ignore[no-untyped-def]
-    """Tell whether all cells on the straight line between two cells fit."""
-    steps = int(4 * max(abs(b[0] - a[0]), abs(b[1] - a[1])))
-    for k in range(1, steps):
-        u = k / steps
-        row, column = a[0] + u * (b[0] - a[0]), a[1] + u * (b[1] - a[1])
-        # A quarter of a cell to all sides: no cell that the line only grazes is left out.
-        for i in (row - 0.25, row + 0.25):
-            for j in (column - 0.25, column + 0.25):
-                if not fits[int(np.rint(i)), int(np.rint(j))]:
-                    return False
-    return True
-
-
-@njit(cache=True)
 def unknown_area(state, points, reach, n_rays, out):  # type: ignore[no-untyped-def]
     """Unknown area (cells) around each point, sector by sector up to the first occupied cell."""
     rows, columns = state.shape

@@ -374,7 +374,6 @@ def wavefront(
                         queue.append((i, j))
 
 
-@compiled("floor.corners_of")
 def corners_of(fits: NDArray[np.bool_], cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Numbers of the cells of a path (k, 2) at which it must bend; of one cell, that one."""
     kept, at, last = [], 0, len(cells) - 1

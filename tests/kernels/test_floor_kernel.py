@@ -1,4 +1,8 @@
-"""The compiled loops of the exploration grid are the plain code, on a drive through the office."""
+"""The compiled loops of the exploration grid are the plain code, on scans of the office.
+
+Plain code takes 8 times as long to mark walls or free floor, 17 times for unknown areas and 260
+times for a wavefront: in chapter 18 the kernels save 6, 15, 9 and 42 s.
+"""
 
 import numpy as np
 import pytest
@@ -8,7 +12,7 @@ from slamlab.navigation import ExplorationGrid, exploration_grid
 from slamlab.sensors import Lidar
 from slamlab.worlds import free_poses, rooms
 
-NAMES = ("mark_walls", "mark_free", "wavefront", "corners_of", "unknown_area")
+NAMES = ("mark_walls", "mark_free", "wavefront", "unknown_area")
 ROOM = rooms.office()
 
 
