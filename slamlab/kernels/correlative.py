@@ -1,10 +1,28 @@
-"""Compiled loops under the correlative search. Scores are whole numbers, 0 to 255 a point."""
+"""Branch and bound for `slamlab.matching.correlative`; scores are 0 to 255 a point."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from slamlab.kernels.compiling import njit
+
+_HIGHEST = 6  # blocks of at most 2^6 cells
+
+
+def search(values, cells, reach, least, apart):  # type: ignore[no-untyped-def]
+    """Do what `slamlab.matching.correlative.search` does, opening only what may be better."""
+    levels = [values]
+    while 2 ** len(levels) <= reach and len(levels) <= _HIGHEST:
+        levels.append(doubled(levels[-1], 2 ** (len(levels) - 1)))
+    top = len(levels) - 1
+    # Always as many, so that the search is compiled once.
+    pyramid = tuple(levels + [values] * (_HIGHEST - top))
+    a, dc, dr, score = branch_and_bound(pyramid, top, cells, reach, least, (0.0, 0.0, -1.0))
+    second = 0
+    if a >= 0 and np.isfinite(apart):
+        disc = (float(dc), float(dr), float(apart))
+        *_, second = branch_and_bound(pyramid, top, cells, reach, score // 2, disc)
+    return a, dc, dr, score, second if second > score // 2 else 0
 
 
 @njit(cache=True)
@@ -34,7 +52,7 @@ def score_of(blocks, width, cells, dc, dr):  # type: ignore[no-untyped-def]
     for k in range(len(cells)):
         c, r = cells[k, 0] + dc + width - 1, cells[k, 1] + dr + width - 1
         if 0 <= c < columns and 0 <= r < rows:
-            total += int(blocks[r, c])  # a byte would overflow where nothing is compiled
+            total += int(blocks[r, c])
     return total
 
 
@@ -55,7 +73,7 @@ def _put(table, row, numbers):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no-untyped-def]
-    """Angle number and shift of the best score above `least`: (angle, dc, dr, score, looked).
+    """Angle number and shift of the best score above `least`: (angle, dc, dr, score).
 
     `levels[h]` holds blocks of 2^h cells, h up to `top`; `cells` (angles, k, 2) the turned
     points; shifts go from -reach to reach; those inside the disc `shut` are left out. Angle -1:
@@ -70,7 +88,6 @@ def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no
         dc, dr = (rest % per_side) * width - reach, (rest // per_side) * width - reach
         scores[n] = score_of(levels[top], width, cells[a], dc, dr)
     best = (-1, 0, 0, least)
-    looked = n_roots
     # A depth of `top` with four children each: 3 wait on each level.
     stack = np.empty((4 * top + 8, 5), np.int64)
     child, worth = np.empty((4, 5), np.int64), np.empty(4, np.int64)
@@ -95,7 +112,6 @@ def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no
                 x, y = dc + (q % 2) * half, dr + (q // 2) * half
                 if x > reach or y > reach:
                     continue
-                looked += 1
                 score = score_of(levels[h - 1], half, cells[a], x, y)
                 if score > best[3]:
                     _put(child, count, (h - 1, a, x, y, score))
@@ -105,4 +121,4 @@ def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no
             for q in np.argsort(worth[:count]):
                 _put(stack, size, child[q])
                 size += 1
-    return best[0], best[1], best[2], best[3], looked
+    return best[0], best[1], best[2], best[3]

@@ -1,4 +1,4 @@
-"""Compiled loops under the fields: stamping, looking up, Gauss-Newton. Loaded when needed."""
+"""Fields of points and the climb of a scan, for `slamlab.matching.field`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slamlab.kernels.linear import solve3
 
 @njit(cache=True)
 def stamp(values, cells, sigma):  # type: ignore[no-untyped-def]
-    """Raise the sheet to exp(-d^2 / 2 sigma^2) round every point (k, 2: column, row; cells).
+    """Raise values to exp(-d^2 / 2 sigma^2) round every point (k, 2: column, row; cells).
 
     The exponential is a product of one factor a column and one a row; of each of these only the
     middle one, and the step to the next, are not the same for all points.
@@ -51,7 +51,7 @@ def _gaussian(a, sigma, fixed, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _cell(values, row, column, log_odds):  # type: ignore[no-untyped-def]
-    """Value of one cell; outside the sheet nothing is known, which is 0."""
+    """Value of one cell; outside the grid nothing is known, which is 0."""
     inside = 0 <= row < values.shape[0] and 0 <= column < values.shape[1]
     value = float(values[row, column]) if inside else 0.0
     return 1.0 / (1.0 + np.exp(-value)) if log_odds else value
@@ -73,13 +73,6 @@ def look_up(values, x, y, log_odds):  # type: ignore[no-untyped-def]
     gradient_x = (1 - b) * (m10 - m00) + b * (m11 - m01)
     gradient_y = (1 - a) * (m01 - m00) + a * (m11 - m10)
     return value, gradient_x, gradient_y
-
-
-@njit(cache=True)
-def look_up_all(values, cells, log_odds, out):  # type: ignore[no-untyped-def]
-    """Rows (M, dM/dx, dM/dy) of points (k, 2), in cells."""
-    for k in range(len(cells)):
-        out[k] = look_up(values, cells[k, 0], cells[k, 1], log_odds)
 
 
 @njit(cache=True)

@@ -7,16 +7,15 @@ ICRA 2016. Chapter 14.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_scalar
 from slamlab.geometry import transform, wrap_angle
+from slamlab.kernels import compiled
 from slamlab.matching._match import Match, finite_points
 from slamlab.matching.field import LikelihoodGrid
 
 __all__ = ["match_correlative"]
-
-_HIGHEST = 6  # blocks of at most 2^6 cells
 
 
 def match_correlative(
@@ -29,10 +28,10 @@ def match_correlative(
     min_score: float = 0.0,
     second_peak_distance: float = np.inf,
 ) -> Match | None:
-    """Best of all poses in a window, exactly: branch and bound over shifts, all angles.
+    """Best of all poses in a window, exactly: every shift by whole cells, at every angle.
 
-    A block of shifts can score at most what its best cells give; a block that promises less than
-    the best pose so far is left unopened.
+    Where numba is installed most are never scored: a block of shifts can score at most what its
+    best cells give, and one that promises less than the best pose so far is left unopened.
 
     Parameters
     ----------
@@ -75,8 +74,6 @@ def match_correlative(
     >>> found.pose.round(2).tolist()
     [0.5, 0.2, 0.0]
     """
-    from slamlab.kernels.correlative import branch_and_bound, doubled
-
     if not isinstance(field, LikelihoodGrid) or field.log_odds:
         raise ValueError(f"field: expected a LikelihoodGrid of likelihoods, got {field!r}")
     points = finite_points("points", points)
@@ -88,32 +85,54 @@ def match_correlative(
     second_peak_distance = as_scalar("second_peak_distance", second_peak_distance, 0.0)
     angles = guess[2] + step * np.arange(-side, side + 1)
     cells = _turned_cells(field, points, guess, angles)
-    sheet = np.rint(255.0 * field.values).astype(np.uint8)
-    levels = [sheet]
-    while 2 ** len(levels) <= reach and len(levels) <= _HIGHEST:
-        levels.append(doubled(levels[-1], 2 ** (len(levels) - 1)))
-    full = 255 * len(points)
-    everywhere = (0.0, 0.0, -1.0)
-    top = len(levels) - 1
-    # Always as many, so that the search is compiled once.
-    pyramid = tuple(levels + [sheet] * (_HIGHEST - top))
-    a, dc, dr, score, _ = branch_and_bound(
-        pyramid, top, cells, reach, int(min_score * full), everywhere
-    )
+    values, full = np.rint(255.0 * field.values).astype(np.uint8), 255 * len(points)
+    apart = second_peak_distance / field.resolution
+    a, dc, dr, score, second = search(values, cells, reach, int(min_score * full), apart)
     if a < 0:
         return None
-    second_peak = float("nan")
-    if np.isfinite(second_peak_distance):
-        disc = (float(dc), float(dr), second_peak_distance / field.resolution)
-        *_, second, _ = branch_and_bound(pyramid, top, cells, reach, score // 2, disc)
-        second_peak = second / score if second > score // 2 else 0.0
+    second_peak = second / score if np.isfinite(apart) else float("nan")
     pose = np.array([*(guess[:2] + field.resolution * np.array([dc, dr])), wrap_angle(angles[a])])
     cov = np.diag([field.resolution**2, field.resolution**2, step**2]) / 12
     return Match(pose, cov, score / full, len(points), second_peak)
 
 
-def _turned_cells(field: LikelihoodGrid, points: Array, guess: Array, angles: Array) -> Array:
+def _turned_cells(
+    field: LikelihoodGrid, points: Array, guess: Array, angles: Array
+) -> NDArray[np.int64]:
     """Cells (angles, k, 2: column, row) of the points, turned about the guess."""
     poses = np.column_stack([np.broadcast_to(guess[:2], (len(angles), 2)), angles])
     turned = transform(poses, points)
     return np.floor((turned - field.origin) / field.resolution).astype(np.int64)
+
+
+@compiled("correlative.search")
+def search(
+    values: NDArray[np.uint8], cells: NDArray[np.int64], reach: int, least: int, apart: float
+) -> tuple[int, int, int, int, int]:
+    """Score every shift by -reach..reach cells at every angle: angle, dc, dr, score, second.
+
+    `cells` (angles, k, 2: column, row) are the turned points. Angle -1: no score is above `least`.
+    `second` is the best score more than `apart` cells away, 0 if that is not above half of the
+    best, or not asked for (inf). Among equals the kernel may name another one.
+    """
+    width, size = 2 * reach + 1, np.array(values.shape[::-1])
+    padded = np.pad(values, width)  # beyond the field a score is 0
+    best, angle = np.zeros((width, width), np.int64), np.zeros((width, width), int)
+    for a, corners in enumerate(np.clip(cells + reach + 1, 0, size + width)):
+        scores = np.zeros_like(best)  # bytes would overflow
+        for column, row in corners:
+            scores += padded[row : row + width, column : column + width]
+        angle[scores > best] = a
+        best = np.maximum(best, scores)
+    row, column = np.unravel_index(best.argmax(), best.shape)
+    score, second = int(best[row, column]), 0
+    if score <= least:
+        return -1, 0, 0, least, 0
+    if np.isfinite(apart):
+        y, x = np.ogrid[:width, :width]
+        far = (x - column) ** 2 + (y - row) ** 2 > apart**2
+        second = int(best[far].max(initial=0))
+    return (
+        int(angle[row, column]), int(column) - reach, int(row) - reach,
+        score, second if second > score // 2 else 0,
+    )  # fmt: skip

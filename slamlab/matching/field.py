@@ -19,8 +19,9 @@ from slamlab._checks import (
     as_scalar,
     as_tuple,
 )
-from slamlab.geometry import wrap_angle
+from slamlab.geometry import transform, wrap_angle
 from slamlab.grids import MOST_CELLS, Grid
+from slamlab.kernels import compiled
 from slamlab.matching._match import Match, capped_inverse, finite_points
 
 __all__ = ["LikelihoodGrid", "match_field"]
@@ -122,7 +123,7 @@ class LikelihoodGrid(Grid):
         grid.values, grid.log_odds = np.zeros((int(rows), int(columns)), np.float32), False
         Grid.__init__(grid, grid.values.shape, resolution, low * resolution)
         grid.points, grid.sigma = points, sigma
-        grid._stamp(points)
+        stamp(grid.values, grid.scaled(points), sigma / resolution)
         return grid
 
     @classmethod
@@ -136,19 +137,12 @@ class LikelihoodGrid(Grid):
 
     def value(self, points: ArrayLike) -> Array:
         """Return M at points (..., 2) of the world (m), shape (...): Hector (4)."""
-        return self._look_up(points)[..., 0]
+        return value_and_gradient(self.values, self.log_odds, self.scaled(points))[0]
 
     def gradient(self, points: ArrayLike) -> Array:
         """Return dM/dx and dM/dy at points (..., 2), shape (..., 2), a metre: (5), (6)."""
-        return self._look_up(points)[..., 1:] / self.resolution
-
-    def _look_up(self, points: ArrayLike) -> Array:
-        from slamlab.kernels.field import look_up_all
-
-        cells = self.scaled(points)
-        out = np.empty((*cells.shape[:-1], 3))
-        look_up_all(self.values, cells.reshape(-1, 2), self.log_odds, out.reshape(-1, 3))
-        return out
+        _, gradient = value_and_gradient(self.values, self.log_odds, self.scaled(points))
+        return gradient / self.resolution
 
     def add(self, points: ArrayLike) -> None:
         """Put more points (k, 2) into a grid `of_points`; it grows with them."""
@@ -157,7 +151,7 @@ class LikelihoodGrid(Grid):
         added = self.grow(points, int(np.ceil(4 * self.sigma / self.resolution)) + 1)
         if added is not None:
             self.values = np.pad(self.values, added)
-        self._stamp(points)
+        stamp(self.values, self.scaled(points), self.sigma / self.resolution)
         self.points = np.concatenate([self.points, points])
 
     def pyramid(self, levels: int) -> list[LikelihoodGrid]:
@@ -178,14 +172,14 @@ class LikelihoodGrid(Grid):
         coarse = [self.of_points(self.points, k * self.sigma, k * self.resolution) for k in scales]
         return [*coarse, self]
 
+    @property
+    def _frame(self) -> Array:
+        """Resolution and origin (m), shape (3,)."""
+        return np.array([self.resolution, *self.origin])
+
     def _needs_points(self, what: str) -> None:
         if len(self.points) == 0:
             raise ValueError(f"{what}: expected a grid made by of_points, this one has no points")
-
-    def _stamp(self, points: Array) -> None:
-        from slamlab.kernels.field import stamp
-
-        stamp(self.values, self.scaled(points), self.sigma / self.resolution)
 
 
 def match_field(
@@ -241,7 +235,9 @@ def match_field(
     if prior_cov is not None:
         prior[:] = np.linalg.inv(as_covariance("prior_cov", prior_cov, 3))
     for one in fields:
-        H, total, left = _climb(one, points, pose, prior, rounds)
+        H, total, left = gauss_newton(
+            one.values, one._frame, one.log_odds, points, pose, prior, rounds
+        )
     pose[2] = wrap_angle(pose[2])
     n = len(points)
     arm = float(np.sqrt((points**2).sum(1).mean()))
@@ -253,16 +249,87 @@ def match_field(
 def climbed(field: LikelihoodGrid, points: Array, guess: Array) -> tuple[Array, float]:
     """Pose and residual of `match_field` alone, of arguments that were checked before."""
     pose = guess.copy()
-    *_, left = _climb(field, points, pose, np.zeros((3, 3)), _MOST_STEPS)
+    *_, left = gauss_newton(
+        field.values, field._frame, field.log_odds, points, pose, np.zeros((3, 3)), _MOST_STEPS
+    )
     pose[2] = wrap_angle(pose[2])
     return pose, float(np.sqrt(left / len(points)))
 
 
-def _climb(
-    field: LikelihoodGrid, points: Array, pose: Array, prior: Array, rounds: int
-) -> tuple[Array, float, float]:
-    """Move `pose` up one field; return H, sum M and sum (1 - M)^2 there."""
-    from slamlab.kernels.field import gauss_newton
+# The algorithm; where numba is installed its twin in `slamlab.kernels.field` serves.
 
-    frame = np.array([field.resolution, *field.origin])
-    return gauss_newton(field.values, frame, field.log_odds, points, pose, prior, rounds)
+
+@compiled("field.gauss_newton")
+def gauss_newton(
+    values: Array, frame: Array, log_odds: bool, points: Array, pose: Array, prior: Array,
+    n_iterations: int,
+) -> tuple[Array, float, float]:  # fmt: skip
+    """Move `pose` (3,) to the best one met on the way up; return H, sum M, sum (1 - M)^2 there.
+
+    `frame` is the resolution and the origin of the field (m); `prior` (3, 3) an information
+    matrix that pulls towards the first pose.
+    """
+    guess, here, least = pose.copy(), pose.copy(), np.inf
+    best = np.zeros((3, 3)), 0.0, 0.0
+    for n in range(n_iterations + 1):
+        world = transform(here, points)  # S_i(xi), (8)
+        M, gradient = value_and_gradient(values, log_odds, (world - frame[1:]) / frame[0])
+        gx, gy = gradient.T / frame[0]
+        dx, dy = (world - here[:2]).T
+        J = np.stack([gx, gy, gy * dx - gx * dy], -1)  # gradient times dS / dxi, (13), (14)
+        H, g = J.T @ J, J.T @ (1 - M)  # (12)
+        left, off = ((1 - M) ** 2).sum(), guess - here
+        cost = left + off @ prior @ off  # (7), and the prior
+        if cost < least:
+            least, pose[:], best = cost, here, (H, M.sum(), left)
+        step = solved(H + prior, g + prior @ off)  # (12)
+        if n == n_iterations or step is None:
+            break
+        step[2] = np.clip(step[2], -0.2, 0.2)
+        here = here + step
+        if np.abs(step[:2]).sum() < 1e-5 and abs(step[2]) < 1e-6:
+            break
+    return best
+
+
+def value_and_gradient(values: Array, log_odds: bool, cells: Array) -> tuple[Array, Array]:
+    """M (...) and its gradient (..., 2) at points (..., 2), all in cells: Hector (4) to (6)."""
+    # A value belongs to the centre of its cell; whatever is not finite lies outside.
+    x, y = np.moveaxis(np.where(np.abs(cells) < 1e9, cells, -9.0) - 0.5, -1, 0)
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    a, b = x - column, y - row
+    rows, columns = row + np.array([[0], [0], [1], [1]]), column + np.array([[0], [1], [0], [1]])
+    inside = (rows >= 0) & (rows < values.shape[0]) & (columns >= 0) & (columns < values.shape[1])
+    M = np.where(inside, values[np.where(inside, rows, 0), np.where(inside, columns, 0)], 0.0)
+    m00, m10, m01, m11 = 1 / (1 + np.exp(-M)) if log_odds else M
+    value = (1 - b) * ((1 - a) * m00 + a * m10) + b * ((1 - a) * m01 + a * m11)
+    gx = (1 - b) * (m10 - m00) + b * (m11 - m01)
+    gy = (1 - a) * (m01 - m00) + a * (m11 - m10)
+    return value, np.stack([gx, gy], -1)
+
+
+def solved(H: Array, g: Array) -> Array | None:
+    """H^-1 g (3,); None if the points leave a direction free."""
+    try:
+        pivots = np.diag(np.linalg.cholesky(H)) ** 2
+    except np.linalg.LinAlgError:
+        return None
+    if (pivots <= 1e-12 * np.diag(H)).any():
+        return None
+    step: Any = np.linalg.solve(H, g)
+    return step
+
+
+@compiled("field.stamp")
+def stamp(values: Array, cells: Array, sigma: float) -> None:
+    """Raise values to exp(-d^2 / 2 sigma^2) round points (k, 2: column, row), all in cells."""
+    reach = int(np.ceil(3.5 * sigma))
+    for centre in cells - 0.5:
+        low = np.floor(centre).astype(int) - reach
+        first, last = np.maximum(low, 0), np.minimum(low + 2 * reach + 2, values.shape[::-1])
+        x, y = (
+            np.exp(-0.5 * ((np.arange(i, j) - c) / sigma) ** 2)
+            for i, j, c in zip(first, last, centre, strict=True)
+        )
+        part = values[first[1] : last[1], first[0] : last[0]]
+        np.maximum(part, np.outer(y, x), out=part)

@@ -37,6 +37,6 @@ def test_warm_runs_the_loops_that_lessons_call():
     asked += " cast_segments grid_clearance"
     assert set(asked.split()) <= set(warm)
     # Fields of points hold single precision, maps double: a loop for each.
-    assert warm["gauss_newton"] == warm["look_up_all"] == 2
+    assert warm["gauss_newton"] == 2
     # Walls of a world may not be written to, those of a room that is still drawn may.
     assert warm["segment_clearance"] == 2
