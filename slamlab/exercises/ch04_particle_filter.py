@@ -27,7 +27,7 @@ __all__ = [
 #
 # Five exercises, from a weight to a filter that finds itself in a corridor; the chapter is [The
 # particle filter](../04_particle_filter.ipynb). Replace each `...` and run the check below it as
-# often as you like.
+# often as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 04: the particle filter
@@ -87,6 +87,19 @@ def _measured(rng: np.random.Generator) -> Any:
     return some_weights(rng, n), np.round(rng.normal(-3, 2, n), 2)
 
 
+def _weights_drawn(ax: Any, function: Any) -> None:
+    """Draw the new weights of 41 particles after two measurements, and the exact posterior."""
+    from slamlab import plots
+
+    x = np.linspace(0, 4, 41)
+    old = np.exp(-0.5 * ((x - 1.5) / 0.6) ** 2)
+    exact = old * np.exp(-0.5 * ((2.5 - x) / 0.4) ** 2)
+    weights = function(old / old.sum(), -900 - 0.5 * ((2.5 - x) / 0.4) ** 2)
+    ax.plot(x, exact / exact.sum(), **plots.line_style("truth"))
+    ax.plot(x, np.asarray(weights, float), "o", color=plots.COLOURS["estimate"], markersize=4)
+    ax.set(xlabel="place of the particle (m)", ylabel="weight")
+
+
 check_weights = Check(
     new_weights,
     "weights",
@@ -99,6 +112,7 @@ check_weights = Check(
         "densities above one are no harm either": ([0.5, 0.5], [900.0, 899.0]),
         "old weights count": _measured,
     },
+    picture=_weights_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -183,7 +197,20 @@ def effective_sample_size(weights: Array) -> float:
 # %% [markdown] tags=["hint"]
 # For M equal weights the sum of their squares is 1/M.
 
+
 # %% tags=["cases"]
+def _size_drawn(ax: Any, function: Any) -> None:
+    """Draw the size of 100 weighted particles against the sensor's sigma, and its two limits."""
+    from slamlab import plots
+
+    x, sigmas = np.arange(100) - 49.5, np.linspace(0.3, 80, 40)
+    sizes = [float(function(np.exp(-0.5 * (x / sigma) ** 2))) for sigma in sigmas]
+    for limit in (1, 100):
+        ax.plot(sigmas, np.full(40, limit), **plots.line_style("truth"))
+    ax.plot(sigmas, sizes, **plots.line_style("estimate"))
+    ax.set(xlabel="sigma, in distances of the particles", ylabel="effective size")
+
+
 check_effective_sample_size = Check(
     effective_sample_size,
     "size",
@@ -195,6 +222,7 @@ check_effective_sample_size = Check(
         "weights that do not sum to one": lambda rng: (rng.integers(1, 9, rng.integers(2, 9)),),
         "any weights": lambda rng: (some_weights(rng, int(rng.integers(2, 30))),),
     },
+    picture=_size_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -210,17 +238,17 @@ check_effective_sample_size.mistakes = {
     "this is one over the largest weight: all squares belong in the sum": (
         "1 / np.sum(w**2) => 1 / w.max()"
     ),
-    "divided by the number of particles: the size itself is due, between 1 and M": (
+    "divided by the number of particles: return the size itself, between 1 and M": (
         "1 / np.sum(w**2) => 1 / np.sum(w**2) / len(w)"
     ),
     "the square of the sum is missing its square": (lambda w: np.sum(w) / np.sum(w**2)),
     "this is the perplexity, exp of the entropy: another measure, never smaller": (
         lambda w: np.exp(-np.sum(np.where(w > 0, w / w.sum() * np.log(w / w.sum()), 0.0)))
     ),
-    "this is the entropy: 1 / sum of the squares is due": (
+    "this is the entropy: return 1 / sum of the squares": (
         lambda w: -np.sum(np.where(w > 0, w / w.sum() * np.log(w / w.sum()), 0.0))
     ),
-    "the root is too much: 1 / sum of the squares is due": (
+    "the root is too much: return 1 / sum of the squares": (
         "1 / np.sum(w**2) => 1 / np.sqrt(np.sum(w**2))"
     ),
     "this is M / (1 + variance of the weights): the variance of M w is meant": (
@@ -247,8 +275,8 @@ check_effective_sample_size.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: systematic resampling
 #
-# Lay a comb with M teeth, 1/M apart and shifted by a random part of that distance, over the
-# cumulative sum of the weights. Every tooth draws the particle on which it falls.
+# Lay M equally spaced points, 1/M apart and shifted by a random part of that distance, over the
+# cumulative sum of the weights. Every point draws the particle on which it falls.
 
 
 # %% tags=["exercise"]
@@ -260,12 +288,12 @@ def resample(weights: Array, u: float) -> Ints:
     weights : ndarray, shape (M,)
         They sum to one.
     u : float
-        Random offset in [0, 1), in units of the distance of the teeth.
+        Random offset in [0, 1), in units of the distance of the points.
 
     Returns
     -------
     ndarray of int, shape (M,)
-        Index of the particle that each tooth draws, ascending.
+        Index of the particle that each point draws, ascending.
     """
     M = len(weights)
     positions = (np.arange(M) + u) / M
@@ -277,7 +305,7 @@ def resample(weights: Array, u: float) -> Ints:
 # resample(np.array([0.1, 0.6, 0.1, 0.2]), 0.3)
 
 # %% [markdown] tags=["hint"]
-# Tooth j stands at (j + u) / M.
+# Point j is at (j + u) / M.
 
 # %% [markdown] tags=["hint"]
 # `np.cumsum(weights)` gives the right end of every particle's piece of the line from 0 to 1.
@@ -289,30 +317,47 @@ def resample(weights: Array, u: float) -> Ints:
 
 # %% tags=["cases"]
 def _exact(rng: np.random.Generator) -> Any:
-    """Weights in eighths, so that teeth fall exactly on the borders, and a dead particle."""
+    """Weights in eighths, so that points fall exactly on the borders, and a dead particle."""
     counts = rng.multinomial(8, np.ones(7) / 7)
     return np.append(counts / 8, 0.0), 0.0
+
+
+def _resample_drawn(ax: Any, function: Any) -> None:
+    """Draw how often each of 20 particles is copied, and how often it should be on average."""
+    from slamlab import plots
+
+    i = np.arange(1, 21)
+    weights = np.exp(-0.5 * ((i - 8) / 3.0) ** 2)
+    chosen = np.array(list(function(weights / weights.sum(), 0.3))).astype(int)
+    copies = np.bincount(chosen[(chosen >= 0) & (chosen < 20)], minlength=20)
+    ax.plot(i, 20 * weights / weights.sum(), **plots.line_style("truth"))
+    ax.plot(i, copies, "o", color=plots.COLOURS["estimate"], markersize=5)
+    ax.set(xlabel="particle", ylabel="copies; line: M times the weight")
 
 
 check_resample = Check(
     resample,
     "indices",
     {
-        "equal weights: everybody survives once": ([0.25] * 4, 0.5),
+        "equal weights: each survives once": ([0.25] * 4, 0.5),
         "a heavy particle is copied": ([0.1, 0.6, 0.1, 0.2], 0.3),
         "another offset, another draw": ([0.1, 0.6, 0.1, 0.2], 0.9),
-        "the first particle has weight zero, the first tooth stands at zero": (
+        "the first particle has weight zero, the first point is at zero": (
             [0.0, 0.5, 0.25, 0.25],
             0.0,
         ),
-        "a tooth exactly on a border draws the next particle": _exact,
+        "a point exactly on a border draws the next particle": _exact,
         "one particle": ([1.0], 0.7),
-        "a cumulative sum that ends below one": ([0.1] * 10, 0.9999999999999999),
+        "a cumulative sum that ends below one, and u just below 1": (
+            [0.1] * 10,
+            0.9999999999999999,
+        ),
         "many particles": lambda rng: (
             some_weights(rng, int(rng.integers(2, 30)), [1]),
             float(np.round(rng.uniform(0.05, 0.95), 3)),
         ),
     },
+    picture=_resample_drawn,
 )
 
 
@@ -327,40 +372,40 @@ def _residual(weights: Array, u: float) -> Any:
 
 
 check_resample.mistakes = {
-    "the comb does not move: shift all teeth by the random offset": (
+    "the points do not move: shift all of them by the random offset": (
         "(np.arange(M) + u) / M => np.arange(M) / M"
     ),
-    "the offset must be divided by the number of particles: the teeth are 1/M apart": (
+    "the offset must be divided by the number of particles: the points are 1/M apart": (
         "(np.arange(M) + u) / M => np.arange(M) / M + u"
     ),
-    "the offset is not random: the comb stands in the middle": (
+    "the offset is not random: the points are always in the middle": (
         "np.arange(M) + u => np.arange(M) + 0.5"
     ),
-    "every tooth stands at the same place: they are 1/M apart": (
+    "all points are at the same place: they are 1/M apart": (
         "(np.arange(M) + u) / M => np.full(M, u)"
     ),
     "the best particle was copied M times: the others must survive by their weight": (
         lambda w, u: np.full(len(w), np.argmax(w))
     ),
     "indices begin at 0: these are one too large": lambda w, u: resample(w, u) + 1,
-    "these are the numbers of copies: the indices of the copies are due": (
+    "these are the numbers of copies: return the indices of the copies": (
         lambda w, u: np.bincount(resample(w, u), minlength=len(w))
     ),
-    "these are the weights of the drawn: their indices are due": (lambda w, u: w[resample(w, u)]),
-    "these are the teeth: the particles on which they fall are due": (
+    "these are the weights of the drawn: return their indices": (lambda w, u: w[resample(w, u)]),
+    "these are the points: return the particles on which they fall": (
         lambda w, u: (np.arange(len(w)) + u) / len(w)
     ),
-    "a tooth exactly on a border draws the particle before it, which may have weight zero: "
+    "a point exactly on a border draws the particle before it, which may have weight zero: "
     "search with side='right'": '"right" => "left"',
-    "a tooth beyond the last cumulative sum draws no particle: rounding may end it below one, "
+    "a point beyond the last cumulative sum draws no particle: rounding may end it below one, "
     "so cut at M - 1": (
         "np.minimum( => (",
         ", M - 1) => )",
     ),
-    "the comb was laid over the weights, not over their cumulative sum": (
+    "the points were laid over the weights, not over their cumulative sum": (
         "np.cumsum(weights) => weights"
     ),
-    "this is residual resampling: whole copies first; the comb alone is asked for": _residual,
+    "this is residual resampling, whole copies first: use equally spaced points alone": _residual,
     "this is multinomial: independent draws, that ignore u": (
         lambda w, u: np.sort(np.random.default_rng(0).choice(len(w), len(w), p=w))
     ),
@@ -371,16 +416,15 @@ check_resample.mistakes = {
 # ## Solution 3: systematic resampling
 
 # %% [markdown] tags=["solution"]
-# A comb that never moves draws the same particles for ever and favours those at the beginning of
-# each tooth:
+# Points that never move draw the same particles for ever, and favour those at the left ends:
 
 # %% active="ipynb" tags=["solution"]
-# def stiff_comb(weights, u):
+# def fixed_points(weights, u):
 #     M = len(weights)
 #     found = np.searchsorted(np.cumsum(weights), np.arange(M) / M, side="right")
 #     return np.minimum(found, M - 1)
 #
-# check_resample(stiff_comb)
+# check_resample(fixed_points)
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: a bug to find
@@ -404,7 +448,8 @@ def mean_pose(poses: Array, weights: Array) -> Array:
     Returns
     -------
     ndarray, shape (3,)
-        The heading in (-pi, pi].
+        The heading in (-pi, pi]: the direction of the weighted mean of the unit vectors
+        (cos, sin) of all headings.
     """
     x, y = weights @ poses[:, :2]
     c, s = weights @ np.cos(poses[:, 2]), weights @ np.sin(poses[:, 2])
@@ -433,6 +478,25 @@ def _cloud(rng: np.random.Generator, heading: float) -> Any:
     return poses, some_weights(rng, n)
 
 
+def _mean_pose_drawn(ax: Any, function: Any) -> None:
+    """Draw thirty poses that face backwards, each as a dot with its heading, and their mean."""
+    from slamlab import plots
+
+    rng = np.random.default_rng(4)
+    poses = rng.normal([0, 0, np.pi], [0.8, 0.5, 0.4], (30, 3))
+    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    for pose, length, kind in (
+        *((pose, 0.3, "truth") for pose in poses),
+        (np.asarray(function(poses, np.full(30, 1 / 30)), float), 1.2, "estimate"),
+    ):
+        x, y, heading = pose
+        tip = [x + length * np.cos(heading)], [y + length * np.sin(heading)]
+        ax.plot([x, *tip[0]], [y, *tip[1]], **plots.line_style(kind))
+        ax.plot(x, y, "o", color=plots.COLOURS[kind], markersize=3 if kind == "truth" else 7)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
 check_mean_pose = Check(
     mean_pose,
     "pose",
@@ -444,6 +508,7 @@ check_mean_pose = Check(
         "a cloud that looks back": _cloud(np.pi),
     },
     tolerance=1e-8,
+    picture=_mean_pose_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -454,7 +519,7 @@ check_mean_pose.mistakes = {
     "the weights were not used": lambda poses, weights: mean_pose(
         poses, np.full(len(poses), 1 / len(poses))
     ),
-    "the heaviest particle came: the mean is due": lambda poses, weights: poses[
+    "this is the heaviest particle: return the mean": lambda poses, weights: poses[
         np.argmax(weights)
     ].copy(),
     "the headings were averaged without their weights": (
@@ -521,7 +586,7 @@ def localize(
     sigma : float
         Standard deviation of z (m).
     u : ndarray, shape (T,)
-        Offset of the comb in each step, should it be needed.
+        Offset of the points in each step, should resampling be needed.
 
     Returns
     -------
@@ -568,17 +633,38 @@ def _walk(
     return x, moves, noise, z, doors, sigma, np.round(rng.random(steps), 3)
 
 
+def _localize_drawn(ax: Any, function: Any) -> None:
+    """Draw 200 particles along the corridor after every other step, doors, and the robot."""
+    from slamlab import plots
+
+    rng, doors, steps = np.random.default_rng(3), np.array([1.0, 4.0, 5.5, 11.0]), 24
+    moves, sigma = np.full(steps, 0.3), 0.2
+    place = 0.8 + np.cumsum(moves + rng.normal(0, 0.05, steps))
+    z = np.abs(place[:, None] - doors).min(axis=1) + rng.normal(0, sigma, steps)
+    start, noise = rng.uniform(0, 6, 200), rng.normal(0, 0.05, (steps, 200))
+    u = rng.random(steps)
+    for door in doors:
+        ax.axhline(door, color="0.6", lw=1, ls=":")
+    for k in range(2, steps + 1, 2):
+        x, weights = function(start, moves[:k], noise[:k], z[:k], doors, sigma, u[:k])
+        x = np.asarray(x, float)[np.asarray(weights, float) > 1e-3]  # 1/5 of an equal weight
+        plots.particles(ax, np.column_stack([np.full(len(x), k), x]))
+    ax.plot(np.arange(1, steps + 1), place, **plots.line_style("truth"))
+    ax.set(xlabel="step", ylabel="place (m); dotted: doors")
+
+
 check_localize = Check(
     localize,
     "x, weights",
     {
         "one step, nothing seen": _walk(5, 1, 1.0),
         "one step and one reading": _walk(6, 1, 0.0, 0.5),
-        "readings so dull that nobody is resampled": _walk(6, 4, 0.0, 20.0),
+        "readings so inexact that there is no resampling": _walk(6, 4, 0.0, 20.0),
         "a drive": _walk(12, 8),
-        "a drive on which the eye is closed now and then": _walk(12, 10, 0.5),
+        "a drive on which some readings are lost": _walk(12, 10, 0.5),
     },
     tolerance=1e-8,
+    picture=_localize_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -626,7 +712,7 @@ check_localize.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # A filter that keeps the weights after resampling lets every reading count again and again. It
-# looks sure, and early:
+# is overconfident, and early:
 
 # %% active="ipynb" tags=["solution"]
 # def weights_kept(x, moves, noise, z, doors, sigma, u):

@@ -26,12 +26,20 @@ def by_wheel(weights, u):
     return indices
 
 
+def by_ceiling(weights, u):
+    """How many points are below each cumulative sum; the last sum is 1 but for rounding."""
+    below = np.ceil(len(weights) * np.cumsum(weights) - u).astype(int)
+    below[np.cumsum(weights) > 1 - 1e-12] = len(weights)
+    return np.repeat(np.arange(len(weights)), np.diff(below, prepend=0))
+
+
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
         (ch.check_weights, by_logsumexp),
         (ch.check_effective_sample_size, lambda w: sum(w) ** 2 / math.fsum(x * x for x in w)),
         (ch.check_resample, by_wheel),
+        (ch.check_resample, by_ceiling),
     ],
 )
 def test_another_right_answer_passes(check, answer):
