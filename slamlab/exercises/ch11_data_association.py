@@ -90,6 +90,18 @@ def _wanted(rng: np.random.Generator) -> Any:
     return float(np.round(rng.uniform(0.5, 0.999), 3)), int(rng.integers(1, 60))
 
 
+def _gate_drawn(ax: Any, function: Any) -> None:
+    """Draw the gate against the number of pairs, for two probabilities."""
+    from slamlab import plots
+
+    pairs = np.arange(1, 21)
+    for share, marker in ((0.99, "o"), (0.9, "s")):
+        gates = [float(function(share, int(n))) for n in pairs]
+        ax.plot(pairs, gates, marker=marker, markersize=4, color=plots.COLOURS["estimate"])
+        ax.text(20.4, gates[-1], f"{share:.0%}", va="center")
+    ax.set(xlabel="pairs", ylabel="gate", xlim=(0, 24))
+
+
 check_gate = Check(
     gate_for,
     "gate",
@@ -101,6 +113,7 @@ check_gate = Check(
     },
     tolerance=1e-6,
     draws=12,
+    picture=_gate_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -204,6 +217,18 @@ _ROUND, _WIDE = np.diag([0.04, 0.01]), np.diag([4.0, 1.0])
 _SLANTED = np.array([[1.0, 0.95], [0.95, 1.0]])
 
 
+def _nearest_drawn(ax: Any, function: Any) -> None:
+    """Draw which of two landmarks, one certain and one uncertain, an observation takes."""
+    from slamlab import plots
+
+    places, landmarks = np.linspace(1, 8, 71), np.array([3.0, 5.0])
+    S = np.array([np.diag([0.04, 0.01]), np.diag([1.0, 0.01])])
+    rows = [int(function(np.column_stack([x - landmarks, [0.05, 0.05]]), S, 9.21)) for x in places]
+    ax.plot(places, rows, ".", color=plots.COLOURS["estimate"])
+    ax.plot(landmarks, [0, 1], "*", color="none", markeredgecolor=plots.COLOURS["truth"], ms=11)
+    ax.set(xlabel="observed at (m)", ylabel="row", yticks=[-1, 0, 1])
+
+
 check_nearest = Check(
     nearest,
     "row",
@@ -228,6 +253,7 @@ check_nearest = Check(
         "any scene": _scene,
     },
     edges=("no landmarks yet",),
+    picture=_nearest_drawn,
 )
 
 
@@ -352,6 +378,21 @@ def _pairs(rng: np.random.Generator, m: int) -> Any:
     return np.round(rng.normal(0, 0.7, (m, 2)), 2), np.round(H @ H.T, 3) + np.eye(2 * m)
 
 
+def _joint_drawn(ax: Any, function: Any) -> None:
+    """Draw the joint distance of four pairs, with errors that agree or differ."""
+    from slamlab import plots
+
+    off, m = np.linspace(-1, 1, 21), 4
+    shared = np.kron(np.ones((m, m)), np.diag([0.25, 0.0]))
+    S = shared + np.kron(np.eye(m), np.diag([0.04, 0.01]))
+    for signs, kind in (([1, 1, 1, 1], "estimate"), ([1, -1, 1, -1], "dead_reckoning")):
+        y = [np.column_stack([d * np.array(signs), np.zeros(m)]) for d in off]
+        ax.plot(off, [float(function(one, S)) for one in y], **plots.line_style(kind))
+    ax.text(0.0, 60.0, "errors differ", ha="center", color=plots.COLOURS["dead_reckoning"])
+    ax.text(0.0, -6.0, "errors agree", ha="center", color=plots.COLOURS["estimate"])
+    ax.set(xlabel="each range off by (m)", ylabel="joint $D^2$", ylim=(-12, 110))
+
+
 check_joint = Check(
     joint_distance,
     "distance",
@@ -364,6 +405,7 @@ check_joint = Check(
         "no innovation": (np.zeros((2, 2)), np.eye(4)),
     },
     tolerance=1e-8,
+    picture=_joint_drawn,
 )
 
 
@@ -464,6 +506,28 @@ def _table(rng: np.random.Generator) -> Any:
     return np.round(rng.uniform(0.1, 14, (k, n)), 2), np.round(rng.uniform(6, 12), 1)
 
 
+def _best_first_drawn(ax: Any, function: Any) -> None:
+    """Draw landmarks, observations and the pairs that were made."""
+    rng = np.random.default_rng(4)
+    stars = rng.uniform(0, 4, (7, 2))
+    seen = np.vstack([stars[:5] + rng.normal(0, 0.35, (5, 2)), stars[:1] + 0.3, [[4.6, 4.6]]])
+    distance = ((seen[:, None] - stars) ** 2).sum(-1) / 0.16
+    _pairs_drawn(ax, stars, seen, function(distance, 9.21))
+
+
+def _pairs_drawn(ax: Any, stars: Array, seen: Array, rows: Any) -> None:
+    """Draw a line from each observation to its landmark."""
+    from slamlab import plots
+
+    plots.landmarks(ax, stars)
+    ax.plot(*seen.T, "o", color=plots.COLOURS["lidar"], markersize=4)
+    for point, row in zip(seen, np.asarray(rows), strict=True):
+        if row >= 0:
+            ax.plot(*np.array([point, stars[int(row)]]).T, color=plots.COLOURS["estimate"])
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
 check_best_first = Check(
     best_first,
     "rows",
@@ -481,6 +545,7 @@ check_best_first = Check(
     },
     draws=12,
     edges=("no landmarks yet", "no measurements"),
+    picture=_best_first_drawn,
 )
 
 
@@ -596,6 +661,18 @@ def _slopes(rng: np.random.Generator, m: int) -> Any:
     return np.round(rng.normal(0, 1, (m, 2, d)), 2), a_covariance(rng, d), a_covariance(rng, 2)
 
 
+def _stacked_drawn(ax: Any, function: Any) -> None:
+    """Draw the 95 % ellipse of the two ranges of two pairs: errors in common make it slanted."""
+    from slamlab import plots
+
+    H = np.array([[[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], [[-0.8, -0.6, 0.0], [0.0, 0.0, -1.0]]])
+    P, R = np.diag([0.09, 0.04, 0.0]), np.diag([0.01, 0.0001])
+    S = np.asarray(function(H, P, R), float)
+    plots.ellipse(ax, np.zeros(2), S[np.ix_([0, 2], [0, 2])])
+    ax.set(xlim=(-1, 1), ylim=(-1, 1), xlabel="first range (m)", ylabel="second range (m)")
+    ax.set_aspect("equal")
+
+
 check_stacked = Check(
     stacked_cov,
     "S",
@@ -610,6 +687,7 @@ check_stacked = Check(
         "two pairs, a perfect sensor": lambda rng: (*_slopes(2)(rng)[:2], np.zeros((2, 2))),
         "five pairs": _slopes(5),
     },
+    picture=_stacked_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -790,6 +868,23 @@ def _paired(associate: Function, y: Array, H: Array, P: Array, R: Array, gates: 
     return "" if share >= 0.95 else f"{share:.0%} of the trees are named rightly, 95 % are due"
 
 
+def _together_drawn(ax: Any, function: Any) -> None:
+    """Draw trees, observations placed from the estimated pose, and the pairs that were made."""
+    rng, sensor = np.random.default_rng(8), RangeBearing(0.05, np.radians(0.5))
+    orchard = rng.uniform([2.0, -2.5], [6.0, 2.5], (7, 2))
+    z = sensor.observe([0.6, -0.5, 0.06], orchard[:5])
+    y = sensor.residual(z[:, None], sensor.observe(np.zeros(3), orchard)[None])
+    H_pose, H_landmark = sensor.jacobians(np.zeros(3), orchard)
+    H = np.zeros((7, 2, 17))
+    H[:, :, :3] = H_pose
+    for i in range(7):
+        H[i, :, 3 + 2 * i : 5 + 2 * i] = H_landmark[i]
+    P = np.diag([0.25, 0.25, 0.0064, *[0.0004] * 14])
+    gates = chi2_quantile(0.99, 2 * np.arange(1, 6))
+    rows = function(y, H, P, sensor.cov, gates)
+    _pairs_drawn(ax, orchard, sensor.locate(np.zeros(3), z), rows)
+
+
 check_together = Check(
     together,
     "rows",
@@ -826,6 +921,7 @@ check_together = Check(
     },
     use=_paired,
     edges=("nothing was measured", "no trees in the map"),
+    picture=_together_drawn,
 )
 
 
