@@ -171,15 +171,15 @@ def _embedded(image: re.Match[str]) -> str:
     return f"{image[1]}data:{kind};base64,{base64.b64encode(path.read_bytes()).decode()}{image[3]}"
 
 
-def main(words: list[str]) -> int:
+def main(words: list[str], decks: Path = DECKS) -> int:
     """Write the decks; 1 if a lesson is not in the book's cache."""
     paths = lessons(words)
     if not paths:
         raise SystemExit(f"slides: expected numbers of chapters, got {' '.join(words)}")
     cache = get_cache(str(CACHE))
-    DECKS.mkdir(parents=True, exist_ok=True)
+    decks.mkdir(parents=True, exist_ok=True)
     for name in ("reveal", "mathjax"):
-        shutil.copytree(VENDOR / name, DECKS / "vendor" / name, dirs_exist_ok=True)
+        shutil.copytree(VENDOR / name, decks / "vendor" / name, dirs_exist_ok=True)
     missing = []
     for path in paths:
         stored = nbformat.read(path, as_version=4)
@@ -189,8 +189,8 @@ def main(words: list[str]) -> int:
             missing.append(path.name)
             continue
         title = next(re.findall(r"(?m)^# (.*)", cell.source)[0] for cell in run.cells)
-        (DECKS / f"{path.stem}.html").write_text(page(deck(run), title), encoding="utf-8")
-        print(f"_build/slides/{path.stem}.html")
+        (decks / f"{path.stem}.html").write_text(page(deck(run), title), encoding="utf-8")
+        print(decks / f"{path.stem}.html")
     if missing:
         print(f"not in the book's cache, run make book: {', '.join(missing)}", file=sys.stderr)
     return int(bool(missing))

@@ -129,8 +129,9 @@ class HectorSlam(ScanSystem):
         if self._drawn is None:
             match = Match(self.pose, self.pose_cov, 1.0, len(points))
         else:
-            match = match_field(self._fields(), points, self._pose)
-            self.lost = self._contradicts(points, match.pose)
+            fields = self._fields()
+            match = match_field(fields, points, self._pose)
+            self.lost = _contradicts(fields[-1], points, match.pose)
             if self.lost and self.lost_at is None:
                 self.lost_at = self._n_scans
             self._pose, self._cov = match.pose.copy(), match.cov.copy()
@@ -145,13 +146,6 @@ class HectorSlam(ScanSystem):
             for grid in reversed(self.maps)
         ]
 
-    def _contradicts(self, points: Array, pose: Array) -> bool:
-        """Whether more points lie on floor that was seen free than on walls."""
-        field = self._fields()[-1]
-        p = field.value(transform(pose, points))
-        free, wall = (p < 0.4).sum(), (p > 0.6).sum()
-        return bool(free > wall)
-
     def _draw(self, ranges: Array) -> None:
         """Add the scan to every map, unless the robot has hardly moved since the last time."""
         off = None if self._drawn is None else between(self._drawn, self._pose)
@@ -160,3 +154,10 @@ class HectorSlam(ScanSystem):
         self._drawn = self._pose.copy()
         for grid in self.maps:
             grid.insert(self._pose, ranges, self._lidar, free_missing=False)
+
+
+def _contradicts(field: LikelihoodGrid, points: Array, pose: Array) -> bool:
+    """Whether more points lie on floor that was seen free than on walls."""
+    p = field.value(transform(pose, points))
+    free, wall = (p < 0.4).sum(), (p > 0.6).sum()
+    return bool(free > wall)

@@ -15,23 +15,23 @@ pytestmark = [
 V4 = nbformat.v4
 
 
-@pytest.fixture(scope="module")
-def decks():
-    assert slides.main([]) == 0
-    return {path.stem[:2]: path for path in sorted(slides.DECKS.glob("*.html"))}
+def decks(folder, *chapters):
+    assert slides.main(list(chapters), folder) == 0
+    return {path.stem[:2]: path for path in sorted(folder.glob("*.html"))}
 
 
-def test_every_lesson_has_a_deck_with_figures_and_no_address_of_the_network(decks):
-    assert list(decks) == [path.name[:2] for path in slides.lessons([])]
-    for chapter, path in decks.items():
+def test_every_lesson_has_a_deck_with_figures_and_no_address_of_the_network(tmp_path):
+    found = decks(tmp_path)
+    assert list(found) == [path.name[:2] for path in slides.lessons([])]
+    for chapter, path in found.items():
         text = path.read_text()
         assert text.count("data:image/") >= 2, chapter
         assert re.findall(r'(?:src|import|url\()[="\' ]*https?://', text) == [], chapter
         assert text.count("<section") > 10, chapter
 
 
-def test_the_algorithm_is_shown_and_the_prose_is_in_the_notes(decks):
-    text = decks["09"].read_text()
+def test_the_algorithm_is_shown_and_the_prose_is_in_the_notes(tmp_path):
+    text = decks(tmp_path, "09")["09"].read_text()
     shown, notes = re.sub(r'(?s)<aside class="notes">.*?</aside>', "", text), text
     code = re.sub(r"<[^>]+>", "", shown)
     assert "def predict(X, P, u, dt, V):" in code
@@ -41,9 +41,10 @@ def test_the_algorithm_is_shown_and_the_prose_is_in_the_notes(decks):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 @pytest.mark.parametrize("chapter", ["02", "09"])
-def test_a_deck_runs_in_a_browser_without_a_network(decks, chapter):
+def test_a_deck_runs_in_a_browser_without_a_network(tmp_path, chapter):
     sync_api = pytest.importorskip("playwright.sync_api")
-    home, server = serve(slides.DECKS)
+    deck = decks(tmp_path, chapter)[chapter]
+    home, server = serve(tmp_path)
     troubles = []
     with sync_api.sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
@@ -55,7 +56,7 @@ def test_a_deck_runs_in_a_browser_without_a_network(decks, chapter):
                 request.url.startswith((home, "data:", "blob:")) or troubles.append(request.url)
             ),
         )
-        tab.goto(home + decks[chapter].name, wait_until="networkidle")
+        tab.goto(home + deck.name, wait_until="networkidle")
         tab.wait_for_selector("mjx-container", state="attached")
         for _ in range(tab.evaluate("Reveal.getTotalSlides()") - 1):
             tab.evaluate("Reveal.next()")
@@ -95,8 +96,7 @@ def test_what_a_cell_shows_depends_on_its_tags():
 
 def test_a_lesson_that_was_not_run_is_named(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(slides, "CACHE", tmp_path / "cache")
-    monkeypatch.setattr(slides, "DECKS", tmp_path / "slides")
-    assert slides.main(["09"]) == 1
+    assert slides.main(["09"], tmp_path / "slides") == 1
     assert "09_ekf_slam.ipynb" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="expected numbers of chapters, got 99"):
-        slides.main(["99"])
+        slides.main(["99"], tmp_path / "slides")
