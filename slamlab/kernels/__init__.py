@@ -18,7 +18,7 @@ __all__ = ["COMPILED", "TWINS", "compiled"]
 
 Plain = TypeVar("Plain", bound=Callable[..., Any])
 
-# Plain functions by the name of their compiled twin, as "occupancy.add_scan".
+# Plain functions by the name of their compiled twin, as "occupancy.insert_scan".
 TWINS: dict[str, Callable[..., Any]] = {}
 _SAID: list[str] = []
 

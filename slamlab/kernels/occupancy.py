@@ -8,29 +8,43 @@ from slamlab.kernels.compiling import njit
 
 
 @njit(cache=True)
-def add_scan(log_odds, mark, scan, start, ends, hit, evidence):  # type: ignore[no-untyped-def]
-    """Add one scan to the sheet.
+def insert_scan(log_odds, start, ends, hit, gain, loss, limit):  # type: ignore[no-untyped-def]
+    """Add one scan to the sheet: `slamlab.mapping.occupancy.insert_scan`, the same numbers.
 
-    `start` (2,) and `ends` (k, 2) are in cells, a NaN end is no beam. `mark` remembers which scan
-    touched a cell last, so that a cell counts once a scan. `evidence`: of a hit, of a miss, limit.
+    Cells that this scan touched are marked in the part of the sheet that it can reach.
     """
-    gain, loss, limit = evidence
     rows, columns = log_odds.shape
-    for k in range(len(ends)):
-        if hit[k]:
-            c, r = int(np.floor(ends[k, 0])), int(np.floor(ends[k, 1]))
-            if 0 <= c < columns and 0 <= r < rows and mark[r, c] != scan:
-                mark[r, c] = scan
-                log_odds[r, c] = min(max(log_odds[r, c] + gain, -limit), limit)
+    low_c, high_c = int(np.floor(start[0])), int(np.floor(start[0]))
+    low_r, high_r = int(np.floor(start[1])), int(np.floor(start[1]))
     for k in range(len(ends)):
         if not np.isnan(ends[k, 0]):
-            _free(log_odds, mark, scan, start, ends[k], loss, limit)
+            c, r = int(np.floor(ends[k, 0])), int(np.floor(ends[k, 1]))
+            low_c, high_c = min(low_c, c), max(high_c, c)
+            low_r, high_r = min(low_r, r), max(high_r, r)
+    low_c, high_c = max(low_c, 0), min(high_c, columns - 1)
+    low_r, high_r = max(low_r, 0), min(high_r, rows - 1)
+    if low_c > high_c or low_r > high_r:
+        return
+    sheet = log_odds[low_r : high_r + 1, low_c : high_c + 1]
+    mark = np.zeros(sheet.shape, np.bool_)
+    for k in range(len(ends)):
+        if hit[k] and not np.isnan(ends[k, 0]):
+            c, r = int(np.floor(ends[k, 0])) - low_c, int(np.floor(ends[k, 1])) - low_r
+            if 0 <= c < sheet.shape[1] and 0 <= r < sheet.shape[0] and not mark[r, c]:
+                mark[r, c] = True
+                sheet[r, c] = min(max(sheet[r, c] + gain, -limit), limit)
+    for k in range(len(ends)):
+        if not np.isnan(ends[k, 0]):
+            _free(sheet, mark, start, ends[k], low_c, low_r, loss, limit)
 
 
 @njit(cache=True)
-def _free(log_odds, mark, scan, start, end, loss, limit):  # type: ignore[no-untyped-def]
-    """Walk from cell to cell along a beam and free those that this scan has not touched."""
-    rows, columns = log_odds.shape
+def _free(sheet, mark, start, end, low_c, low_r, loss, limit):  # type: ignore[no-untyped-def]
+    """Walk from cell to cell along a beam and free those that this scan has not touched.
+
+    Cell (0, 0) of `sheet` and `mark` is the map's (low_r, low_c).
+    """
+    rows, columns = low_r + sheet.shape[0], low_c + sheet.shape[1]
     c, r = int(np.floor(start[0])), int(np.floor(start[1]))
     last_c, last_r = int(np.floor(end[0])), int(np.floor(end[1]))
     dx, dy = end[0] - start[0], end[1] - start[1]
@@ -41,9 +55,10 @@ def _free(log_odds, mark, scan, start, end, loss, limit):  # type: ignore[no-unt
     next_c = (c + (step_c > 0) - start[0]) / dx if last_c != c else np.inf
     next_r = (r + (step_r > 0) - start[1]) / dy if last_r != r else np.inf
     for _ in range(abs(last_c - c) + abs(last_r - r) + 1):
-        if 0 <= c < columns and 0 <= r < rows and mark[r, c] != scan:
-            mark[r, c] = scan
-            log_odds[r, c] = min(max(log_odds[r, c] + loss, -limit), limit)
+        if low_c <= c < columns and low_r <= r < rows and not mark[r - low_r, c - low_c]:
+            mark[r - low_r, c - low_c] = True
+            old = sheet[r - low_r, c - low_c]
+            sheet[r - low_r, c - low_c] = min(max(old + loss, -limit), limit)
         # Never past the last column or row, so that the walk ends in the cell of the end.
         if r == last_r or (c != last_c and next_c <= next_r):
             c += step_c
@@ -51,7 +66,7 @@ def _free(log_odds, mark, scan, start, end, loss, limit):  # type: ignore[no-unt
         else:
             r += step_r
             next_r += per_r
-        if (c < 0 and step_c < 0) or (r < 0 and step_r < 0):
+        if (c < low_c and step_c < 0) or (r < low_r and step_r < 0):
             return
         if (c >= columns and step_c > 0) or (r >= rows and step_r > 0):
             return

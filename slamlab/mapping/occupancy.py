@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import Array, as_array, as_distances, as_scalar
 from slamlab._optional import needed
 from slamlab.grids import Grid
+from slamlab.kernels import compiled
 from slamlab.models import ScanSensor, as_scan_sensor
 
 __all__ = ["OccupancyGrid"]
@@ -77,8 +78,6 @@ class OccupancyGrid(Grid):
         self._limit = _log_odds(as_scalar("clamp", clamp, 0.5, below_one))
         self._grow = grow
         self.log_odds = np.zeros(self.shape)
-        self._scans = 0
-        self._mark = np.zeros(self.shape, dtype=np.int32)
 
     @property
     def probability(self) -> Array:
@@ -201,16 +200,11 @@ class OccupancyGrid(Grid):
 
     def _add(self, starts: Array, ends: Array, hits: NDArray[np.bool_]) -> None:
         """Add scans: beams from starts (n, 2) to ends (n, k, 2), in the world."""
-        # Loaded here: the compiler behind it takes half a second to come up.
-        from slamlab.kernels.occupancy import add_scan
-
-        evidence = (self._hit, self._miss, self._limit)
         starts = (starts - self.origin) / self.resolution
         ends = (ends - self.origin) / self.resolution
         near = np.abs(starts).max(1, initial=0.0) < 1e9  # others cannot reach the sheet
         for start, end, hit in zip(starts[near], ends[near], hits[near], strict=True):
-            self._scans += 1
-            add_scan(self.log_odds, self._mark, self._scans, start, end, hit, evidence)
+            insert_scan(self.log_odds, start, end, hit, self._hit, self._miss, self._limit)
 
     def _make_room(self, points: Array) -> None:
         """Enlarge the sheet until it holds all points (n, 2)."""
@@ -219,9 +213,54 @@ class OccupancyGrid(Grid):
         except ValueError as error:
             raise ValueError(f"{error} (give max_range, or grow=False)") from None
         if added is not None:
-            del self._mark  # before the larger ones are made
             self.log_odds = np.pad(self.log_odds, added)
-            self._mark = np.zeros(self.shape, dtype=np.int32)
+
+
+@compiled("occupancy.insert_scan")
+def insert_scan(
+    log_odds: Array,
+    start: Array,
+    ends: Array,
+    hit: NDArray[np.bool_],
+    gain: float,
+    loss: float,
+    limit: float,
+) -> None:
+    """Add one scan to log odds (rows, columns): each cell gains or loses once.
+
+    Beams run from `start` (2,) to `ends` (k, 2: x, y in cells; NaN is no beam); those that `hit`
+    (k,) end in an occupied cell. Log odds stay within [-limit, limit].
+    """
+    rows, columns = log_odds.shape
+    size = np.array([columns, rows])
+    crossed = [cells_of_beam(start, end, size) for end in ends if np.isfinite(end[0])]
+    free = _inside(np.concatenate([np.zeros((0, 2), int), *crossed]), size)
+    occupied = _inside(np.floor(ends[hit]), size)
+    for cells, evidence in ((occupied, gain), (np.setdiff1d(free, occupied), loss)):
+        row, column = cells // columns, cells % columns
+        log_odds[row, column] = np.clip(log_odds[row, column] + evidence, -limit, limit)
+
+
+def cells_of_beam(start: Array, end: Array, size: Array) -> NDArray[np.int64]:
+    """Cells (k, 2: column, row) that a beam crosses, in order; -1 and `size` are "outside".
+
+    `start`, `end` (2,) and `size` (columns, rows) are in cells.
+    """
+    first, last = (np.clip(np.floor(p), -1, size).astype(int) for p in (start, end))
+    shares, steps = [], []
+    for axis in (0, 1):  # a step at every grid line that is crossed
+        way = 1 if last[axis] > first[axis] else -1
+        lines = np.arange(first[axis], last[axis], way) + (way > 0)
+        shares.append((lines - start[axis]) / (end[axis] - start[axis] or 1.0))
+        steps.append(np.tile(way * np.eye(2, dtype=int)[axis], (len(lines), 1)))
+    order = np.argsort(np.concatenate(shares), kind="stable")  # through a corner: columns first
+    return first + np.concatenate([[[0, 0]], np.cumsum(np.concatenate(steps)[order], axis=0)])
+
+
+def _inside(cells: Array, size: Array) -> NDArray[np.int64]:
+    """Numbers, row after row, of the cells (k, 2) that lie on the sheet, each once."""
+    column, row = cells[((cells >= 0) & (cells < size)).all(1)].astype(int).T
+    return np.unique(row * size[0] + column)
 
 
 def _probability(log_odds: Array) -> Array:
