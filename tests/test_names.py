@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.test_notebooks import LESSONS
+
 ROOT = Path(__file__).resolve().parents[1]
 # Names that no identifier may bear any more, whatever it stands for.
 GONE = {
@@ -45,6 +47,14 @@ MEMBERS = {
 CHOICES = {"latest", "stretch"}
 # Functions and classes that had English words for names, which variables may go on to bear.
 MATCHING = {"thin", "normals", "Field"}
+# Words of prose for which the field has others: uncertainty, expected, given, grid, overconfident,
+# second-best match, consistent closure, outlier. They stay out of the chapters written as lessons
+# (tests/test_notebooks.py), of their second pages, exercises and solutions.
+PROSE = re.compile(
+    r"\b(doubts?|doubtful|in doubt|witness(es)?|rivals?|shy|kinder|kindest|sheets?|told(?! apart)|surer"
+    r"|too sure|liars?|crutch|dearest|comb|teeth|ghosts?|(is|are) due(?! to)|at its word)\b",
+    re.IGNORECASE,
+)
 
 
 def sources():
@@ -131,3 +141,31 @@ def test_an_old_member_would_be_found():
     code = "class Run:\n    kept: dict\n    def __init__(self, past):\n        self.away = 1"
     assert {"kept", "past", "away"} <= set(surface(ast.parse(code).body[0]))
     assert choices(ast.parse('EKFSlam(linearisation="latest")')) == {"latest"}
+
+
+def prose(notebook):
+    """Texts, docstrings and alternative texts of a notebook."""
+    for cell in notebook["cells"]:
+        source = "".join(cell["source"])
+        image = cell["metadata"].get("mystnb", {}).get("image", {})
+        if cell["cell_type"] == "markdown":
+            yield re.sub(r"\[[^]]*\]\([^)]*\)", " ", source)
+        else:
+            yield "\n".join(re.findall(r'(?s)"""(.*?)"""', source))
+        yield image.get("alt", "")
+
+
+def chapters_written_as_lessons():
+    for path in sorted((ROOT / "notebooks").rglob("[0-9][0-9]*_*.ipynb")):
+        if path.name[:2] in LESSONS and ".ipynb_checkpoints" not in path.parts:
+            yield pytest.param(path, id=f"{path.parent.name}/{path.name}")
+
+
+@pytest.mark.parametrize("path", list(chapters_written_as_lessons()))
+def test_the_prose_of_a_lesson_uses_the_words_of_the_field(path):
+    texts = list(prose(json.loads(path.read_text(encoding="utf-8"))))
+    found = [(word[0], text[max(word.start() - 40, 0) : word.end() + 20])
+             for text in texts for word in PROSE.finditer(text)]  # fmt: skip
+    assert found == []
+    assert PROSE.search("Its doubt is 3 m where 1 m is due.")
+    assert not PROSE.search("The shift is due to a wrap.")

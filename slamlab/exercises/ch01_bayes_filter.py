@@ -398,7 +398,7 @@ def wander(belief: Array, doors: Array, steps: Array, seen: Ints, p_right: float
 # A loop over the steps: first the motion, then the look, then write the belief down.
 
 # %% [markdown] tags=["hint"]
-# Closed eyes are no wall: what does a filter do that was told nothing?
+# Closed eyes are no wall: what does a filter do that is given nothing?
 
 
 # %% tags=["cases"]

@@ -491,7 +491,7 @@ check_track.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: how hard is the cart pushed?
 #
-# Nobody tells you $q$. But a filter that is told the right one makes innovations that are as
+# Nobody tells you $q$. But a filter that is given the right one makes innovations that are as
 # large as it says, and of which none tells the next. The check runs the filter of exercise 4 over
 # 600 readings with `dt = 0.5` and `r = 0.8`, with the $q$ that you return. Find one that it
 # accepts.

@@ -335,8 +335,8 @@ check_jacobian.mistakes = {
 # degree to the right.
 
 # %% [markdown] tags=["solution"]
-# Dividing the bearing row by $r$ instead of $r^2$ gives metres where radians are due. The finite
-# difference of chapter 03 finds it at once:
+# Dividing the bearing row by $r$ instead of $r^2$ gives metres where radians are expected. The
+# finite difference of chapter 03 finds it at once:
 
 # %% active="ipynb" tags=["solution"]
 # def by_range_only(pose, landmark):

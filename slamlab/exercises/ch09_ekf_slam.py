@@ -884,8 +884,8 @@ check_slam.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Is it consistent? Two hundred drives round the same room, the error of the last pose in units of
-# its own covariance: 3 is due, and the band says how far the mean of two hundred may be from it.
-# Then the same filter with its cross-covariances left where they were:
+# its own covariance: 3 is expected, and the band says how far the mean of two hundred may be from
+# it. Then the same filter with its cross-covariances left where they were:
 
 # %% active="ipynb" tags=["solution"]
 # def drive(rng, n_steps=30):

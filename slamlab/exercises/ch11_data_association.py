@@ -647,8 +647,8 @@ def stacked_cov(H: Array, P: Array, R: Array) -> Array:
 # stacked_cov(np.ones((2, 2, 3)), np.zeros((3, 3)), np.eye(2))
 
 # %% [markdown] tags=["hint"]
-# In the call above the state is known exactly, so all doubt comes from the sensor. What does an
-# entry of 1 between the first range and the second one say about the two?
+# In the call above the state is known exactly, so all uncertainty comes from the sensor. What does
+# an entry of 1 between the first range and the second one say about the two?
 
 # %% [markdown] tags=["hint"]
 # `np.kron` of an identity and a block puts the block on the diagonal.
