@@ -298,7 +298,8 @@ def value_and_gradient(values: Array, log_odds: bool, cells: Array) -> tuple[Arr
     x, y = np.moveaxis(np.where(np.abs(cells) < 1e9, cells, -9.0) - 0.5, -1, 0)
     column, row = np.floor(x).astype(int), np.floor(y).astype(int)
     a, b = x - column, y - row
-    rows, columns = row + np.array([[0], [0], [1], [1]]), column + np.array([[0], [1], [0], [1]])
+    rows = np.stack([row, row, row + 1, row + 1])
+    columns = np.stack([column, column + 1, column, column + 1])
     inside = (rows >= 0) & (rows < values.shape[0]) & (columns >= 0) & (columns < values.shape[1])
     M = np.where(inside, values[np.where(inside, rows, 0), np.where(inside, columns, 0)], 0.0)
     m00, m10, m01, m11 = 1 / (1 + np.exp(-M)) if log_odds else M

@@ -133,3 +133,12 @@ def test_without_numba_the_matches_are_the_same(tmp_path):
     numbers = np.array(done.stdout.split(), float)
     expected = [*found.pose, found.score, found.second_peak, *here.pose]
     np.testing.assert_allclose(numbers, expected, atol=1e-6)
+
+
+def test_a_field_is_looked_up_at_points_of_any_leading_axes():
+    field = LikelihoodGrid(np.arange(12.0).reshape(3, 4), 0.5)
+    points = np.random.default_rng(0).uniform(-0.2, 2.2, (2, 3, 2))
+    for look_up in (field.value, field.gradient):
+        whole = look_up(points)
+        single = [[look_up(point) for point in row] for row in points]
+        np.testing.assert_array_equal(whole, single)
