@@ -14,7 +14,12 @@ import pytest
 from slamlab.datasets import killian, read_carmen
 from slamlab.evaluation import run
 from slamlab.geometry import between, compose
-from slamlab.localization import DeadReckoning, LikelihoodField, MonteCarloLocalization
+from slamlab.localization import (
+    DeadReckoning,
+    GlobalLocalization,
+    LikelihoodField,
+    MonteCarloLocalization,
+)
 from slamlab.logs import Log
 from slamlab.models import MotionModel
 from slamlab.robots import YOUBOT, Mecanum, RelativePose, Unicycle
@@ -143,6 +148,10 @@ def known_office(log, pose):
     return MonteCarloLocalization(office_field(), RelativePose(), log.scan, 300, BOUNDS, rng())
 
 
+def office_map(log, pose):
+    return GlobalLocalization(rooms.office(), log.scan, RelativePose(), rng(), n_particles=2000)
+
+
 def walls(log, pose):
     scan = log.scan
     lidar = Lidar(scan.n_beams, np.ptp(scan.beam_angles), scan.max_range, sigma_range=0.02)
@@ -187,6 +196,7 @@ SYSTEMS = {
     "FastSlam 2": (lambda log, pose: fast(log, pose, 2), "landmarks"),
     "MonteCarloLocalization, looks": (known_trees, "landmarks"),
     "MonteCarloLocalization, ranges": (known_office, "scan"),
+    "GlobalLocalization": (office_map, "scan"),
     "WallSlam": (walls, "scan"),
     "HectorSlam": (lambda log, pose: HectorSlam(log.scan, pose), "scan"),
     "ScanGraphSlam": (lambda log, pose: ScanGraphSlam(log.scan, pose), "scan"),
@@ -204,6 +214,7 @@ FEEDS = {
 STRAY = {
     "MonteCarloLocalization, looks": (None, "its map stays where it is"),
     "MonteCarloLocalization, ranges": (None, "its map stays where it is"),
+    "GlobalLocalization": (None, "its map stays where it is"),
     "WallSlam": (0.02, "a wall (r, alpha) is linearised about the origin of the world"),
     "HectorSlam": (0.1, "cells of 0.05 m along the axes of the world"),
     "ScanGraphSlam": (0.02, "matches on cells along the axes of the world"),
@@ -237,6 +248,8 @@ def test_an_estimator_keeps_the_contract(name):
 # Who is not expected to end near the truth, and why.
 FAR = {
     ("MonteCarloLocalization, ranges", scans): "a dozen scans fit more than one room",
+    ("GlobalLocalization", corridor): "another building than that of its map",
+    ("GlobalLocalization", freiburg): "another building than that of its map",
     ("WallSlam", corridor): "takes walls of the corridor for one another, worse than its wheels",
 }
 PRODUCT = [

@@ -192,7 +192,11 @@ class GlobalLocalization:
         ranges = np.where(ranges <= _REACH, ranges, np.nan)
         points = self._lidar.points(ranges)
         points = points[np.isfinite(points[:, 0])]
-        fit = self._track(points) if self.localized else self._seek(ranges, points)
+        if self._since_weighed is not None:
+            self._since_weighed = compose(self._since_weighed, self._step[0])
+        fit = 0.0
+        if len(points) >= _LEAST_POINTS:
+            fit = self._track(points) if self.localized else self._seek(ranges, points)
         self._records.append((self._step, self._pose, points))
         self._step = np.zeros(3), np.zeros((3, 3))
         self.fits.append(fit)
@@ -200,9 +204,8 @@ class GlobalLocalization:
 
     def _seek(self, ranges: Array, points: Array) -> float:
         """Weigh the particles; if they are one place in which the scan fits, begin to track."""
-        cloud, since = self._search, self._since_weighed
-        self._since_weighed = None if since is None else compose(since, self._step[0])
-        if since is None or _is_new(compose(since, self._step[0])):
+        cloud = self._search
+        if self._since_weighed is None or _is_new(self._since_weighed):
             cloud.update(ranges)
             self._since_weighed = np.zeros(3)
         self._pose, self._cov = cloud.pose, cloud.pose_cov
