@@ -29,6 +29,7 @@ from traitlets.config import Config
 
 ROOT = Path(__file__).resolve().parents[1]
 VENDOR = ROOT / "book" / "static" / "vendor"
+TEMPLATES = ROOT / "tools" / "templates"
 DECKS = ROOT / "_build" / "slides"
 CACHE = ROOT / "_build" / ".jupyter_cache"
 LONG = 14  # lines of code; what is longer and no algorithm shows its result only
@@ -142,7 +143,7 @@ def page(notebook: Cell, title: str) -> str:
     config.TagRemovePreprocessor.remove_input_tags = {"no-input"}
     exporter = SlidesExporter(
         config=config,
-        extra_template_basedirs=[str(ROOT / "tools" / "templates")],
+        extra_template_basedirs=[str(TEMPLATES)],
         template_name="slides",
         reveal_url_prefix="vendor/reveal",
         reveal_theme="white",
@@ -178,8 +179,8 @@ def main(words: list[str], decks: Path = DECKS) -> int:
         raise SystemExit(f"slides: expected numbers of chapters, got {' '.join(words)}")
     cache = get_cache(str(CACHE))
     decks.mkdir(parents=True, exist_ok=True)
-    for name in ("reveal", "mathjax"):
-        shutil.copytree(VENDOR / name, decks / "vendor" / name, dirs_exist_ok=True)
+    for source in (TEMPLATES / "slides" / "reveal", VENDOR / "mathjax"):
+        shutil.copytree(source, decks / "vendor" / source.name, dirs_exist_ok=True)
     missing = []
     for path in paths:
         stored = nbformat.read(path, as_version=4)

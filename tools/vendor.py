@@ -3,7 +3,8 @@
 python tools/vendor.py
 
 Needs npm, and the packages of requirements.lock. Packages are fetched by name; only the files
-that a page loads are kept, under book/static/vendor, with a table of versions and checksums.
+that a page loads are kept, under book/static/vendor (those of slides beside their template), with
+a table of versions and checksums.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-VENDOR = Path(__file__).resolve().parents[1] / "book" / "static" / "vendor"
+ROOT = Path(__file__).resolve().parents[1]
+VENDOR = ROOT / "book" / "static" / "vendor"
+SLIDES = ROOT / "tools" / "templates" / "slides" / "reveal"  # not among the files of the book
 NPM = {
     "mathjax": "3.2.2",
     "requirejs": "2.3.8",
@@ -98,10 +101,10 @@ def write_table(rows: list[tuple[str, str, str]]) -> None:
         "| file | bytes | sha256 |",
         "| --- | --- | --- |",
     ]
-    for path in sorted(VENDOR.rglob("*")):
+    for path in [*sorted(VENDOR.rglob("*")), *sorted(SLIDES.rglob("*"))]:
         if path.is_file() and path.name != "README.md":
             data = path.read_bytes()
-            name = path.relative_to(VENDOR).as_posix()
+            name = path.relative_to(VENDOR if VENDOR in path.parents else ROOT).as_posix()
             lines.append(f"| {name} | {len(data)} | `{hashlib.sha256(data).hexdigest()}` |")
     (VENDOR / "README.md").write_text("\n".join(lines) + "\n")
 
@@ -121,7 +124,7 @@ def main() -> int:
         copy(es5, "output/chtml/fonts/**/*", VENDOR / "mathjax")
         copy(es5, "input/tex/extensions/**/*", VENDOR / "mathjax")
         copy(folders["requirejs"], "require.js", VENDOR / "requirejs")
-        reveal(folders["reveal.js"], VENDOR / "reveal")
+        reveal(folders["reveal.js"], SLIDES)
         target = VENDOR / "html-manager"
         target.mkdir()
         html_manager(folders["@jupyter-widgets/html-manager"], target)
