@@ -19,7 +19,7 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 # %% [markdown] tags=["chapter"]
 # # Exercises 05: mecanum kinematics
 #
-# Five exercises, from four wheels to a pose that knows its own doubt; the chapter is [Mecanum
+# Five exercises, from four wheels to a pose with its covariance; the chapter is [Mecanum
 # kinematics and odometry](../05_mecanum_kinematics.ipynb). Replace each `...` and run the check
 # below it as often as you like.
 
@@ -129,7 +129,7 @@ check_wheels.mistakes = {
         "/ r => * r"
     ),
     "these are speeds over the floor (m/s): divide by the wheel radius": " / r => ",
-    "divided by the wheel's diameter: the radius is due": "/ r => / (2 * r)",
+    "divided by the wheel's diameter: expected the radius": "/ r => / (2 * r)",
     "the wheels come in another order: front-left, front-right, rear-left, rear-right": (
         lambda *given: wheel_speeds(*given)[[0, 1, 3, 2]]
     ),
@@ -239,10 +239,10 @@ check_step.mistakes = {
     "this is the midpoint rule: the chord is shorter than the arc, by sin(h)/h": (
         "dt * np.sinc(h / np.pi) => dt"
     ),
-    "the heading of the end of the step was used: the middle one is due": (
+    "the heading of the end of the step was used: expected that of its middle": (
         "pose[2] + h, => pose[2] + 2 * h,"
     ),
-    "the heading of the start of the step was used: the middle one is due": (
+    "the heading of the start of the step was used: expected that of its middle": (
         "pose[2] + h, => pose[2],"
     ),
     "h is half the turn of the step, in the factor too": (
@@ -338,7 +338,7 @@ check_noise = Check(
     "Q",
     {
         "looking along x": (0.0, 0.1, _V),
-        "looking along y, the doubts change places": (np.pi / 2, 0.1, _V),
+        "heading along y, the variances change places": (np.pi / 2, 0.1, _V),
         "at an angle": (0.7, 0.1, _V),
         "twice the step, four times the noise": (0.7, 0.2, _V),
         "correlated speeds of a robot with a worn wheel": lambda rng: (
@@ -361,7 +361,7 @@ check_noise.mistakes = {
     ),
     "the second F_u is not transposed": "F_u.T => F_u",
     "the second F_u is missing: a covariance is turned from both sides": " @ F_u.T => ",
-    "this is F_u: the covariance F_u V F_u^T is due": "F_u @ V @ F_u.T => F_u",
+    "this is F_u: expected the covariance F_u V F_u^T": "F_u @ V @ F_u.T => F_u",
     "the heading's noise got lost: omega acts for dt as well": ("[0, 0, 1]] => [0, 0, 0]]"),
     "dt was left out for the heading: omega acts for dt as well": (
         "[0, 0, 1]] => [0, 0, 1 / dt]]"
@@ -373,7 +373,7 @@ check_noise.mistakes = {
 # ## Solution 3: the process noise
 
 # %% [markdown] tags=["solution"]
-# The paper's (17), without dt, has the units of a speed where a place is due. At dt = 0.1 s its Q
+# The paper's (17), without dt, has the units of a speed, not of a position. At dt = 0.1 s its Q
 # is a hundred times too large:
 
 # %% active="ipynb" tags=["solution"]
@@ -561,13 +561,13 @@ def odometry(
 def _driving(
     rng: np.random.Generator,
     n: int,
-    doubt: float,
+    scale: float,
     sigma: float,
     robot: tuple[float, ...] = (0.2, 0.05, 0.38),
 ) -> Any:
     root = rng.normal(size=(3, 3))
     wheels = np.round(rng.uniform(-2, 9, (n, 4)), 1)
-    return a_pose(rng), doubt * root @ root.T, wheels, *robot, sigma
+    return a_pose(rng), scale * root @ root.T, wheels, *robot, sigma
 
 
 check_odometry = Check(
@@ -577,7 +577,7 @@ check_odometry = Check(
         "one step from a known place": _driving(1, 0.0, 0.3, (0.5, 0.0475, 0.6)),
         "one step with exact wheels": _driving(1, 0.02, 0.0),
         "a drive": _driving(10, 0.02, 0.2, (0.1, 0.1, 0.25)),
-        "straight on, doubting the heading": (
+        "straight on, the heading uncertain": (
             [0, 0, 0.5],
             np.diag([0, 0, 0.01]),
             np.full((5, 4), 8.0),
@@ -592,8 +592,8 @@ check_odometry = Check(
 
 # %% tags=["mistakes"]
 check_odometry.mistakes = {
-    "this is F^T P F: F P F^T is due": "F @ P @ F.T => F.T @ P @ F",
-    "a doubt of the heading becomes one of the place: F P F^T is due": "F @ P @ F.T => P",
+    "this is F^T P F: expected F P F^T": "F @ P @ F.T => F.T @ P @ F",
+    "an error of the heading becomes one of the position: expected F P F^T": "F @ P @ F.T => P",
     "the noise of the wheels is missing": " + process_noise(pose[2], dt, V) => ",
     "sigma is a standard deviation: V holds its square": "sigma**2 * B => sigma * B",
     "the noise of the wheels was taken for that of the body: V = sigma^2 B B^T": (
@@ -613,7 +613,7 @@ check_odometry.mistakes = {
         "[-s * u[0] - c * u[1], c * u[0] - s * u[1]] => [-s * u[0], c * u[0]]"
     ),
     "dt is missing in F": "dt * np.array([-s => np.array([-s",
-    "the last belief came: the one after each step is due": (
+    "only the last belief was returned: expected the one after each step": (
         lambda *given: (odometry(*given)[0][-1], odometry(*given)[1][-1])
     ),
 }
@@ -621,15 +621,15 @@ check_odometry.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 5: odometry
 #
-# What to notice: the covariance of a robot that drives straight on grows fastest sideways. A
-# doubt of the heading becomes a doubt of the place, and it grows with the square of the way.
+# What to notice: the covariance of a robot that drives straight on grows fastest sideways. An
+# uncertain heading makes the position uncertain, in proportion to the distance driven.
 
 # %% [markdown] tags=["solution"]
-# Adding the noise and never moving the covariance looks harmless. It forgets the heading's doubt,
-# the largest of them all:
+# Adding the noise and never moving the covariance looks harmless. It forgets what the
+# uncertain heading does to the position, the largest part:
 
 # %% active="ipynb" tags=["solution"]
-# def doubts_that_stay(pose, P, wheels, dt, r, lever, sigma):
+# def covariance_that_stays(pose, P, wheels, dt, r, lever, sigma):
 #     turning = np.array([-1, 1, -1, 1]) / lever
 #     B = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
 #     V = sigma**2 * B @ B.T
@@ -638,4 +638,4 @@ check_odometry.mistakes = {
 #     covs = P + np.cumsum([process_noise(theta, dt, V) for theta in headings], axis=0)
 #     return poses, covs
 #
-# check_odometry(doubts_that_stay)
+# check_odometry(covariance_that_stays)

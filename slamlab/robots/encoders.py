@@ -137,8 +137,8 @@ class Encoders:
         """Return the standard deviation of measured wheel speeds that slip causes.
 
         The remainder of a tick is left out on purpose: what one interval loses the next one
-        finds, so rounding stays below one tick for ever while slip adds up. As independent noise
-        it would grow with every interval.
+        finds, so a wheel's angle is never off by more than a tick while slip adds up. As
+        independent noise of each interval the heading error would grow without a bound.
 
         Parameters
         ----------
