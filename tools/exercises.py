@@ -2,6 +2,7 @@
 
     python tools/exercises.py            all chapters (`make exercises`)
     python tools/exercises.py 02 09      these
+    python tools/exercises.py --run 02   run them even where the code is the same
     python tools/exercises.py --check    write nothing; tell which notebooks are not what it says
 
 The source is `slamlab/exercises/chNN_*.py`, in the percent format that jupytext, JupyterLab and
@@ -239,8 +240,11 @@ def _code(code: str, like: Cell | None = None) -> Cell:
     return cell
 
 
-def written(path: Path, cells: list[Cell]) -> nbformat.NotebookNode:
-    """Return the notebook of these cells; what is stored gives the outputs of code that stays."""
+def written(path: Path, cells: list[Cell], anew: bool = False) -> nbformat.NotebookNode:
+    """Return the notebook of these cells; what is stored gives the outputs of code that stays.
+
+    With `anew` it is run all the same: what a check says may have changed.
+    """
     notebook = nbformat.v4.new_notebook(cells=cells, metadata=nbformat.from_dict(METADATA))
     known: dict[str, list[Cell]] = defaultdict(list)
     if path.exists():
@@ -248,7 +252,7 @@ def written(path: Path, cells: list[Cell]) -> nbformat.NotebookNode:
             if cell.cell_type == "code" and cell.execution_count:
                 known[cell.source].append(cell)
     code = [cell for cell in cells if cell.cell_type == "code"]
-    if all(known[cell.source] for cell in code):
+    if not anew and all(known[cell.source] for cell in code):
         for cell in code:
             old = known[cell.source]
             cell.outputs = (old.pop(0) if len(old) > 1 else old[0]).outputs
@@ -281,7 +285,7 @@ def main(words: list[str]) -> int:
             if "--check" in words:
                 wrong += differences(path, cells)
             else:
-                nbformat.write(written(path, cells), path)
+                nbformat.write(written(path, cells, "--run" in words), path)
     print("\n".join(wrong))
     return int(bool(wrong))
 

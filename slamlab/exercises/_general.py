@@ -20,21 +20,21 @@ def _several(a: np.ndarray) -> np.ndarray:
 
 
 _RESULTS: dict[str, Function] = {
-    "`{}` is the transpose of what is due": lambda a: a.T,
+    "`{}` is the transpose of what is expected": lambda a: a.T,
     "the sign of `{}` is reversed": lambda a: -a,
-    "`{}` is in degrees: radians are due": np.rad2deg,
-    "`{}` is half of what is due": lambda a: a / 2,
-    "`{}` is twice what is due": lambda a: 2 * a,
-    "`{}` is the square root of what is due": np.sqrt,
-    "`{}` is the square of what is due": np.square,
-    "`{}` is the logarithm of what is due": np.log,
-    "`{}` is the exponential of what is due": np.exp,
-    "`{}` is one over what is due": lambda a: 1 / a,
+    "`{}` is in degrees: expected radians": np.rad2deg,
+    "`{}` is half of what is expected": lambda a: a / 2,
+    "`{}` is twice what is expected": lambda a: 2 * a,
+    "`{}` is the square root of what is expected": np.sqrt,
+    "`{}` is the square of what is expected": np.square,
+    "`{}` is the logarithm of what is expected": np.log,
+    "`{}` is the exponential of what is expected": np.exp,
+    "`{}` is one over what is expected": lambda a: 1 / a,
     "`{}` lost its sign": np.abs,
     "`{}` is one too large": lambda a: a + 1,
     "`{}` is one too small": lambda a: a - 1,
-    "`{}` is one minus what is due": lambda a: 1 - a,
-    "`{}` came in reverse order": lambda a: a[::-1],
+    "`{}` is one minus what is expected": lambda a: 1 - a,
+    "`{}` is in reverse order": lambda a: a[::-1],
     "`{}` has its columns in reverse order": lambda a: a[..., ::-1],
     "`{}` is divided by its largest entry": lambda a: a / _several(a).max(),
     "`{}` is divided by its sum": lambda a: a / _several(a).sum(),
@@ -43,10 +43,10 @@ _RESULTS: dict[str, Function] = {
     "`{}` is averaged over all its entries": np.mean,
     "`{}` is zero": np.zeros_like,
     "`{}` lacks all but its diagonal": lambda a: a * np.eye(len(a)),
-    "only the diagonal of `{}` came": lambda a: np.diag(a) if a.ndim == 2 else 1 / 0,
+    "only the diagonal of `{}` was returned": lambda a: np.diag(a) if a.ndim == 2 else 1 / 0,
     "`{}` lacks its first entry": lambda a: a[1:],
     "`{}` lacks its last entry": lambda a: a[:-1],
-    "`{}` is the inverse of what is due": np.linalg.inv,
+    "`{}` is the inverse of what is expected": np.linalg.inv,
 }
 _ARGUMENTS: dict[str, Function] = {
     "`{}` has no effect, as if it were zero": np.zeros_like,
@@ -80,7 +80,7 @@ def general_mistakes(
 ) -> Iterator[tuple[str, Function, bool]]:
     """Yield message and wrong function of every mistake that the signature admits.
 
-    Where the third is True the function makes its answer of what is due, else of the arguments.
+    Where the third is True the function makes its answer of the right one, else of the arguments.
     """
     for a in range(len(names)):
         for b in range(a):
@@ -97,9 +97,9 @@ def general_mistakes(
             message = f"the results `{returns[b]}` and `{returns[a]}` are exchanged"
             yield message, _exchanged_results(len(returns), a, b), True
         if len(returns) > 1:
-            yield f"only `{returns[a]}` came", _only(len(returns), a), True
+            yield f"only `{returns[a]}` was returned", _only(len(returns), a), True
     for k, name in enumerate(names):
-        yield f"`{name}` came back unchanged", _returned(k), False
+        yield f"`{name}` was returned unchanged", _returned(k), False
     for message, wrong in _ARGUMENTS.items():
         for k, name in enumerate(names):
             yield message.format(name), _of_argument(reference, k, wrong), False

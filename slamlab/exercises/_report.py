@@ -149,7 +149,7 @@ class Report:
 
 @dataclass(frozen=True)
 class Observation:
-    """What a function did on one input: what came, or what it raised.
+    """What a function did on one input: what it returned, or what it raised.
 
     `came` is plain data (numbers, arrays, lists, tuples, None), so that it can be sent from one
     process to another; `changed` and `shared` name arguments, `reused` says that an array of the
@@ -279,7 +279,7 @@ class Check:
         return [self._look(student, arguments, kept) for _, arguments in self.inputs]
 
     def judge(self, observations: Sequence[Observation]) -> Report:
-        """Compare what was observed with what is due, and name the mistake."""
+        """Compare what was observed with what is expected, and name the mistake."""
         names = dict.fromkeys(name for name, _ in self.inputs)
         pairs = zip(self.inputs, observations, self.due, strict=True)
         held = [
@@ -355,17 +355,20 @@ class Check:
         if isinstance(self.due[k], str) and isinstance(seen.came, str):
             return (seen.came,)
         if seen.came is None:
-            return (tried, "None came here: is a `return` missing in one branch?")
+            return (
+                tried,
+                "your function returned None here: is a `return` missing in one branch?",
+            )
         return (tried, *difference(seen.came, self.due[k], self.tolerance, self.returns))
 
     def _named(self, seen: Sequence[Observation], held: list[bool]) -> tuple[str, ...]:
-        """Name the mistake that explains all that came; a mistake that explains less is none."""
+        """Name the mistake that explains all results; a mistake that explains less is none."""
         if all(held):
             return ()
         if any(
             not ok and not s.raised and s.came is None for s, ok in zip(seen, held, strict=True)
         ):
-            return ("in some cases nothing came back: a `return` is missing in one branch",)
+            return ("in some cases nothing was returned: a `return` is missing in one branch",)
         if not any(not ok and not s.raised for s, ok in zip(seen, held, strict=True)):
             return ()
         for number, (message, *_) in enumerate(self._suspects):

@@ -62,7 +62,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def agree(came: Any, due: Any, tolerance: float) -> bool:
-    """Say whether what came is what is due, up to a tolerance, absolute and relative."""
+    """Say whether a result is the expected one, up to a tolerance, absolute and relative."""
     if due is None or came is None:
         return due is None and came is None
     if isinstance(due, str):
@@ -84,13 +84,13 @@ def _identical(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def pairs(came: Any, due: Any) -> list[tuple[np.ndarray, np.ndarray]] | str:
-    """Pair what came with what was due, axes of length one dropped; a str says why it fails.
+    """Pair a result with the expected one, axes of length one dropped; a str says why it fails.
 
     Lists count as arrays, and a tuple of rows counts as the array of these rows and back.
     """
     ours, theirs = _parts(due), _parts(came)
     if ours is None or theirs is None:
-        return "what came is not made of numbers"
+        return "expected numbers: the result is not made of numbers"
     if len(theirs) != len(ours):
         try:
             whole = [came] if len(ours) == 1 else came
@@ -98,7 +98,7 @@ def pairs(came: Any, due: Any) -> list[tuple[np.ndarray, np.ndarray]] | str:
         except (TypeError, ValueError):
             pass
     if len(theirs) != len(ours):
-        return f"{len(ours)} results are due, {len(theirs)} came"
+        return f"expected {len(ours)} results, got {len(theirs)}"
     both = [(np.squeeze(a), np.squeeze(b)) for a, b in zip(theirs, ours, strict=True)]
     return [(b, b) if a.size == b.size == 0 else (a, b) for a, b in both]
 
@@ -118,9 +118,9 @@ def _parts(value: Any) -> list[np.ndarray] | None:
 
 
 def difference(came: Any, due: Any, tolerance: float, names: Sequence[str]) -> list[str]:
-    """Say what came and what is due: all of it if short, else the first entry that differs."""
+    """Say what was expected and what was returned: of an array the first entry that differs."""
     if due is None:
-        return [f"came  {show(came)}", "due   None"]
+        return [f"expected None, got {show(came)}"]
     both = pairs(came, due)
     if isinstance(both, str):
         return [both]
@@ -128,7 +128,7 @@ def difference(came: Any, due: Any, tolerance: float, names: Sequence[str]) -> l
     for k, (a, b) in enumerate(both):
         name = names[k] if len(names) == len(both) else names[0]
         if a.shape != b.shape:
-            lines.append(f"{name} has shape {a.shape}, due is {b.shape}")
+            lines.append(f"{name}: expected shape {b.shape}, got {a.shape}")
             continue
         wrong = ~np.isclose(a, b, rtol=tolerance, atol=tolerance, equal_nan=True)
         if not wrong.any():
@@ -138,7 +138,7 @@ def difference(came: Any, due: Any, tolerance: float, names: Sequence[str]) -> l
         x, y = _apart(float(a[place]), float(b[place]))
         where = f"{name}{list(place) if place else ''}"
         rest = f" ({int(wrong.sum())} of {wrong.size} entries differ)" if wrong.size > 1 else ""
-        lines.append(f"{where}: {x} came, {y} is due{rest}")
+        lines.append(f"{where}: expected {y}, got {x}{rest}")
         if np.isnan(a[place]):
             lines[-1] += ": not a number"
     return lines

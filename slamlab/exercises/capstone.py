@@ -97,8 +97,8 @@ def check(step: int, own: ModuleType | Mapping[str, Any]) -> Report:
     Returns
     -------
     Report
-        One row a property; where it fails, what came and the likeliest reason. Never raises for
-        what the functions do.
+        One row a property; where it fails, what was returned and the likeliest reason. Never
+        raises for what the functions do.
 
     Raises
     ------
@@ -685,7 +685,7 @@ def _weighed(m: Own, rng: np.random.Generator) -> Outcome:
     expected = np.linalg.solve(information.sum(0), (information @ z[:, :, None]).sum(0)[:, 0])
     return np.allclose(
         came[1], expected, atol=1e-3
-    ), f"{_said('came', came[1])}, {_said('weighted mean', expected)}"
+    ), f"{_said('got', came[1])}, {_said('expected the weighted mean', expected)}"
 
 
 def _graph(m: Own) -> tuple[Any, ...]:

@@ -28,8 +28,8 @@ __all__ = [
 # Five exercises: three pieces of a pose graph, an optimiser with two bugs, and the whole SLAM
 # assembled; the chapter is [SLAM in ten minutes](../00_slam_in_ten_minutes.ipynb). Replace each
 # `...` by your own lines and run the cell: the check below it tries your
-# function on several inputs and says, one line a property, what came and what was due. Run it as
-# often as you like.
+# function on several inputs and says, one line a property, what was expected and what it got.
+# Run it as often as you like.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 00: SLAM in ten minutes
@@ -152,7 +152,7 @@ check_dead_reckoning.mistakes = {
     "the heading is not wrapped: it must stay in (-pi, pi]": (
         _turned_by(lambda heading, turn: rotation(heading), lambda angle: angle)
     ),
-    "only the last pose came: all of them are due": "np.array(poses) => poses[-1]",
+    "only the last pose was returned: expected all of them": "np.array(poses) => poses[-1]",
 }
 
 # %% [markdown] tags=["solution"]
@@ -253,7 +253,7 @@ check_edge_error.mistakes = {
     "R_i is transposed the wrong way: R_i^T takes world coordinates into the frame of i": (
         "rotation(pose_i[2]).T => rotation(pose_i[2])"
     ),
-    "R_z is transposed the wrong way: R_z^T is due": "rotation(z[2]).T => rotation(z[2])",
+    "R_z is transposed the wrong way: expected R_z^T": "rotation(z[2]).T => rotation(z[2])",
     "R_z^T turns the displacement before t_z is taken off: it turns their difference": (
         "rotation(z[2]).T @ (seen - z[:2]) => rotation(z[2]).T @ seen - z[:2]"
     ),
@@ -265,7 +265,7 @@ check_edge_error.mistakes = {
     "the measured turn is missing: the error is predicted minus measured": (
         "- pose_i[2] - z[2] => - pose_i[2]"
     ),
-    "the sign is reversed: predicted minus measured is due": (
+    "the sign is reversed: expected predicted minus measured": (
         lambda i, j, z: -edge_error(i, j, z)
     ),
     "the poses are swapped: z is pose j seen from pose i": (lambda i, j, z: edge_error(j, i, z)),
@@ -371,8 +371,8 @@ check_edge_jacobian.mistakes = {
     "R_z^T is missing: the error is turned by it, so its derivative is too": (
         "rotation(z[2]).T => np.eye(2)"
     ),
-    "R_z is transposed the wrong way: R_z^T is due": "rotation(z[2]).T => rotation(z[2])",
-    "R_i is transposed the wrong way: R_i^T is due": (
+    "R_z is transposed the wrong way: expected R_z^T": "rotation(z[2]).T => rotation(z[2])",
+    "R_i is transposed the wrong way: expected R_i^T": (
         "rotation(pose_i[2]).T => rotation(pose_i[2])"
     ),
     "the last column lacks the lever: turning robot i swings pose j around it": (
@@ -559,7 +559,7 @@ check_relax.mistakes = {
         "wrap_angle(poses[j, 2] - poses[i, 2] - measured[2])"
         " => (poses[j, 2] - poses[i, 2] - measured[2])"
     ),
-    "the new headings are not wrapped: (-pi, pi] is due": ("wrap_angle(new[:, 2]) => new[:, 2]"),
+    "the new headings are not wrapped: expected (-pi, pi]": ("wrap_angle(new[:, 2]) => new[:, 2]"),
     "the step goes uphill: H step = -b": "-b[3:] => b[3:]",
     "the information is not used in H: A^T Omega A": "A.T @ weight @ A => A.T @ A",
     "the information is not used in b: A^T Omega e": "A.T @ weight @ e => A.T @ e",
@@ -576,7 +576,7 @@ check_relax.mistakes = {
         ("A[:2, :2], A[:2, 3:5] = -back @ into_i, back @ into_i => A[:2, :2] = -back @ into_i"),
         ("A[2, 2], A[2, 5] = -1.0, 1.0 => A[2, 2] = -1.0"),
     ),
-    "only the step came: add it to the poses": "poses + step => 0 * poses + step",
+    "only the step was returned: add it to the poses": "poses + step => 0 * poses + step",
 }
 
 # %% [markdown] tags=["solution"]
@@ -724,7 +724,7 @@ check_slam.mistakes = {
     "all edges have the information of the closures: motions have their own": (
         "[omega] * n => [omega_closure] * n"
     ),
-    "chi2 is that of dead reckoning: the relaxed poses are due": (
+    "chi2 is that of dead reckoning: expected the relaxed poses": (
         "edge_error(poses[i], poses[j], seen)"
         " => edge_error(*dead_reckoning(start, odometry)[[i, j]], seen)"
     ),
@@ -778,7 +778,7 @@ check_slam.mistakes = {
 #         poses, chi2 = slam(*given, pairs, z, np.diag(SEEN**-2))
 #         rows[name].append((gap(poses, truth), chi2))
 # low, high = chi2_band(15, 40)
-# print(f"mean chi2 is due between {low:.1f} and {high:.1f}")
+# print(f"mean chi2 expected between {low:.1f} and {high:.1f}")
 # for name, found in rows.items():
 #     error, chi2 = np.mean(found, axis=0)
 #     print(f"{name:24s} error {error:.2f} m, mean chi2 {chi2:.3g}")

@@ -231,7 +231,7 @@ check_update.mistakes = {
     "divided by the largest entry: probabilities must sum to one": (
         "posterior.sum() => posterior.max()"
     ),
-    "divided by its length: root of the sum of squares; the sum is due": (
+    "divided by its length, the root of the sum of squares: expected the sum": (
         "posterior.sum() => np.sqrt(np.sum(posterior**2))"
     ),
     "the measurement was counted twice": (
@@ -438,7 +438,9 @@ check_wander.mistakes = {
     ),
     "the looks were not used": "if saw >= 0 => if False",
     "nothing was predicted: the robot moves": "predict(belief, *step) => belief + 0.0",
-    "the last belief came: the one after each step is due": lambda *given: wander(*given)[-1],
+    "only the last belief was returned: expected one after each step": lambda *given: wander(
+        *given
+    )[-1],
     "every step began at the first belief: the old result is the new prior": (
         "found = [] => found, first = [], belief",
         "predict(belief, => predict(first,",

@@ -121,11 +121,11 @@ def _model(rng: np.random.Generator, n: int, m: int) -> Case:
 
 check_predict.mistakes = {
     "F P F is no covariance: the second F must be transposed": "F.T => F",
-    "the transposed F stands on the wrong side: F P F^T is due": (
+    "the transposed F stands on the wrong side: expected F P F^T": (
         "F @ cov @ F.T => F.T @ cov @ F"
     ),
-    "F stands on one side only: F P F^T is due": " @ F.T => ",
-    "the covariance did not move: F P F^T is due": "F @ cov @ F.T => cov",
+    "F stands on one side only: expected F P F^T": " @ F.T => ",
+    "the covariance did not move: expected F P F^T": "F @ cov @ F.T => cov",
     "Q is missing: every motion adds uncertainty": " + Q => ",
     "Q went through the motion too: it is added after it": (
         "F @ cov @ F.T + Q => F @ (cov + Q) @ F.T"
@@ -231,13 +231,13 @@ check_update.mistakes = {
     "the mean did not move: the gain times the innovation is added": (
         "mean + K @ innovation => mean.copy()"
     ),
-    "the step alone came: it is added to the mean": "mean + K => K",
-    "the covariance did not shrink: (I - K H) P is due": (
+    "the step alone was returned: it is added to the mean": "mean + K => K",
+    "the covariance did not shrink: expected (I - K H) P": (
         "(np.eye(len(mean)) - K @ H) @ cov => cov.copy()"
     ),
     "the covariance grew: (I + K H) P instead of (I - K H) P": ") - K @ H => ) + K @ H",
     "I - K H alone is no covariance: it multiplies P": "K @ H) @ cov => K @ H)",
-    "P stands on the wrong side: (I - K H) P is due": (
+    "P stands on the wrong side: expected (I - K H) P": (
         "(np.eye(len(mean)) - K @ H) @ cov => cov @ (np.eye(len(mean)) - K @ H)"
     ),
     "R is a covariance already: it is not squared": "+ R => + R @ R",
@@ -336,8 +336,8 @@ check_joseph.mistakes = {
         "A @ cov @ A.T + K @ R @ K.T => cov - K @ (H @ cov @ H.T + R) @ K.T"
     ),
     "the gain around R is missing: R lives in the world of the measurement": ("K @ R @ K.T => R"),
-    "I + K H stands where I - K H is due": "- K @ H => + K @ H",
-    "the noise alone came: A P A^T is missing": "A @ cov @ A.T +  => ",
+    "expected I - K H, not I + K H": "- K @ H => + K @ H",
+    "the noise alone was returned: A P A^T is missing": "A @ cov @ A.T +  => ",
 }
 
 # %% [markdown] tags=["solution"]
@@ -464,7 +464,7 @@ check_track.mistakes = {
         "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]] => [[dt**3 / 3, 0.0], [0.0, dt]]"
     ),
     "dt is missing in F": "[[1.0, dt], [0.0, 1.0]] => [[1.0, 1.0], [0.0, 1.0]]",
-    "the last belief came: the one after each reading is due": (
+    "only the last belief was returned: expected one after each reading": (
         lambda *given: (track(*given)[0][-1], track(*given)[1][-1])
     ),
 }
@@ -548,8 +548,8 @@ def _judged(tune: Function, aspect: str) -> Any:
         return "q must be a positive number"
     nis, next_to_next = _innovations(float(q))
     if aspect == "size" and not 0.85 < nis < 1.15:
-        surer = "too small: the filter is too sure of itself" if nis > 1 else "too large"
-        return f"the mean NIS is {nis:.2f}, between 0.85 and 1.15 is due: q is {surer}"
+        surer = "too small: the filter is overconfident" if nis > 1 else "too large"
+        return f"expected a mean NIS between 0.85 and 1.15, got {nis:.2f}: q is {surer}"
     if aspect == "order" and abs(next_to_next) > 0.12:
         late = "late, q is too small" if next_to_next > 0 else "nervous, q is too large"
         return (

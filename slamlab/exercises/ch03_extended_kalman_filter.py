@@ -116,7 +116,7 @@ check_range_bearing.mistakes = {
     "the range is the sum of the sides: take the root of the sum of their squares": (
         "np.hypot(dx, dy) => abs(dx) + abs(dy)"
     ),
-    "the bearing is in degrees: radians are due": (
+    "the bearing is in degrees: expected radians": (
         "wrap_angle(np.arctan2(dy, dx) - pose[2])"
         " => np.rad2deg(wrap_angle(np.arctan2(dy, dx) - pose[2]))"
     ),
@@ -203,7 +203,7 @@ check_innovation = Check(
 # %% tags=["mistakes"]
 check_innovation.mistakes = {
     "the bearing is off by 2 pi: wrap the difference": "wrap_angle( => (",
-    "the sign is reversed: measured minus predicted is due": (
+    "the sign is reversed: expected measured minus predicted": (
         lambda z, p: np.array([p[0] - z[0], wrap_angle(p[1] - z[1])])
     ),
     "the range was wrapped too: only the bearing is an angle": (lambda z, p: wrap_angle(z - p)),
@@ -457,7 +457,7 @@ check_follow.mistakes = {
         "innovation(seen, range_bearing(mean, landmark)) => (seen - range_bearing(mean, landmark))"
     ),
     "the heading is not wrapped: it must lie in (-pi, pi]": "wrap_angle(mean[2]) => mean[2]",
-    "this is F^T P F: F P F^T is due": "F_x @ cov @ F_x.T => F_x.T @ cov @ F_x",
+    "this is F^T P F: expected F P F^T": "F_x @ cov @ F_x.T => F_x.T @ cov @ F_x",
     "the noise of the motion is missing": " + F_u @ V @ F_u.T => ",
     "R is missing in S: the sensor is not perfect": "H @ cov @ H.T + R => H @ cov @ H.T",
     "R must not be added to the gain": (
@@ -467,16 +467,16 @@ check_follow.mistakes = {
     "F has the wrong sign in its last column: differentiate cos and sin": (
         "-v * dt * s], [0, 1, v * dt * c] => v * dt * s], [0, 1, -v * dt * c]"
     ),
-    "F is the identity here: a doubt of the heading becomes one of the place": (
+    "F is the identity here: uncertainty of the heading becomes one of the position": (
         "F_x @ cov @ F_x.T => cov"
     ),
     "the sign of the innovation is reversed: measured minus predicted": (
         "mean + K @ innovation => mean - K @ innovation"
     ),
-    "the covariance did not shrink: (I - K H) P is due": "(np.eye(3) - K @ H) @ cov => cov",
+    "the covariance did not shrink: expected (I - K H) P": "(np.eye(3) - K @ H) @ cov => cov",
     "the measurements were not used": "np.isfinite(seen).all() => False",
     "dt is missing in F_u: a velocity acts for dt": ("F_u = dt * np => F_u = np"),
-    "the last belief came: the one after each step is due": (
+    "only the last belief was returned: expected one after each step": (
         lambda *given: (follow(*given)[0][-1], follow(*given)[1][-1])
     ),
 }

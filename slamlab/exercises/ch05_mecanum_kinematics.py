@@ -263,7 +263,7 @@ check_step.mistakes = {
         " - s * u[1] => ",
         " + c * u[1] => ",
     ),
-    "the step alone came: it is added to the pose": (
+    "the step alone was returned: it is added to the pose": (
         "x = pose[0] +  => x = ",
         "y = pose[1] +  => y = ",
     ),
@@ -466,7 +466,7 @@ check_slip.mistakes = {
     "only one side was compared: all four wheels have a say": (
         f"{_PATTERN} => [1.0, 0.0, -1.0, 0.0]"
     ),
-    "the size alone came: the sign tells which axle spins": (
+    "the size alone was returned: the sign tells which axle spins": (
         lambda wheels, sigma: np.abs(slip_alarm(wheels, sigma))
     ),
 }

@@ -181,7 +181,7 @@ check_first_hit.mistakes = {
         lambda o, x, y, a: _sampled(o, x, y, a, 0.1)
     ),
     "this is the distance to the cell's centre: the beam ends at its border": _to_the_centre,
-    "a beam that leaves the grid met nothing: inf is due, not the way to the edge": _fenced,
+    "a beam that leaves the grid met nothing: expected inf, not the way to the edge": _fenced,
     "row 0 is at the bottom: the picture was turned over": (
         lambda o, x, y, a: first_hit(o[::-1], x, y, a)
     ),
@@ -311,7 +311,7 @@ check_beam_angles.mistakes = {
         "field_of_view >= 2 * np.pi => False"
     ),
     "these turn clockwise: angles grow counterclockwise": lambda n, v: -beam_angles(n, v),
-    "these are degrees: radians are due": lambda n, v: np.rad2deg(beam_angles(n, v)),
+    "these are degrees: expected radians": lambda n, v: np.rad2deg(beam_angles(n, v)),
     "a part of the circle has a beam on both of its edges": (
         "np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)"
         " => -field_of_view / 2 + field_of_view * np.arange(n_beams) / n_beams"
@@ -418,7 +418,9 @@ check_scan_to_points.mistakes = {
     "inf is no place: a beam that met nothing gives NaN": (
         "np.where(np.isfinite(ranges), ranges, np.nan) => ranges"
     ),
-    "a missing return became a point on the robot: NaN is due": ("ranges, np.nan => ranges, 0.0"),
+    "a missing return became a point on the robot: expected NaN": (
+        "ranges, np.nan => ranges, 0.0"
+    ),
     "the heading is missing: beams turn with the robot": "pose[2] + angles => angles",
     "the position is missing: these points are seen from the robot": (
         "pose[0] +  => ",
@@ -584,10 +586,10 @@ check_nearest_wall.mistakes = {
         "t[met].min() => np.abs(t[met]).min()",
     ),
     "a range is negative: walls behind the lidar do not count": "(t >= 0) &  => ",
-    "this is the first wall of the list that is met: the nearest is due": (
+    "this is the first wall of the list that is met: expected the nearest": (
         "t[met].min() => t[met][0]"
     ),
-    "this is the last wall of the list that is met: the nearest is due": (
+    "this is the last wall of the list that is met: expected the nearest": (
         "t[met].min() => t[met][-1]"
     ),
     "this is the farthest wall that is met: the nearest hides it": "min() => max()",
@@ -737,7 +739,7 @@ check_record.mistakes = {
     "a pose is in metres, `first_hit` counts in cells: divide by the resolution": (
         "x / resolution, y / resolution => x, y"
     ),
-    "the ranges are in cells: metres are due": "r = resolution *  => r = ",
+    "the ranges are in cells: expected metres": "r = resolution *  => r = ",
     "the resolution was used the wrong way round: cells times resolution are metres": (
         "resolution * first_hit( => 1 / resolution * first_hit("
     ),
@@ -747,13 +749,13 @@ check_record.mistakes = {
     "the heading counts twice in the points": (
         "ranges[k], angles) => ranges[k], angles + heading)"
     ),
-    "the points are seen from the robot: the world is due": (
+    "the points are seen from the robot: expected points in the world": (
         "scan_to_points(poses[k],  => scan_to_points(np.zeros(3), "
     ),
     "every scan was taken from the first pose": (
         lambda o, s, p, n, v, m: record(o, s, np.repeat(p[:1], len(p), 0), n, v, m)
     ),
-    "what is farther than max_range is not seen: inf is due": "if r <= max_range => if True",
+    "what is farther than max_range is not seen: expected inf": "if r <= max_range => if True",
     "a beam that met nothing within its reach has the range inf, not max_range": (
         "ranges[k, i] = r\n"
         " => ranges[k, i] = r\n            else:\n                ranges[k, i] = max_range\n"
@@ -764,7 +766,7 @@ check_record.mistakes = {
     "max_range is in metres: it was compared with cells": (
         "if r <= max_range => if r / resolution <= max_range"
     ),
-    "the points came in cells: metres are due": (
+    "the points are in cells: expected metres": (
         "return ranges, points => return ranges, points / resolution"
     ),
 }

@@ -155,8 +155,10 @@ check_line.mistakes = {
     "this is the line through the first and the last point: all points have a say": (
         _through_the_first
     ),
-    "alpha is in degrees: radians are due": lambda p: (line(p)[0], np.rad2deg(line(p)[1])),
-    "alpha is in [0, 2 pi): (-pi, pi] is due": (lambda p: (line(p)[0], line(p)[1] % (2 * np.pi))),
+    "alpha is in degrees: expected radians": lambda p: (line(p)[0], np.rad2deg(line(p)[1])),
+    "alpha is in [0, 2 pi): expected (-pi, pi]": (
+        lambda p: (line(p)[0], line(p)[1] % (2 * np.pi))
+    ),
     "r and alpha are exchanged: r comes first": lambda p: line(p)[::-1],
 }
 
@@ -267,7 +269,7 @@ check_corner.mistakes = {
     "this is the distance from the first point: measure it from the chord": (
         lambda p: int(np.argmax(np.hypot(*(p - p[0]).T)))
     ),
-    "this is the sharpest turn: the farthest from the chord is due": _sharpest,
+    "this is the sharpest turn: expected the farthest from the chord": _sharpest,
     "this is the middle of the stretch": lambda p: len(p) // 2,
     "this is the point farthest from the middle of the points": (
         lambda p: int(np.argmax(np.hypot(*(p - p.mean(0)).T)))
@@ -275,15 +277,15 @@ check_corner.mistakes = {
     "the distance was taken along y: measure it across the chord": (
         "u[0] * d[:, 1] - u[1] * d[:, 0] => d[:, 1] - u[1] * np.arange(len(d)) / (len(d) - 1)"
     ),
-    "this is the distance itself: the index of the point is due": lambda p: _off(p).max(),
+    "this is the distance itself: expected the index of the point": lambda p: _off(p).max(),
     "off by one: the first point has index 0": lambda p: corner(p) + 1,
-    "this point lies nearest to the chord: the farthest is due": (
+    "this point lies nearest to the chord: expected the farthest": (
         lambda p: 1 + int(np.argmin(_off(p)[1:-1]))
     ),
     "counted among the inner points: the first point of the stretch has index 0": (
         lambda p: corner(p) - 1
     ),
-    "this is the point itself: its index is due": lambda p: p[corner(p)],
+    "this is the point itself: expected its index": lambda p: p[corner(p)],
 }
 
 # %% [markdown] tags=["solution"]
@@ -394,7 +396,7 @@ check_wall_cov.mistakes = {
     "these look like standard deviations: the variances were given, do not square them": (
         "J * variances => J * variances**2"
     ),
-    "the roots of the variances were used: the variances themselves are due": (
+    "the roots of the variances were used: expected the variances themselves": (
         "J * variances => J * np.sqrt(variances)"
     ),
     "this does not shrink with more points: the average of k errors has 1/k of it": (
@@ -543,15 +545,15 @@ check_to_world.mistakes = {
     "r did not change: from the origin the wall is nearer or farther": (
         "r + pose[0] * c + pose[1] * s => r"
     ),
-    "the doubt about the pose is missing": "J_pose @ P @ J_pose.T +  => ",
-    "the wall's own doubt is missing": " + J_wall @ C @ J_wall.T => ",
+    "the uncertainty of the pose is missing": "J_pose @ P @ J_pose.T +  => ",
+    "the wall's own uncertainty is missing": " + J_wall @ C @ J_wall.T => ",
     "the lever is missing in the pose's part: a turn of the robot swings the wall": (
         "[c, s, lever] => [c, s, 0.0]"
     ),
     "the lever has the wrong sign: it is the derivative of r by alpha": (
         "pose[1] * c - pose[0] * s => pose[0] * s - pose[1] * c"
     ),
-    "the doubt about the heading does not reach alpha": "[0.0, 0.0, 1.0]] => [0.0] * 3]",
+    "the uncertainty of the heading does not reach alpha": "[0.0, 0.0, 1.0]] => [0.0] * 3]",
 }
 
 # %% [markdown] tags=["solution"]
@@ -700,7 +702,7 @@ def _cut_once(points: Array, variance: float, threshold: float, fewest: int) -> 
 check_walls.mistakes = {
     "nothing was cut: one line goes through all points": (".max() <= threshold => .max() >= 0"),
     "cut once only: ask the same of both pieces": _cut_once,
-    "the chord decided: the distance from the fitted line is due": _by_the_chord,
+    "the chord decided: expected the distance from the fitted line": _by_the_chord,
     "the mean distance decided: no point may lie farther off than the threshold": (
         ".max() <= threshold => .mean() <= threshold"
     ),
@@ -720,10 +722,10 @@ check_walls.mistakes = {
         "points[:cut] => points[: cut + 1]",
         "points[cut:] => points[cut + 1 :]",
     ),
-    "only the first pieces came: the second ones hold walls too": (
+    "only the first pieces were returned: the second ones hold walls too": (
         "np.vstack([first[0], second[0]]), np.concatenate([first[1], second[1]]) => first"
     ),
-    "the walls came in the order of the last: the first points make the first wall": (
+    "the walls are in the order of the last: the first points make the first wall": (
         "[first[0], second[0]]), np.concatenate([first[1], second[1]])"
         " => [second[0], first[0]]), np.concatenate([second[1], first[1]])"
     ),
@@ -759,7 +761,7 @@ check_walls.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Now a room whose truth is known: 4 m by 6 m, seen from inside by 120 beams, every point off by 1
-# cm in x and in y, two hundred times over. Four walls are due; the first beam falls onto the
+# cm in x and in y, two hundred times over. Four walls are expected; the first beam falls onto the
 # middle of one, so five pieces. The threshold is yours to tune: too small, and noise cuts walls
 # to pieces; too large, and walls reach round corners. Does the covariance tell the truth about
 # what is left? The error of a wall in units of its covariance has the mean 2, the number of its
@@ -782,7 +784,7 @@ check_walls.mistakes = {
 #     return squared.min(1)
 
 # %% active="ipynb" tags=["solution"]
-# def told_apart(points):
+# def with_given_corners(points):
 #     lines, covs = [], []
 #     for mine in WHOSE == np.arange(4)[:, None]:
 #         r, alpha = line(points[mine])
@@ -795,19 +797,19 @@ check_walls.mistakes = {
 #     squared = np.concatenate([judge(*f) for f in found])
 #     low, high = chi2_band(2, len(squared))
 #     print(f"{name:20s} {len(squared) / 200:.1f} walls a scan, "
-#           f"mean NEES {squared.mean():.3g}, due {low:.2f} to {high:.2f}")
+#           f"mean NEES {squared.mean():.3g}, expected {low:.2f} to {high:.2f}")
 #
 # scans = [scan(np.random.default_rng(k)) for k in range(200)]
 # for sigmas in (2, 3, 5, 20):
 #     found = [walls(s, 1e-4, sigmas * 0.01, 5) for s in scans]
 #     report(f"threshold {sigmas} sigma", found)
-# report("told which is whose", [told_apart(s) for s in scans])
+# report("corners given", [with_given_corners(s) for s in scans])
 
 # %% [markdown] tags=["solution"]
 # With thresholds of 3 and 5 σ a scan has little more than its five pieces, and the walls err by
-# more than they claim. The last line says why: told which point belongs to which wall, the same
-# fit and the same covariance lie within the band. What is missing is the doubt about the corner,
-# where the noise decides which wall gets a point. At 20 σ each wall carries points of its
+# more than they claim. The last line says why: given which point belongs to which wall, the same
+# fit and the same covariance lie within the band. What is missing is the uncertainty of the
+# corner, where the noise decides which wall gets a point. At 20 σ each wall carries points of its
 # neighbour along, and its covariance knows nothing of it.
 
 # %% [markdown] tags=["statement"]

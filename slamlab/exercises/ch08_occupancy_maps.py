@@ -101,7 +101,7 @@ check_fuse = Check(
     "p",
     {
         "without hints the prior stays": (0.2, []),
-        "two hits make the map surer than one": (0.5, [0.7, 0.7]),
+        "two hits make the map more certain than one": (0.5, [0.7, 0.7]),
         "hit and miss, with a prior of one half": (0.5, [0.7, 0.4, 0.4]),
         "a cell that is probably free": (0.2, [0.6, 0.6, 0.1]),
         "hints that say nothing new change nothing": (0.3, [0.3, 0.3, 0.3, 0.3]),
@@ -120,7 +120,7 @@ check_fuse.mistakes = {
         " => np.sum(np.log(hints / (1 - hints)))"
     ),
     "the prior itself is missing: without any hint it is the answer": "start +  => ",
-    "the hints were averaged: agreeing hints must make the map surer than each of them": (
+    "the hints were averaged: agreeing hints must make the map more certain than each of them": (
         lambda p, h: np.mean([p, *h])
     ),
     "the log odds were averaged: evidence adds up": "start + np.sum( => start + np.mean(",
@@ -358,7 +358,7 @@ check_map_entropy.mistakes = {
         )
     ),
     "these are nats: divide by ln 2 for bits": " / np.log(2) => ",
-    "this is the mean of the cells: their sum is due": "np.sum( => np.mean(",
+    "this is the mean of the cells: expected their sum": "np.sum( => np.mean(",
     "half is missing: free is a state too, -(1 - p) log(1 - p)": (
         lambda log: np.sum(_terms(_sure(log)))
     ),
@@ -372,7 +372,7 @@ check_map_entropy.mistakes = {
     "this counts the unknown cells: a cell that is half known has some entropy left": (
         lambda log: float(np.sum(log == 0))
     ),
-    "one value a cell came: their sum is due": (
+    "one value a cell was returned: expected their sum": (
         lambda log: [map_entropy(one) for one in log.ravel()]
     ),
     "these are decimal digits: divide by ln 2 for bits": "np.log(2) => np.log(10)",

@@ -159,10 +159,10 @@ check_jacobian.mistakes = {
     "F is -1 only without a lever: the lever swings the sensor": (
         "L * (D * c - C * s) - 1 => -1.0"
     ),
-    "C and D are divided by the distance: its square is due": (
+    "C and D are divided by the distance: expected its square": (
         "-dy / squared, dx / squared => -dy / rho, dx / rho"
     ),
-    "A and B are divided by the squared distance: the distance is due": (
+    "A and B are divided by the squared distance: expected the distance": (
         "dx / rho, dy / rho => dx / squared, dy / squared"
     ),
     "the signs of C and D are exchanged": (
@@ -298,7 +298,7 @@ check_add_landmark.mistakes = {
         "G_pose @ P[:3, :]\n => G_pose @ P[:3, :] * (np.arange(len(P)) < 3)\n"
     ),
     "the sensor's noise is missing: add G_z R G_z^T": " + G_z @ R @ G_z.T => ",
-    "the robot's doubt is missing: add G_pose P_p G_pose^T": (
+    "the robot's uncertainty is missing: add G_pose P_p G_pose^T": (
         "G_pose @ P[:3, :3] @ G_pose.T +  => "
     ),
     "R is in metres and radians, the map in metres: it goes through G_z": ("G_z @ R @ G_z.T => R"),
@@ -307,7 +307,7 @@ check_add_landmark.mistakes = {
     ),
     "the second G_z is not transposed: G_z R G_z^T": "R @ G_z.T => R @ G_z",
     "G_z stands on one side only: G_z R G_z^T": "R @ G_z.T => R",
-    "the noise was subtracted: a new landmark is never surer than its sensor": (
+    "the noise was subtracted: a new landmark is never more certain than its sensor": (
         "+ G_z @ R => - G_z @ R"
     ),
     "the blocks beside the new landmark have the wrong sign": (
@@ -319,7 +319,7 @@ check_add_landmark.mistakes = {
     "the new landmark stands first: it comes last": (
         "[[P, cross.T], [cross, own]] => [[own, cross], [cross.T, P]]"
     ),
-    "only the block of the new landmark came: the whole covariance is due": (
+    "only the block of the new landmark was returned: expected the whole covariance": (
         "np.block([[P, cross.T], [cross, own]]) => own"
     ),
 }
@@ -646,11 +646,11 @@ check_update = Check(
 check_update.mistakes = {
     "landmark i begins at 3 + 2 i: each takes two rows": "3 + 2 * i => 3 + i",
     "the pose takes three rows: landmark i begins at 3 + 2 i": "3 + 2 * i => 2 + 2 * i",
-    "always the first landmark: which one was seen is told by i": "3 + 2 * i => 3",
-    "the landmark's columns of H are empty: it is in doubt as well": (
+    "always the first landmark: which one was seen is given by i": "3 + 2 * i => 3",
+    "the landmark's columns of H are empty: it is uncertain as well": (
         "[[dx / rho, dy / rho], [-dy / squared, dx / squared]] => 0.0"
     ),
-    "the pose's columns of H are empty: the robot is in doubt as well": (
+    "the pose's columns of H are empty: the robot is uncertain as well": (
         "[[-dx / rho, -dy / rho, 0.0], [dy / squared, -dx / squared, -1.0]] => 0.0"
     ),
     "the bearing does not know the heading: its entry is -1": (
@@ -668,7 +668,7 @@ check_update.mistakes = {
     "only the pose was corrected: the map learns too": (
         "new = mean + K @ v => new = mean + np.append((K @ v)[:3], np.zeros(len(mean) - 3))"
     ),
-    "the covariance did not shrink: (I - K H) P is due": (
+    "the covariance did not shrink: expected (I - K H) P": (
         "(np.eye(len(mean)) - K @ H) @ P => P.copy()"
     ),
     "the innovation has the wrong sign: measured minus predicted": (
@@ -859,7 +859,7 @@ check_slam.mistakes = {
         "G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])"
         " => G = np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])"
     ),
-    "F is the identity here: a doubt of the heading becomes one of the place": (
+    "F is the identity here: uncertainty of the heading becomes one of the position": (
         "[[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c], [0.0, 0.0, 1.0]]"
         " => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"
     ),
@@ -870,7 +870,7 @@ check_slam.mistakes = {
     "the heading is not wrapped after the motion": (
         "wrap_angle(mean[2] + omega * dt) => mean[2] + omega * dt"
     ),
-    "only the pose came: state and covariance of all landmarks are due": (
+    "only the pose was returned: expected state and covariance of all landmarks too": (
         "return mean, P => return mean[:3], P[:3, :3]"
     ),
 }
@@ -913,7 +913,7 @@ check_slam.mistakes = {
 #     return np.mean(found)
 #
 # low, high = chi2_band(3, 200)
-# print(f"mean NEES {mean_nees(slam):.1f}, due between {low:.1f} and {high:.1f}")
+# print(f"mean NEES {mean_nees(slam):.1f}, expected between {low:.1f} and {high:.1f}")
 
 # %% active="ipynb" tags=["solution"]
 # def ties_left_behind(u, dt, V, z, ids, R):
@@ -938,7 +938,7 @@ check_slam.mistakes = {
 #     return mean, P
 #
 # print(f"mean NEES {mean_nees(ties_left_behind):.1f}, "
-#       f"due between {low:.1f} and {high:.1f}")
+#       f"expected between {low:.1f} and {high:.1f}")
 # check_slam(ties_left_behind)
 
 # %% [markdown] tags=["statement"]

@@ -130,7 +130,7 @@ check_difference_cov.mistakes = {
     ),
     "x and y of a landmark stand side by side: (x, y, theta, x1, y1, x2, y2)": _interleaved,
     "this is the covariance of pose and first landmark": lambda P: P[:2, :2] + P[3:5, 3:5],
-    "only the first landmark's covariance came": lambda P: P[3:5, 3:5].copy(),
+    "only the first landmark's covariance was returned": lambda P: P[3:5, 3:5].copy(),
 }
 
 # %% [markdown] tags=["solution"]
@@ -226,7 +226,7 @@ check_predict_cov.mistakes = {
         "predicted[:3, 3:] = F @ P[:3, 3:]\n    predicted[3:, :3] = predicted[:3, 3:].T"
         " => predicted[3:, :3] = (F @ P[:3, 3:]).T"
     ),
-    "P_xm turned twice: one F from the side of the pose is due": (
+    "P_xm turned twice: expected one F from the side of the pose": (
         "F @ P[:3, 3:] => F @ F @ P[:3, 3:]"
     ),
     "P_xm turned by the transposed F": "F @ P[:3, 3:] => F.T @ P[:3, 3:]",
@@ -237,17 +237,17 @@ check_predict_cov.mistakes = {
     "Q was added to the landmarks as well: they do not move": (
         lambda P, F, Q: predict_cov(P, F, Q) + _noisy_map(P, Q)
     ),
-    "this is F^T P F: F P F^T is due": (
+    "this is F^T P F: expected F P F^T": (
         "F @ P[:3, 3:] => F.T @ P[:3, 3:]",
         "F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F",
     ),
-    "the pose block is F^T P F: F P F^T is due": ("F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F"),
+    "the pose block is F^T P F: expected F P F^T": ("F @ P[:3, :3] @ F.T => F.T @ P[:3, :3] @ F"),
     "the pose block needs F from both sides: F P_xx F^T": ("F @ P[:3, :3] @ F.T => F @ P[:3, :3]"),
     "the second F of the pose block is not transposed: F P_xx F^T": "@ F.T => @ F",
     "P_xm became zero: pose and map stay correlated": (
         "predicted[:3, 3:] = F => predicted[:3, 3:] = 0 * F"
     ),
-    "only the block of the pose came: the whole covariance is due": (
+    "only the block of the pose was returned: expected the whole covariance": (
         "return predicted => return predicted[:3, :3]"
     ),
 }
@@ -517,27 +517,27 @@ check_update = Check(
 
 # %% tags=["mistakes"]
 check_update.mistakes = {
-    "H takes the landmark at its latest estimate: its first one is due, for ever": (
+    "H takes the landmark at its latest estimate: expected its first one, for ever": (
         "first[k : k + 2] - first[:2] => mean[k : k + 2] - first[:2]"
     ),
-    "H takes the pose at its latest estimate: the predicted one in `first` is due": (
+    "H takes the pose at its latest estimate: expected the predicted one in `first`": (
         "first[k : k + 2] - first[:2] => first[k : k + 2] - mean[:2]"
     ),
     "H is taken at the latest estimates: this is the usual EKF, which learns where north is": (
         "first[k : k + 2] - first[:2] => mean[k : k + 2] - mean[:2]"
     ),
-    "the innovation was taken at the first estimates: what is expected now is due": (
+    "the innovation was taken at the first estimates: predict it from the latest ones": (
         "mean[k : k + 2] - mean[:2] => first[k : k + 2] - first[:2]",
         "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
     ),
-    "the innovation takes the pose from `first`: what is expected now is due": (
+    "the innovation takes the pose from `first`: predict it from the latest estimate": (
         "mean[k : k + 2] - mean[:2] => mean[k : k + 2] - first[:2]",
         "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
     ),
-    "the innovation takes the landmark from `first`: what is expected now is due": (
+    "the innovation takes the landmark from `first`: predict it from the latest estimate": (
         "mean[k : k + 2] - mean[:2] => first[k : k + 2] - mean[:2]"
     ),
-    "the innovation takes the heading from `first`: what is expected now is due": (
+    "the innovation takes the heading from `first`: predict it from the latest estimate": (
         "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]"
     ),
     "the correction was added to the first estimates: they stay, the mean moves": (
@@ -547,7 +547,7 @@ check_update.mistakes = {
     "the innovation is not wrapped": "wrap_angle(v[1]) => v[1]",
     "the heading is not wrapped after the correction": ("wrap_angle(new[2]) => new[2]"),
     "R is missing in S": "H @ P @ H.T + R => H @ P @ H.T",
-    "the covariance did not shrink: (I - K H) P is due": (
+    "the covariance did not shrink: expected (I - K H) P": (
         "(np.eye(len(mean)) - K @ H) @ P => P.copy()"
     ),
     "the innovation has the wrong sign: measured minus predicted": (
@@ -705,7 +705,7 @@ check_slam.mistakes = {
     "the pose in `first` stayed at the start: it is the predicted one, step by step": (
         "first[:3] = mean[:3] => pass"
     ),
-    "the start is in doubt: P begins as P0": (
+    "the start is uncertain: P begins as P0": (
         "np.zeros(3), P0, np => np.zeros(3), np.zeros((3, 3)), np"
     ),
     "the noise of the motion is missing: add G V G^T to the block of the pose": (
@@ -714,10 +714,10 @@ check_slam.mistakes = {
     "nothing was predicted: the robot moves before it looks": (
         "mean[:2] += v * dt * np.array([c, s]) => mean[:2] += 0.0"
     ),
-    "F is the identity here: a doubt of the heading becomes one of the place": (
+    "F is the identity here: uncertainty of the heading becomes one of the position": (
         "F[:2, 2] = first[1] - mean[1], mean[0] - first[0] => pass"
     ),
-    "the turn in F goes the wrong way: (-y, x) of the way is due": (
+    "the turn in F goes the wrong way: expected (-y, x) of the way": (
         "first[1] - mean[1], mean[0] - first[0] => mean[1] - first[1], first[0] - mean[0]"
     ),
     "a new landmark has no cross-covariances: it was placed from the pose": (
@@ -729,7 +729,7 @@ check_slam.mistakes = {
     "the heading is not wrapped after the motion": (
         "wrap_angle(mean[2] + omega * dt) => mean[2] + omega * dt"
     ),
-    "only the pose came: state and covariance of all landmarks are due": (
+    "only the pose was returned: expected state and covariance of all landmarks too": (
         "return mean, P => return mean[:3], P[:3, :3]"
     ),
 }
@@ -802,7 +802,7 @@ check_slam.mistakes = {
 #     return np.mean(claimed), np.mean(squared)
 #
 # low, high = chi2_band(1, 60)
-# print(f"mean NEES of the heading is due between {low:.2f} and {high:.2f}")
+# print(f"mean NEES of the heading expected between {low:.2f} and {high:.2f}")
 # speeds = {"standing": np.zeros((60, 2)), "driving": np.tile([0.5, 0.4], (60, 1))}
 # for name, u in speeds.items():
 #     for filter_ in (usual, slam):

@@ -135,7 +135,7 @@ check_gate.mistakes = {
     "this many lie outside, and the rest inside: P(D^2 < c) = 1 - exp(-c/2)": (
         "1 - share ** (1 / pairs) => share ** (1 / pairs)"
     ),
-    "this is the probability of one pair: its gate is due": (
+    "this is the probability of one pair: expected its gate": (
         lambda share, pairs: share ** (1 / pairs)
     ),
 }
@@ -284,7 +284,7 @@ check_nearest.mistakes = {
     "the distance is Euclidean: metres and radians know nothing of the covariance": _by(
         lambda y, S: (y**2).sum(1)
     ),
-    "S was multiplied, not inverted: a large doubt must make the distance small": (
+    "S was multiplied, not inverted: a large covariance must make the distance small": (
         "np.linalg.solve(S, y[..., None]) => (S @ y[..., None])"
     ),
     "only the diagonal of S was used: range and bearing errors are correlated": _by(
@@ -581,17 +581,17 @@ check_best_first.mistakes = {
     "a measurement that lost its nearest landmark may still take another inside the gate": (
         "left[:, row] = np.inf => left[left.argmin(1) == row] = np.inf"
     ),
-    "both rivals were dropped: the nearer one keeps the landmark": _both_dropped,
+    "both candidates were dropped: the nearer one keeps the landmark": _both_dropped,
     "the gate was not used": "distance < gate => distance < np.inf",
     "exactly on the gate is not inside": "distance < gate => distance <= gate",
     "this is the assignment of the smallest sum: the best pair of all goes first": _hungarian,
-    "these are the measurements of the landmarks: the landmarks of the measurements are due": (
+    "these are the measurements of the landmarks: expected the landmarks of the measurements": (
         lambda distance, gate: best_first(distance.T, gate)
     ),
-    "the distances came: the landmarks of the measurements are due": (
+    "the distances were returned: expected the landmarks of the measurements": (
         lambda distance, gate: distance.min(1)
     ),
-    "one pair only came: go on until nothing is inside the gate": (
+    "one pair only was returned: go on until nothing is inside the gate": (
         "left[j, :] = left[:, row] = np.inf => left[:] = np.inf"
     ),
 }
@@ -705,7 +705,7 @@ check_stacked.mistakes = {
     "only the diagonal of R was used: range and bearing may err together": (
         "np.kron(np.eye(len(H)), R) => np.kron(np.eye(len(H)), np.diag(np.diag(R)))"
     ),
-    "P is missing: the innovations share the doubt of the state, A P A^T": (
+    "P is missing: the innovations share the uncertainty of the state, A P A^T": (
         "A @ P @ A.T => A @ A.T"
     ),
     "R counts twice": ", R) => , 2 * R)",
@@ -865,7 +865,7 @@ def _paired(associate: Function, y: Array, H: Array, P: Array, R: Array, gates: 
         return associate(y, H, P, R, gates)
     rows = [associate(one, slopes, P, R, gates) for one, slopes in zip(y, H, strict=True)]
     share = np.mean(np.array(rows).reshape(len(y), -1) == np.arange(y.shape[1]))
-    return "" if share >= 0.95 else f"{share:.0%} of the trees are named rightly, 95 % are due"
+    return "" if share >= 0.95 else f"expected 95 % of the trees named rightly, got {share:.0%}"
 
 
 def _together_drawn(ax: Any, function: Any) -> None:
@@ -979,14 +979,16 @@ check_together.mistakes = {
     "a measurement may also be of no tree: try that as well": (
         "        search(j + 1, pairs, distance) =>         pass"
     ),
-    "the first of the largest sets came: of equally large ones the nearest is due": (
+    "the first of the largest sets was returned: expected the nearest of equally large ones": (
         "(len(pairs), -distance) > (best[0], -best[1]) => len(pairs) > best[0]"
     ),
-    "the farthest of the largest sets came": (
+    "the farthest of the largest sets was returned": (
         "(len(pairs), -distance) > (best[0], -best[1])"
         " => (len(pairs), distance) > (best[0], best[1])"
     ),
-    "nothing was paired: the largest set is due": (lambda y, H, P, R, gates: np.full(len(y), -1)),
+    "nothing was paired: expected the largest set": (
+        lambda y, H, P, R, gates: np.full(len(y), -1)
+    ),
 }
 
 # %% [markdown] tags=["solution"]

@@ -121,7 +121,7 @@ check_weight.mistakes = {
     "the determinant is missing: it tells an uncertain landmark from a certain one": (
         f"{_DETERMINANT} => "
     ),
-    "the root of the determinant is due: its logarithm counts half": (
+    "expected the root of the determinant: its logarithm counts half": (
         f"{_DETERMINANT} =>  - np.log(np.linalg.det(Z))"
     ),
     "the determinant has the wrong sign: an uncertain landmark spreads its likelihood": (
@@ -133,7 +133,7 @@ check_weight.mistakes = {
     "the 2 pi stands there for one dimension: two numbers were measured": (
         "- np.log(2 * np.pi) => - 0.5 * np.log(2 * np.pi)"
     ),
-    "this is the density: its logarithm is due": lambda *given: np.exp(log_weight(*given)),
+    "this is the density: expected its logarithm": lambda *given: np.exp(log_weight(*given)),
     "this is the logarithm of the density after it underflowed": (
         lambda *given: np.log(np.exp(log_weight(*given)))
     ),
@@ -142,7 +142,7 @@ check_weight.mistakes = {
     "the sign is turned: a large innovation makes a small weight": (
         lambda *given: -log_weight(*given)
     ),
-    "the distance alone came: (15) is a likelihood": lambda y, H, S, R: (
+    "the distance alone was returned: (15) is a likelihood": lambda y, H, S, R: (
         y @ np.linalg.solve(H @ S @ H.T + R, y)
     ),
 }
@@ -262,7 +262,7 @@ check_proposal.mistakes = {
     "covariances were added: their inverses add up": (
         "np.linalg.inv(np.linalg.inv(Q) + H.T @ np.linalg.solve(Z, H)) => Q + H.T @ Z @ H"
     ),
-    "the step alone came: add it to x": "x + P @ H => P @ H",
+    "the step alone was returned: add it to x": "x + P @ H => P @ H",
 }
 
 # %% [markdown] tags=["solution"]
@@ -375,7 +375,7 @@ check_copies.mistakes = {
         lambda maps, chosen: [m.copy() for m in maps]
     ),
     "`chosen` holds indices, not numbers of copies": _counts,
-    "each chosen particle came once: one chosen twice must come twice": (
+    "each chosen particle was returned once: one chosen twice must be returned twice": (
         "for i in chosen => for i in sorted(set(chosen.tolist()))"
     ),
     "the order is lost: copy number i comes from particle chosen[i]": (
@@ -492,11 +492,11 @@ check_ancestors.mistakes = {
     "off by one step: resampling t is counted before it is followed": (
         lambda parents: np.append(distinct_ancestors(parents)[1:], parents.shape[1])
     ),
-    "the steps came in reverse order": "counts[::-1] => counts",
-    "these are shares: the numbers themselves are due": (
+    "the steps are in reverse order": "counts[::-1] => counts",
+    "these are shares: expected the numbers themselves": (
         lambda parents: distinct_ancestors(parents) / parents.shape[1]
     ),
-    "one number came: each resampling has its own": (
+    "one number was returned: each resampling has its own": (
         lambda parents: distinct_ancestors(parents)[0]
     ),
     "this is the running minimum of the single counts, which only bounds the living lines": (
@@ -621,7 +621,7 @@ check_look = Check(
 
 # %% tags=["mistakes"]
 check_look.mistakes = {
-    "the weight was computed with R alone: the landmark is in doubt too, S = H P H^T + R": (
+    "the weight was computed with R alone: the landmark is uncertain too, S = H P H^T + R": (
         "np.linalg.inv(S) @ v - 0.5 * np.log(np.linalg.det(S)) => np.linalg.inv(R) @ v"
     ),
     "the determinant is missing: a particle that knows little is not surprised by anything": (
@@ -645,7 +645,7 @@ check_look.mistakes = {
         "np.arctan2(d[1], d[0]) - pose[2] => np.arctan2(d[1], d[0])"
     ),
     "R is missing in S": ("cov @ H.T + R => cov @ H.T"),
-    "the covariances did not shrink: P - K S K^T is due": ("cov - K @ S @ K.T => cov.copy()"),
+    "the covariances did not shrink: expected P - K S K^T": ("cov - K @ S @ K.T => cov.copy()"),
     "the means did not move": ("mean + K @ v => mean.copy()"),
     "the innovation has the wrong sign: measured minus predicted": (
         "mean + K @ v => mean - K @ v"

@@ -33,7 +33,7 @@ __all__ = [
 #
 # Six exercises, from a pencil to a whole pose graph; the chapter is [Pose
 # graphs](../13_pose_graphs.ipynb). Replace each `...` by your own lines and run the cell: the
-# check below it tries your function and says what came and what was due.
+# check below it tries your function and says what it expected and what it got.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 13: Pose graphs
@@ -616,7 +616,7 @@ check_map.mistakes = {
     ),
     "the information is 1 / sigma: the square is missing": ("sigma**-2.0 => sigma**-1.0"),
     "sigma^2 is a covariance: the graph wants its inverse": ("sigma**-2.0 => sigma**2.0"),
-    "the start came back: call optimize and return its poses": (
+    "the start was returned: call optimize and return its poses": (
         "graph.chordal_initialisation().optimize(tolerance=1e-12).poses "
         "=> graph.chordal_initialisation().poses"
     ),

@@ -268,7 +268,7 @@ check_slope.mistakes = {
         if 0.5 <= y <= len(c[0]) - 0.5 and 0.5 <= x <= len(c) - 0.5
         else np.zeros(2)
     ),
-    "the two slopes came in the wrong order: x first": lambda c, x, y: slope(c, x, y)[::-1],
+    "the two slopes are in the wrong order: x first": lambda c, x, y: slope(c, x, y)[::-1],
     "this slope is downhill: right minus left, upper minus lower": lambda c, x, y: -slope(c, x, y),
     "the fractions count from the other side: at a = 0 the left column counts": (
         "a, b = x - 0.5 - column, y - 0.5 - row"

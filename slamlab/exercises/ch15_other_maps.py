@@ -384,7 +384,7 @@ def _oldest(parents: Ints, entries: Array, node: int, cell: int) -> float:
 
 
 check_survivors.mistakes = {
-    "a node with one living child is merged with it: two branches or more are due": (
+    "a node with one living child is merged with it: expected two branches or more": (
         "branches >= 2 => branches >= 1"
     ),
     "prune first: a child without particles below it does not count": (
@@ -538,7 +538,7 @@ check_weights.mistakes = {
     ),
     "the mean costs one degree of freedom: nu = n - 1": "(len(z) - 1) / 2 => len(z) / 2",
     "the heights of a cell scatter about the mean of that cell": ("z.mean() => heights.mean()"),
-    "a alone, where a + nu / 2 is due": (
+    "expected a + nu / 2, not a alone": (
         "(a + half) * np.log(b + squares / 2) => a * np.log(b + squares / 2)"
     ),
     "the logarithms are too small for exp: take the largest off first": (

@@ -350,7 +350,7 @@ check_note_update.mistakes = {
         *note_update(*a)[:2],
         _phi_first(*a)[1],
     ),
-    "what is told stands in the frame of the entry: Phi^T is missing": "Phi.T @ H.T => H.T",
+    "the information stands in the frame of the entry: Phi^T is missing": "Phi.T @ H.T => H.T",
     "the accounts add up: what was booked before is gone": lambda *a: note_update(
         a[0], 0 * a[1], 0 * a[2], *a[3:]
     ),
@@ -358,7 +358,7 @@ check_note_update.mistakes = {
         "Phi = Phi - K @ H @ Phi => Phi = Phi - Phi @ K @ H"
     ),
     "S must be inverted": "np.linalg.inv(S) => S",
-    "S is missing: what a look tells counts as much as the inverse of S": (
+    "S is missing: what an observation adds counts as much as the inverse of S": (
         " @ np.linalg.inv(S) => "
     ),
     "Phi starts anew here: what happened before this update is lost": (
@@ -467,11 +467,11 @@ check_region_cost.mistakes = {
         "np.minimum(2 * density * np.pi => np.minimum(density * np.pi",
         "np.minimum(2 * density * (2 => np.minimum(density * (2",
     ),
-    "this is the dearest radius": "argmin => argmax",
-    "this is the place of the best radius in the list: the radius itself is due": (
+    "this is the most expensive radius": "argmin => argmax",
+    "this is the place of the best radius in the list: expected the radius itself": (
         "R[np.argmin(cost)] => np.argmin(cost)"
     ),
-    "this is the smallest cost: its radius is due": "R[np.argmin(cost)] => cost.min()",
+    "this is the smallest cost: expected its radius": "R[np.argmin(cost)] => cost.min()",
     "settling costs nothing here": (
         "settle = 0.5 * told * N**2 + inside**2 * N => settle = 0 * told"
     ),

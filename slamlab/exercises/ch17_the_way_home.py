@@ -172,7 +172,7 @@ check_fit.mistakes = {
     "this is the transpose: rows are powers, columns x and y": (
         lambda t, points: fit_between(t, points).T
     ),
-    "the line alone came: the bulges are missing": (
+    "the line alone was returned: the bulges are missing": (
         "np.linalg.lstsq(shapes, points - line, rcond=None)[0] => np.zeros((2, 2))"
     ),
 }
@@ -312,7 +312,7 @@ check_loop.mistakes = {
         "t_a >= 0 and t_b <= 1 => t_a >= 0"
     ),
     "t_a is the earlier of the two": lambda c: find_loop(c)[::-1],
-    "these are sigma and w: the two parameters are due": (
+    "these are sigma and w: expected the two parameters": (
         lambda c: np.linalg.solve(c[2:].T, -c[1])
     ),
     "t_a and t_b differ: this is their mean twice": (
@@ -422,7 +422,7 @@ check_steer = Check(
             [0.2, 1.5],
         ),
         "a robot that looks to the west": _aim(behind=3.0),
-        "almost half a turn is due": ([0, 0, 0.0], [-0.1, 0.001], [1.0, 0.3], [0.2, 1.5]),
+        "almost half a turn": ([0, 0, 0.0], [-0.1, 0.001], [1.0, 0.3], [0.2, 1.5]),
         "limits that never hold": _aim(limits=(9.0, 99.0)),
         "any point": _aim(limits=(0.25, 1.2)),
     },
@@ -580,7 +580,7 @@ def _aspect(gains: Function, aspect: int) -> Any:
     try:
         k_v, k_omega, lookahead = map(float, given)
     except (TypeError, ValueError):
-        return "three numbers are due: k_v, k_omega and the look-ahead distance"
+        return "expected three numbers: k_v, k_omega and the look-ahead distance"
     if not all(np.isfinite(gain) and gain > 0 for gain in (k_v, k_omega, lookahead)):
         return "gains and look-ahead distance must be positive numbers"
     return _drive(k_v, k_omega, lookahead)[aspect]
@@ -698,7 +698,7 @@ def _home_along(cubics: Any, points: Array) -> str:
     """Drive home along cubics, from the last point to the first; say what is wrong."""
     c = np.asarray(cubics, dtype=float)
     if c.ndim != 3 or c.shape[1:] != (4, 2):
-        return f"an array of shape (m, 4, 2) is due, one of shape {c.shape} came"
+        return f"expected an array of shape (m, 4, 2), got shape {c.shape}"
     tau = np.linspace(0, 1, 40)[:, None] ** np.arange(4)
     path = (tau @ c).reshape(-1, 2)
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
@@ -760,7 +760,7 @@ check_remember.mistakes = {
     "the last cubic is missing: what is open at the end of the way is stored too": (
         lambda points, tolerance: remember(points, tolerance)[:-1]
     ),
-    "the cubic that left the tolerance was stored: the one before it is due": (
+    "the cubic that left the tolerance was stored: expected the one before it": (
         "run = slice(first, last + 1) => run = slice(first, last + 2)"
     ),
     "the next cubic begins one point too late: it begins where the last one ends": (
@@ -784,7 +784,7 @@ check_remember.mistakes = {
         lambda points, tolerance: remember(points, np.inf)
     ),
     "a cubic from point to point: it should be as long as the tolerance allows": (_point_to_point),
-    "the cubics came in the wrong order: the first begins at the first point": (
+    "the cubics are in the wrong order: the first begins at the first point": (
         lambda points, tolerance: remember(points, tolerance)[::-1]
     ),
     "exactly at the tolerance is still within": ("<= tolerance => < tolerance"),

@@ -145,7 +145,7 @@ check_free_turn.mistakes = {
         "return np.inf, np.inf => return np.pi / 4, np.pi / 4"
     ),
     "the corners reach half sqrt(2), not half": ("d >= half * np.sqrt(2) => d >= half"),
-    "a point that the corners can reach may still leave some room: how much is due": (
+    "a point that the corners can reach may still leave some room: return how much": (
         "gamma = np.arccos(half / max(d, half)) => return 0.0, 0.0"
     ),
     "inside the body there is no room to turn": (
@@ -299,10 +299,10 @@ check_swept.mistakes = {
     "these are the points that stay free: return those that are hit": (
         lambda p, h, w: ~swept(p, h, w)
     ),
-    "these are the points themselves: true or false is due for each": (
+    "these are the points themselves: expected true or false for each": (
         lambda p, h, w: p[swept(p, h, w)]
     ),
-    "one answer for all points came: each has its own": (
+    "one answer for all points was returned: each has its own": (
         lambda p, h, w: bool(swept(p, h, w).any())
     ),
 }
@@ -452,17 +452,17 @@ check_quarter_beams.mistakes = {
         "best.append(beam) => best.append(beam - inside[0])"
     ),
     "these are the shortest beams": "argmax => argmin",
-    "these lead back: the others are due": "> 45 => <= 45",
-    "one beam came: the longest of each quarter is due": (
+    "these lead back: expected the others": "> 45 => <= 45",
+    "one beam was returned: expected the longest of each quarter": (
         lambda r, a, b: np.array([int(np.argmax(r))])
     ),
-    "these are the directions: the indices of the beams are due": (
+    "these are the directions: expected the indices of the beams": (
         lambda r, a, b: a[quarter_beams(r, a, b)]
     ),
-    "these are the lengths: the indices of the beams are due": (
+    "these are the lengths: expected the indices of the beams": (
         lambda r, a, b: r[quarter_beams(r, a, b)]
     ),
-    "the order of the quarters is due, not the order of the lengths": (
+    "expected the order of the quarters, not the order of the lengths": (
         lambda r, a, b: sorted(quarter_beams(r, a, b), key=lambda k: -r[k])
     ),
 }
@@ -698,7 +698,7 @@ check_frontier.mistakes = {
     "these are the unknown cells beside free ones: the robot can stand on the free side": (
         lambda s: _beside(s == 1) & (s == 0)
     ),
-    "cells beside a wall came too: only an unknown neighbour makes a frontier": (
+    "cells beside a wall were returned too: only an unknown neighbour makes a frontier": (
         lambda s: _beside(s != 1) & (s == 1)
     ),
     "np.roll wraps around: the left edge is no neighbour of the right one": _rolled,
@@ -711,13 +711,17 @@ check_frontier.mistakes = {
     "only left and right were looked at": (
         lambda s: _beside(s == 0, sides=slice(0, 4, 2)) & (s == 1)
     ),
-    "walls came too: a frontier cell is free": lambda s: _beside(s == 0) & (s != 0),
+    "walls were returned too: a frontier cell is free": lambda s: _beside(s == 0) & (s != 0),
     "diagonal neighbours were counted: above, below, left and right only": (
         lambda s: _beside(s == 0, diagonal=True) & (s == 1)
     ),
-    "all free cells came: only those with an unknown neighbour are due": lambda s: s == 1,
-    "all cells beside unknown ones came: a frontier cell is free": lambda s: _beside(s == 0),
-    "these are the places of the cells: true or false is due for each": (
+    "all free cells were returned: expected only those with an unknown neighbour": lambda s: (
+        s == 1
+    ),
+    "all cells beside unknown ones were returned: a frontier cell is free": lambda s: _beside(
+        s == 0
+    ),
+    "these are the places of the cells: expected true or false for each": (
         lambda s: np.argwhere(_beside(s == 0) & (s == 1))
     ),
 }
@@ -810,12 +814,12 @@ def _fault(way: Any, state: Ints, cell: Ints) -> str:
     try:
         cells = np.array(way, dtype=float)
     except (TypeError, ValueError):
-        return "the cells of the way are due, an array of shape (k, 2)"
+        return "expected the cells of the way, an array of shape (k, 2)"
     due = len(way_to_frontier(state, cell))
     if cells.size == 0:
-        return "" if due == 0 else f"nothing came: there is a way of {due} cells"
+        return "" if due == 0 else f"got nothing: there is a way of {due} cells"
     if cells.ndim != 2 or cells.shape[1] != 2 or (cells != np.rint(cells)).any():
-        return f"rows and columns are due, shape (k, 2): shape {cells.shape} came"
+        return f"expected rows and columns, shape (k, 2), got shape {cells.shape}"
     cells = cells.astype(int)
     inside = ((cells >= 0) & (cells < state.shape)).all()
     if not inside or (state[tuple(cells.T)] != 1).any():
@@ -826,7 +830,7 @@ def _fault(way: Any, state: Ints, cell: Ints) -> str:
         return "the way jumps: it steps to the cell above, below, left or right"
     if not frontier(state)[tuple(cells[-1])]:
         return "the way does not end at a frontier cell"
-    return "" if len(cells) == due else f"a way of {len(cells)} cells came, {due} are enough"
+    return "" if len(cells) == due else f"expected a way of {due} cells, got one of {len(cells)}"
 
 
 def _toured(way: Function, world: Ints, cell: Ints) -> str:
@@ -841,7 +845,7 @@ def _toured(way: Function, world: Ints, cell: Ints) -> str:
             return f"after {moves} moves: {wrong}"
         if len(cells) == 0:
             seen = np.mean(known[world == 1] == 1)
-            due = f"{seen:.0%} of the floor is seen in {moves} moves, all of it in 250 is due"
+            due = f"expected all of the floor seen in 250 moves, got {seen:.0%} in {moves}"
             return "" if seen == 1 and moves <= 250 else due
         cell, moves = np.array(cells[-1], dtype=int), moves + len(cells) - 1
     return "after 200 ways it is still exploring"
@@ -937,10 +941,10 @@ check_way.mistakes = {
     "the frontier cell nearest as the crow flies is not the nearest on foot": _from(
         lambda edges, cell: np.hypot(*(edges - cell).T)
     ),
-    "the farthest frontier cell came: the nearest is due": _from(
+    "the farthest frontier cell was returned: expected the nearest": _from(
         lambda edges, cell: -np.hypot(*(edges - cell).T)
     ),
-    "the first frontier cell of the map came: the nearest is due": _from(
+    "the first frontier cell of the map was returned: expected the nearest": _from(
         lambda edges, cell: np.arange(len(edges))
     ),
     "the way leads through unknown cells: free ones only": (

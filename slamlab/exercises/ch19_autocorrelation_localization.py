@@ -112,7 +112,7 @@ check_beams.mistakes = {
     "this is the distance of two beams: rounding errs by less": (
         lambda sigma: int(np.ceil(2 * np.pi / sigma))
     ),
-    "a twelfth is the variance of a uniform number: its root is due": (
+    "a twelfth is the variance of a uniform number: expected its root": (
         lambda sigma: int(np.ceil(2 * np.pi / (12 * sigma)))
     ),
     "rounded down: with so few beams the error is larger than allowed": ("np.ceil => np.floor"),
@@ -120,7 +120,7 @@ check_beams.mistakes = {
         lambda sigma: int(np.rint(2 * np.pi / (np.sqrt(12) * sigma)))
     ),
     "the circle has 2 pi": "2 * np.pi => np.pi",
-    "this takes the mean size of the error, a quarter of a beam: the rms is due": (
+    "this takes the mean size of the error, a quarter of a beam: expected the rms": (
         lambda sigma: int(np.ceil(2 * np.pi / (4 * sigma)))
     ),
     "the error runs over one beam, half to either side, not over two": (
@@ -223,7 +223,7 @@ check_autocorrelation.mistakes = {
         lambda scan: np.fft.irfft(_spectrum(scan), len(scan))
     ),
     "this is the power spectrum: transform it back": lambda scan: _spectrum(scan) ** 2,
-    "irfft must be told the number of beams: without it an odd one loses a value": (
+    "irfft needs the number of beams: without it an odd one loses a value": (
         lambda scan: np.fft.irfft(_spectrum(scan) ** 2)
     ),
     "the mean was taken off first: (14) keeps it": (
@@ -233,7 +233,7 @@ check_autocorrelation.mistakes = {
     "divided by R[0]: in (14) R[0] is the sum of the squares, not 1": (
         lambda scan: autocorrelation(scan) / np.sum(scan**2)
     ),
-    "only shifts up to half the circle: all N are due, symmetric as they are": (
+    "only shifts up to half the circle: expected all N, symmetric as they are": (
         lambda scan: autocorrelation(scan)[: len(scan) // 2 + 1]
     ),
     "the shifts begin at 1: R[0] is the sum of the squares": (
@@ -350,7 +350,7 @@ check_turn.mistakes = {
         ("m * 2 * np.pi / N => m"),
         ("angle if angle <= np.pi else angle - 2 * np.pi => angle"),
     ),
-    "these are degrees: radians are due": (lambda before, after: np.rad2deg(turn(before, after))),
+    "these are degrees: expected radians": (lambda before, after: np.rad2deg(turn(before, after))),
     "not wrapped: a turn to the right is negative, in (-pi, pi]": (
         "angle if angle <= np.pi else angle - 2 * np.pi => angle"
     ),
@@ -364,7 +364,7 @@ check_turn.mistakes = {
     "this is the worst alignment: the correlation is largest where the scans agree": (
         "argmax => argmin"
     ),
-    "the difference at the best shift came: the shift itself is due": (
+    "the difference at the best shift was returned: expected the shift itself": (
         ("irfft(product, N).argmax() => irfft(product, N).max()"),
         ("m * 2 * np.pi / N => m"),
         ("angle if angle <= np.pi else angle - 2 * np.pi => angle"),
@@ -492,12 +492,12 @@ check_refined.mistakes = {
     "this is a number of beams: multiply by 2 pi / N": (
         "return np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi) => return m + shift"
     ),
-    "these are degrees: radians are due": lambda R: np.rad2deg(refined(R)),
+    "these are degrees: expected radians": lambda R: np.rad2deg(refined(R)),
     "not wrapped: a turn to the right is negative, in (-pi, pi]": (
         "np.pi - (np.pi - (m + shift) * 2 * np.pi / n) % (2 * np.pi)"
         " => (m + shift) * 2 * np.pi / n"
     ),
-    "this is the height of the top: its place is due": (lambda R: float(R.max())),
+    "this is the height of the top: expected its place": (lambda R: float(R.max())),
 }
 
 # %% [markdown] tags=["solution"]
@@ -630,11 +630,11 @@ check_second_best.mistakes = {
         f"{_FAR} => (np.linalg.norm(places, axis=1) > separation) & (misfits > misfits[best])"
     ),
     "exactly at the separation is not farther": "> separation => >= separation",
-    "this is the farthest place: of those far enough the best fit is due": (
+    "this is the farthest place: expected the best fit of those far enough": (
         "np.where(far, misfits, np.inf).argmin()"
         " => np.argmax(np.linalg.norm(places - places[best], axis=1))"
     ),
-    "this is the first place far enough: of those the best fit is due": (
+    "this is the first place far enough: expected the best fit of those": (
         "np.where(far, misfits, np.inf).argmin() => np.argmax(far)"
     ),
     "the margin is a difference of misfits (m), not a ratio": (
@@ -649,7 +649,7 @@ check_second_best.mistakes = {
     "the margin has the wrong sign: the second place fits worse, so it is not negative": (
         "misfits[second] - misfits[best] => misfits[best] - misfits[second]"
     ),
-    "the row was counted among the places left over: rows of `places` are due": (
+    "the row was counted among the places left over: expected rows of `places`": (
         "return best, second, => return best, far[:second].sum(),"
     ),
     "best and second are exchanged": (
@@ -867,7 +867,7 @@ check_locate.mistakes = {
     "this is the misfit of the second place: the margin is a difference": (
         "misfits[far].min() - misfits[best] => misfits[far].min()"
     ),
-    "without a distinct candidate there is nothing to doubt: the margin is infinite": (
+    "without a distinct candidate the place is unique: the margin is infinite": (
         "else np.inf => else 0.0"
     ),
     "the signatures were compared with their phases: the modulus forgets the turn": (

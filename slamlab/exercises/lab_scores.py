@@ -260,7 +260,7 @@ def _points(lab: str, me: Figures, bar: dict[str, Figures]) -> list[tuple[str, b
             good = me["ATE (m)"] <= best["ATE (m)"][len(bar) // 2]
             found.append(("not worse than the middle one of the library's systems", good))
         sure = halved and 1 <= me["NEES (3)"] <= 9
-        found.append(("so, and mean NEES between 1 and 9, where 3 is due", sure))
+        found.append(("so, and mean NEES between 1 and 9, where 3 is expected", sure))
         slow = 20 if lab == "I" else 50
         found.append((f"so, and less than {slow} ms a step", halved and me["ms a step"] < slow))
     elif lab == "V":

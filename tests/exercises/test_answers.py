@@ -109,10 +109,10 @@ WRONG = [
         lambda i, j, z: 2 * answer("ch00.check_edge_error")(i, j, z),
         "twice",
     ),
-    ("ch01.check_predict", lambda b, *p: b, "`belief` came back unchanged"),
+    ("ch01.check_predict", lambda b, *p: b, "`belief` was returned unchanged"),
     ("ch01.check_update", lambda b, *p: print(end=""), "`return` is missing"),
     ("ch02.check_predict", lambda m, P, F, Q: (F @ P @ F.T + Q, F @ m), "exchanged"),
-    ("ch02.check_predict", lambda m, P, F, Q: F @ m, "only `mean` came"),
+    ("ch02.check_predict", lambda m, P, F, Q: F @ m, "only `mean` was returned"),
     (
         "ch02.check_predict",
         answer("ch02.check_predict", "F @ cov => F @ (2 * cov)"),
@@ -163,7 +163,7 @@ def test_more_than_three_hundred_wrong_answers_are_known():
     assert sum(len(check.mistakes) for check in CHECKS.values()) > 300
 
 
-def test_what_is_named_explains_everything_that_came():
+def test_what_is_named_explains_everything_that_was_returned():
     """An answer with two mistakes is not named after one of them."""
     for name, check in CHECKS.items():
         if not check.mistakes or isinstance(check.due[0], str):
@@ -204,8 +204,8 @@ def test_an_edge_that_raises_is_told_and_not_counted():
     assert "your function raised ValueError" in report.text
 
 
-def test_no_due_angle_hangs_on_a_last_bit():
-    """Where pi is due, right answers that round otherwise give -pi: a property must say so."""
+def test_no_expected_angle_hangs_on_a_last_bit():
+    """Where pi is expected, right answers may round to -pi: a property must say so."""
     whole_beams = {"ch06.check_beam_angles", "ch19.check_turn"}  # pi exactly, however written
     for name, check in CHECKS.items():
         if name not in whole_beams:

@@ -2,11 +2,13 @@
 
 import importlib
 import pkgutil
+import re
 
 import pytest
 
 import slamlab.exercises
 from slamlab.exercises import Check
+from slamlab.exercises._general import general_mistakes
 
 MODULES = [
     importlib.import_module(f"slamlab.exercises.{info.name}")
@@ -48,3 +50,12 @@ def test_each_listed_mistake_is_refused_with_its_own_message(name):
 def test_no_reference_can_be_imported_by_name(module):
     if any(isinstance(getattr(module, name), Check) for name in module.__all__):
         assert all(name.startswith("check_") for name in module.__all__)
+
+
+def test_messages_are_plain_english():
+    """What is expected and what was returned; the uncertainty, and no other word for it."""
+    words = re.compile(r"\b(due(?! to)|came|doubts?|rivals?|surer|dearest|told(?! apart))\b")
+    said = [message for check in CHECKS.values() for message in check.mistakes]
+    said += [message for message, *_ in general_mistakes(abs, ["x", "y"], ["p", "q"])]
+    assert [message for message in said if words.search(message)] == []
+    assert words.search("-2 came, 4 is due")
