@@ -11,6 +11,7 @@ How one writes a picture, in three lines::
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -59,8 +60,8 @@ def side_by_side(picture: Picture, student: Function, reference: Function) -> An
     right.set(title="As it should be", ylabel="")
     if message:
         left.text(
-            0.5, 0.5, message, transform=left.transAxes, ha="center", va="center", wrap=True,
-            fontsize=9, bbox={"facecolor": "white", "edgecolor": "0.5"},
+            0.5, 0.5, "\n".join(textwrap.wrap(message, 36)), transform=left.transAxes,
+            ha="center", va="center", fontsize=9, bbox={"facecolor": "white", "edgecolor": "0.5"},
         )  # fmt: skip
     return figure
 

@@ -20,7 +20,7 @@ __all__ = ["check_looks_needed", "check_predict", "check_update", "check_wander"
 #
 # Four exercises carry a belief through the corridor of the chapter [The Bayes
 # filter](../01_bayes_filter.ipynb). Replace each `...` and run the check below it as often as you
-# like.
+# like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 01: the Bayes filter
@@ -74,6 +74,20 @@ def _corridor(rng: np.random.Generator) -> Any:
     return weights(rng, int(rng.integers(3, 12))), *weights(rng, 3)
 
 
+def _predict_drawn(ax: Any, function: Any) -> None:
+    """Draw the belief after three steps, and where 100 000 simulated robots stand."""
+    from slamlab import plots
+
+    rng, belief, shares = np.random.default_rng(1), np.zeros(12), (0.1, 0.7, 0.2)
+    belief[[7, 8]] = 0.7, 0.3
+    robots = rng.choice(12, 100_000, p=belief) + rng.choice(3, (3, 100_000), p=shares).sum(0)
+    for _ in range(3):
+        belief = np.asarray(function(belief, *shares), float)
+    ax.plot(np.bincount(robots % 12, minlength=12) / 100_000, **plots.line_style("truth"))
+    ax.plot(np.arange(12), belief, "o", color=plots.COLOURS["estimate"], markersize=5)
+    ax.set(xlabel="place; 0 follows 11", ylabel="probability", ylim=(0, 0.4))
+
+
 check_predict = Check(
     predict,
     "belief",
@@ -83,6 +97,7 @@ check_predict = Check(
         "a robot that never slips": ([0.3, 0.0, 0.7, 0.0, 0.0, 0.0], 0.25, 0.75, 0.0),
         "corridors of any length": _corridor,
     },
+    picture=_predict_drawn,
 )
 
 
@@ -203,6 +218,24 @@ def _seen(rng: np.random.Generator) -> Any:
 _DOORS = [1, 0, 0, 1, 0, 1]
 
 
+def _update_drawn(ax: Any, function: Any) -> None:
+    """Draw the belief after a wall is seen, and where the robots stand whose eye says wall."""
+    from slamlab import plots
+
+    rng, doors = np.random.default_rng(2), np.array([1.0, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1, 0])
+    belief = np.exp(-0.5 * ((np.arange(12) - 5) / 2.5) ** 2)
+    belief /= belief.sum()
+    robots = rng.choice(12, 100_000, p=belief)
+    says_door = (rng.random(100_000) < 0.8) == (doors[robots] == 1)
+    counts = np.bincount(robots[~says_door], minlength=12)
+    ax.plot(counts / counts.sum(), **plots.line_style("truth"))
+    after = np.asarray(function(belief, doors, 0.0, 0.8), float)
+    ax.plot(np.arange(12), after, "o", color=plots.COLOURS["estimate"], markersize=5)
+    for place in np.flatnonzero(doors):
+        ax.axvline(place, color="0.6", lw=1, ls=":")
+    ax.set(xlabel="place; dotted: doors", ylabel="probability", ylim=(0, 0.35))
+
+
 check_update = Check(
     update,
     "belief",
@@ -215,6 +248,7 @@ check_update = Check(
         "an eye that is never wrong": ([0.3, 0.3, 0.4], [0, 1, 1], 1, 1.0),
         "any corridor, any eye": _seen,
     },
+    picture=_update_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -303,6 +337,18 @@ def _an_eye(rng: np.random.Generator) -> Any:
     )
 
 
+def _looks_drawn(ax: Any, function: Any) -> None:
+    """Draw the belief after each look, and at each goal the number of looks that reaches it."""
+    from slamlab import plots
+
+    n, goals = np.arange(9), np.linspace(0.1, 0.99, 30)
+    odds = 0.2 * 4.0**n
+    ax.plot(n, odds / (1 + odds), "o-", color=plots.COLOURS["truth"], markersize=3, lw=1)
+    needed = [float(function(1 / 6, 0.8, goal)) for goal in goals]
+    ax.plot(needed, goals, "+", color=plots.COLOURS["estimate"], markersize=7)
+    ax.set(xlabel="looks", ylabel="belief (line), goal (crosses)")
+
+
 check_looks_needed = Check(
     looks_needed,
     "looks",
@@ -314,6 +360,7 @@ check_looks_needed = Check(
         "an eye that hardly knows": (0.5, 0.55, 0.9),
         "any eye": _an_eye,
     },
+    picture=_looks_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -411,6 +458,22 @@ def _lost(rng: np.random.Generator, n_steps: int, closed: float = 0.0) -> Any:
     return weights(rng, n), doors, steps, seen, float(np.round(rng.uniform(0.6, 0.95), 2))
 
 
+def _wander_drawn(ax: Any, function: Any) -> None:
+    """Draw the belief of every step, the darker the likelier, and where the robot was."""
+    from slamlab import plots
+
+    rng, doors = np.random.default_rng(7), np.array([1.0, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1, 0])
+    steps = np.tile([0.05, 0.9, 0.05], (40, 1))
+    places = (4 + np.cumsum(rng.choice(3, 40, p=steps[0]))) % 12
+    right = rng.random(40) < 0.95
+    seen = np.where(right, doors[places], 1 - doors[places]).astype(int)
+    seen[15:22] = -1
+    beliefs = np.asarray(function(np.full(12, 1 / 12), doors, steps, seen, 0.95), float)
+    ax.imshow(beliefs.T, origin="lower", aspect="auto", cmap="Blues", vmin=0, vmax=1)
+    ax.plot(places, "o", color=plots.COLOURS["truth"], markersize=2.5)
+    ax.set(xlabel="step; eyes closed in 15 to 21", ylabel="place (dots: the robot)")
+
+
 check_wander = Check(
     wander,
     "beliefs",
@@ -420,6 +483,7 @@ check_wander = Check(
         "a walk": _lost(8),
         "a walk with closed eyes now and then": _lost(10, 0.5),
     },
+    picture=_wander_drawn,
 )
 
 # %% tags=["mistakes"]

@@ -21,7 +21,8 @@ __all__ = ["check_joseph", "check_predict", "check_track", "check_tune", "check_
 #
 # Two functions make a Kalman filter, a third makes it robust; then it drives, and you find out
 # how hard its cart is pushed; the chapter is [The Kalman filter](../02_kalman_filter.ipynb).
-# Replace each `...` and run the check below it as often as you like.
+# Replace each `...` and run the check below it as often as you like; then draw what you built
+# beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 02: the Kalman filter
@@ -88,6 +89,23 @@ def _motion(rng: np.random.Generator, n: int, noise: float = 1.0) -> Case:
 _ZERO = [[0.0, 0.0], [0.0, 0.0]]
 
 
+def _cloud(ax: Any, points: Array, mean: Any, cov: Any) -> None:
+    """Draw samples of position and speed, and the ellipse of a belief about them."""
+    from slamlab import plots
+
+    plots.lidar_points(ax, points, s=1.6)
+    plots.ellipse(ax, np.asarray(mean, float), np.asarray(cov, float))
+    ax.set(xlabel="position (m)", ylabel="speed (m/s)")
+
+
+def _predict_drawn(ax: Any, function: Any) -> None:
+    """Draw position and speed of 1000 carts after a step, and the ellipse of the belief."""
+    rng, F = np.random.default_rng(1), np.array([[1.0, 1.2], [0.0, 1.0]])
+    mean, P, Q = np.array([0.0, 1.0]), np.diag([0.2, 0.5]) ** 2, np.diag([0.3, 0.2]) ** 2
+    carts = rng.multivariate_normal(mean, P, 1000) @ F.T + rng.multivariate_normal([0, 0], Q, 1000)
+    _cloud(ax, carts, *function(mean, P, F, Q))
+
+
 check_predict = Check(
     predict,
     "mean, cov",
@@ -109,6 +127,7 @@ check_predict = Check(
         "three and without noise": _motion(3, 0.0),
         "four dimensions": _motion(4),
     },
+    picture=_predict_drawn,
 )
 
 
@@ -201,7 +220,18 @@ def update(mean: Array, cov: Array, z: Array, H: Array, R: Array) -> Belief:
 # %% [markdown] tags=["hint"]
 # `K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)`.
 
+
 # %% tags=["cases"]
+def _update_drawn(ax: Any, function: Any) -> None:
+    """Draw those of 6000 carts that agree with the reading, and the ellipse of the belief."""
+    rng, z, R = np.random.default_rng(2), np.array([2.4]), np.array([[0.16]])
+    mean, P = np.array([1.2, 1.0]), np.array([[0.8, 0.35], [0.35, 0.25]])
+    carts = rng.multivariate_normal(mean, P, 6000)
+    likelihood = np.exp(-0.5 * (z[0] - carts[:, 0]) ** 2 / R[0, 0])
+    agreeing = carts[rng.random(6000) < likelihood]
+    _cloud(ax, agreeing, *function(mean, P, z, np.array([[1.0, 0.0]]), R))
+
+
 check_update = Check(
     update,
     "mean, cov",
@@ -214,6 +244,7 @@ check_update = Check(
         "a sensor that hardly knows": lambda rng: (*_model(rng, 2, 2)[:4], 100 * np.eye(2)),
     },
     tolerance=1e-8,
+    picture=_update_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -310,6 +341,16 @@ def _any_gain(rng: np.random.Generator, n: int, m: int, share: float | None = No
     return cov, K, H, R
 
 
+def _joseph_drawn(ax: Any, function: Any) -> None:
+    """Draw the errors of 1000 filters with half the best gain, and the ellipse of the result."""
+    rng, H, R = np.random.default_rng(3), np.array([[1.0, 0.0]]), np.array([[0.16]])
+    P, K = np.array([[0.8, 0.35], [0.35, 0.25]]), np.array([[0.42], [0.18]])
+    before, noise = rng.multivariate_normal([0, 0], P, 1000), rng.normal(0, 0.4, (1000, 1))
+    cov = function(P, K, H, R)
+    _cloud(ax, before - (before @ H.T + noise) @ K.T, [0, 0], cov)
+    ax.set(xlabel="error of the position (m)", ylabel="error of the speed (m/s)")
+
+
 check_joseph = Check(
     joseph,
     "cov",
@@ -321,6 +362,7 @@ check_joseph = Check(
         "a gain from another filter, many readings": _any_gain(2, 4),
     },
     tolerance=1e-8,
+    picture=_joseph_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -422,6 +464,42 @@ def _readings(rng: np.random.Generator, n: int, lost: float = 0.0) -> Case:
     return z, dt, q, r
 
 
+@lru_cache(maxsize=1)
+def _cart() -> tuple[Array, Array]:
+    """Draw 600 positions and readings of a cart pushed with q = 0.5; dt = 0.5 s, r = 0.8 m."""
+    rng, dt = np.random.default_rng(2), 0.5
+    root = np.linalg.cholesky([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    state, places, z = np.zeros(2), [], []
+    for push in rng.standard_normal((600, 2)):
+        state = np.array([state[0] + dt * state[1], state[1]]) + np.sqrt(0.5) * root @ push
+        places.append(state[0])
+        z.append(state[0] + 0.8 * rng.standard_normal())
+    return np.array(places), np.array(z)
+
+
+def _followed(ax: Any, z: Array, means: Any, covs: Any) -> None:
+    """Draw errors of readings and of a filter along a drive, and two sigmas to either side."""
+    from slamlab import plots
+
+    n = len(z)
+    t, true = 0.5 * np.arange(1, n + 1), _cart()[0][:n]
+    error = np.asarray(means, float)[:, 0] - true
+    sigma = np.sqrt(np.asarray(covs, float)[:, 0, 0])
+    ax.axhline(0, **plots.line_style("truth"))
+    plots.lidar_points(ax, np.column_stack([t, z - true]), s=3)
+    plots.path(ax, np.column_stack([t, error]))
+    for side in (-2, 2):
+        ax.plot(t, side * sigma, color=plots.COLOURS["estimate"], lw=1, ls="--")
+    ax.set(xlabel="time (s)", ylabel="error of the position (m)", ylim=(-3, 3))
+
+
+def _track_drawn(ax: Any, function: Any) -> None:
+    """Draw errors of readings and of the filter, ten readings lost, and two sigmas of it."""
+    z = _cart()[1][:60].copy()
+    z[20:30] = np.nan
+    _followed(ax, z, *function(z, 0.5, 0.5, 0.8))
+
+
 check_track = Check(
     track,
     "means, covs",
@@ -433,6 +511,7 @@ check_track = Check(
         "a drive with lost readings": _readings(12, 0.4),
     },
     tolerance=1e-8,
+    picture=_track_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -517,22 +596,10 @@ def tune() -> float:
 
 
 # %% tags=["cases"]
-@lru_cache(maxsize=1)
-def _cart() -> Array:
-    """Draw 600 readings of a cart that is pushed with q = 0.5, dt = 0.5 s, r = 0.8 m."""
-    rng, dt = np.random.default_rng(2), 0.5
-    root = np.linalg.cholesky([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    state, z = np.zeros(2), []
-    for push in rng.standard_normal((600, 2)):
-        state = np.array([state[0] + dt * state[1], state[1]]) + np.sqrt(0.5) * root @ push
-        z.append(state[0] + 0.8 * rng.standard_normal())
-    return np.array(z)
-
-
 @lru_cache(maxsize=64)
 def _innovations(q: float) -> tuple[float, float]:
     """Mean NIS, and correlation of each scaled innovation with the next."""
-    z, dt, r = _cart(), 0.5, 0.8
+    (_, z), dt, r = _cart(), 0.5, 0.8
     means, covs = track(z, dt, q, r)
     F = np.array([[1.0, dt], [0.0, 1.0]])
     Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
@@ -558,6 +625,12 @@ def _judged(tune: Function, aspect: str) -> Any:
     return ""
 
 
+def _tune_drawn(ax: Any, function: Any) -> None:
+    """Draw errors of readings and of the filter with this q, and two sigmas of it."""
+    z = _cart()[1][:80]
+    _followed(ax, z, *track(z, 0.5, float(function()), 0.8))
+
+
 check_tune = Check(
     tune,
     "what is to be said",
@@ -566,6 +639,7 @@ check_tune = Check(
         "no innovation tells the next": ("order",),
     },
     use=_judged,
+    picture=_tune_drawn,
 )
 
 # %% [markdown] tags=["solution"]

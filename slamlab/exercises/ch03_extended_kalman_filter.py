@@ -22,7 +22,7 @@ __all__ = ["check_follow", "check_innovation", "check_jacobian", "check_range_be
 #
 # Three functions that every extended filter of this course needs; the chapter is [The extended
 # Kalman filter](../03_extended_kalman_filter.ipynb). Replace each `...` and run the check below
-# it as often as you like.
+# it as often as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 03: the extended Kalman filter
@@ -80,6 +80,23 @@ def _scene(rng: np.random.Generator) -> Any:
     return a_pose(rng), np.round(rng.uniform(-6, 6, 2), 2)
 
 
+def _range_bearing_drawn(ax: Any, function: Any) -> None:
+    """Draw a robot, landmarks round it, and where range and bearing put each of them."""
+    from slamlab import plots
+
+    pose, angles = np.array([1.0, 0.5, 2.4]), 2.4 + np.linspace(-3, 3, 11)
+    polar = np.column_stack([np.cos(angles), np.sin(angles)])
+    landmarks = pose[:2] + np.linspace(1.5, 4, 11)[:, None] * polar
+    plots.landmarks(ax, landmarks)
+    ax.plot(*pose[:2], "o", color=plots.COLOURS["truth"])
+    plots.path(ax, pose[:2] + [[0, 0], [np.cos(pose[2]), np.sin(pose[2])]], "truth")
+    found = np.array([np.asarray(function(pose, of), float) for of in landmarks])
+    r, direction = found[:, 0], found[:, 1] + pose[2]
+    seen = pose[:2] + np.column_stack([r * np.cos(direction), r * np.sin(direction)])
+    plots.landmarks(ax, seen, estimated=True)
+    plots.floor(ax)
+
+
 check_range_bearing = Check(
     range_bearing,
     "measurement",
@@ -91,6 +108,7 @@ check_range_bearing = Check(
         "across the back: the bearing stays wrapped": ([0.0, 0.0, 3.0], [-4.0, -1.0]),
         "anywhere": _scene,
     },
+    picture=_range_bearing_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -186,6 +204,22 @@ def _bearings(rng: np.random.Generator) -> Any:
     return [rng.integers(1, 9), an_angle(rng)], [rng.integers(1, 9), an_angle(rng)]
 
 
+def _innovation_drawn(ax: Any, function: Any) -> None:
+    """Draw the innovation of a landmark that goes round the robot, ahead of its prediction."""
+    from slamlab import plots
+
+    bearings = (np.linspace(0, 2 * np.pi, 61) + np.pi) % (2 * np.pi) - np.pi
+    early = (bearings + 0.8 + np.pi) % (2 * np.pi) - np.pi
+    pairs = zip(early, bearings, strict=True)
+    found = [function(np.array([4.0, z]), np.array([2.0, b])) for z, b in pairs]
+    d_range, d_bearing = np.array([np.asarray(one, float) for one in found]).T
+    turned = np.linspace(0, 360, 61)
+    ax.plot(turned, d_range, **plots.line_style("lidar"))
+    ax.plot(turned, d_bearing, **plots.line_style("estimate"))
+    ax.set(xlabel="direction of the landmark (°)", ylim=(-6, 6))
+    ax.set(ylabel="innovation (rad; dotted: m)")
+
+
 check_innovation = Check(
     innovation,
     "innovation",
@@ -198,6 +232,7 @@ check_innovation = Check(
         "a full turn changes nothing": ([5.0, 0.3 + 2 * np.pi], [4.8, 0.2]),
         "any two measurements": _bearings,
     },
+    picture=_innovation_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -279,7 +314,23 @@ def jacobian(pose: Array, landmark: Array) -> Array:
 # For the bearing, $\partial\,\mathrm{atan2}(d_y, d_x)/\partial d_x = -d_y/r^2$ and $d_x$ falls
 # when $x$ grows.
 
+
 # %% tags=["cases"]
+def _jacobian_drawn(ax: Any, function: Any) -> None:
+    """Draw what 1000 uncertain robots measure, and the ellipse of J P J^T."""
+    from slamlab import plots
+
+    rng, degrees = np.random.default_rng(1), np.diag([1.0, np.degrees(1)])
+    pose, landmark = np.array([0.5, -0.4, 0.3]), np.array([2.0, 1.1])
+    P = np.array([[0.0144, 0.006, 0.0], [0.006, 0.0049, 0.001], [0.0, 0.001, 0.0009]])
+    robots = rng.multivariate_normal(pose, P, 1000)
+    cloud = np.array([range_bearing(robot, landmark) for robot in robots])
+    plots.lidar_points(ax, (cloud - range_bearing(pose, landmark)) @ degrees, s=1.6)
+    J = degrees @ np.asarray(function(pose, landmark), float)
+    plots.ellipse(ax, [0, 0], J @ P @ J.T)
+    ax.set(xlabel="error of the range (m)", ylabel="error of the bearing (°)")
+
+
 check_jacobian = Check(
     jacobian,
     "J",
@@ -291,6 +342,7 @@ check_jacobian = Check(
         "anywhere": _scene,
     },
     tolerance=1e-4,
+    picture=_jacobian_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -429,6 +481,33 @@ def _unicycle(rng: np.random.Generator, n: int, unseen: float, dt: float = 0.4) 
     return mean, a_covariance(rng, 3, 0.02), u, dt, V, z, landmark, R
 
 
+def _follow_drawn(ax: Any, function: Any) -> None:
+    """Draw a drive round a landmark: true path, odometry, the filter's path and its ellipses."""
+    from slamlab import plots
+
+    rng, landmark, n = np.random.default_rng(5), np.array([2.0, 2.5]), 40
+    V, R = np.diag([0.15, 0.12]) ** 2, np.diag([0.1, 0.03]) ** 2
+    start, u = np.array([2.0, 0.0, 0.0]), np.tile([0.8, 0.36], (n, 1))
+    drives = []
+    for controls in (u + rng.multivariate_normal([0, 0], V, n), u):
+        poses = [start]
+        for v, omega in controls:
+            x, y, heading = poses[-1]
+            step = 0.4 * v * np.array([np.cos(heading), np.sin(heading)])
+            poses.append(np.array([x + step[0], y + step[1], heading + 0.4 * omega]))
+        drives.append(np.array(poses[1:]))
+    z = [range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.03]) for pose in drives[0]]
+    z = np.where(np.arange(n)[:, None] % 5 < 3, np.nan, z)
+    plots.path(ax, drives[0], "truth")
+    plots.path(ax, drives[1], "dead_reckoning")
+    plots.landmarks(ax, landmark[None])
+    means, covs = function(start, np.diag([0.01, 0.01, 0.01]), u, 0.4, V, z, landmark, R)
+    plots.path(ax, np.asarray(means, float))
+    for k in range(0, n, 4):
+        plots.ellipse(ax, np.asarray(means[k], float)[:2], np.asarray(covs[k], float)[:2, :2])
+    plots.floor(ax)
+
+
 check_follow = Check(
     follow,
     "means, covs",
@@ -449,6 +528,7 @@ check_follow = Check(
         "a drive on which the landmark is seen now and then": _unicycle(12, 0.5, 0.25),
     },
     tolerance=1e-5,
+    picture=_follow_drawn,
 )
 
 # %% tags=["mistakes"]

@@ -27,7 +27,7 @@ __all__ = [
 #
 # Five exercises, from one cell to a map of a real building; the chapter is [Occupancy
 # maps](../08_occupancy_maps.ipynb). Replace each `...` and run the check below it as often as you
-# like.
+# like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 08: occupancy maps
@@ -96,6 +96,21 @@ def _some_hints(rng: np.random.Generator) -> Any:
     return np.round(prior, 2), np.round(rng.uniform(0.05, 0.95, k), 2)
 
 
+def _fuse_drawn(ax: Any, function: Any) -> None:
+    """Draw what six readings of a cell say, and the share of such cells that is occupied."""
+    from slamlab import plots
+
+    rng = np.random.default_rng(1)
+    occupied = rng.random(200_000) < 0.2
+    hits = (rng.random((6, 200_000)) < np.where(occupied, 0.7, 0.3)).sum(axis=0)
+    share = np.bincount(hits, occupied) / np.bincount(hits)
+    hit, miss = 0.14 / (0.14 + 0.24), 0.06 / (0.06 + 0.56)
+    fused = [float(function(0.2, np.array([hit] * k + [miss] * (6 - k)))) for k in range(7)]
+    ax.plot(share, **plots.line_style("truth"))
+    ax.plot(fused, "o", color=plots.COLOURS["estimate"], markersize=5)
+    ax.set(xlabel="hits among six readings", ylabel="share of occupied cells", ylim=(0, 1))
+
+
 check_fuse = Check(
     fuse,
     "p",
@@ -108,6 +123,7 @@ check_fuse = Check(
         "any prior, any hints": _some_hints,
     },
     tolerance=1e-8,
+    picture=_fuse_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -215,6 +231,18 @@ def _row(rng: np.random.Generator, low: float, high: float) -> Any:
     return n, distance, float(rng.integers(2, 15)), hit, -miss
 
 
+def _beam_drawn(ax: Any, function: Any) -> None:
+    """Draw the evidence of ten beams, one a row: white is free, black a hit, grey unknown."""
+    from slamlab import plots
+
+    readings = [0.5, 2.5, 3.7, 6.2, 7.9, 8.0, 9.5, np.inf, np.nan, 5.1]
+    rows = [np.asarray(function(12, d, 8.0, 2.2, -2.2), float) for d in readings]
+    plots.occupancy(ax, 1 / (1 + np.exp(-np.array(rows))), [0, 12, -0.5, 9.5])
+    for row, reading in enumerate(readings):
+        ax.plot(reading, row, "|", color=plots.COLOURS["lidar"], markersize=9, mew=2)
+    ax.set(xlabel="m (green: readings; range 8 m)", ylabel="beam")
+
+
 check_beam_evidence = Check(
     beam_evidence,
     "evidence",
@@ -232,6 +260,7 @@ check_beam_evidence = Check(
         "any beam in any row": _row(0.0, 1.0),
         "any beam, beyond the row too": _row(0.0, 2.0),
     },
+    picture=_beam_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -323,7 +352,21 @@ def map_entropy(log_odds: Array) -> float:
 # For a cell that is certain one of the two terms is 0 log 0, which counts as 0.
 # `scipy.special.xlogy(p, p)` knows that.
 
+
 # %% tags=["cases"]
+def _entropy_drawn(ax: Any, function: Any) -> None:
+    """Draw the entropy of one cell against its probability, certain cells at both ends."""
+    from slamlab import plots
+
+    p = np.linspace(0.001, 0.999, 200)
+    ax.plot(p, -p * np.log2(p) - (1 - p) * np.log2(1 - p), **plots.line_style("truth"))
+    log_odds = np.array([-800.0, *np.linspace(-4, 4, 23), 800.0])
+    bits = [float(function(np.array([[one]]))) for one in log_odds]
+    found = 1 / (1 + np.exp(-np.clip(log_odds, -700, 700)))
+    ax.plot(found, bits, "o", color=plots.COLOURS["estimate"], markersize=4)
+    ax.set(xlabel="probability that the cell is occupied", ylabel="entropy (bits)")
+
+
 check_map_entropy = Check(
     map_entropy,
     "bits",
@@ -337,6 +380,7 @@ check_map_entropy = Check(
         "a block of cells": lambda rng: (np.round(rng.normal(0, 2, (2, 3, 2)), 2),),
     },
     tolerance=1e-8,
+    picture=_entropy_drawn,
 )
 
 
@@ -439,6 +483,19 @@ def _goal(rng: np.random.Generator) -> Any:
     return p_hit, prior, float(np.round(rng.uniform(0.55, 0.999), 4))
 
 
+def _hits_drawn(ax: Any, function: Any) -> None:
+    """Draw a cell's probability after each hit, and at each goal the hits that reach it."""
+    from slamlab import plots
+
+    n, goals = np.arange(11), np.linspace(0.05, 0.99, 30)
+    odds = (0.2 / 0.8) * (1.5 / 0.25) ** (n / 2)
+    ax.plot(n, odds / (1 + odds), "o-", color=plots.COLOURS["truth"], markersize=3, lw=1)
+    p_hit = odds[1] / (1 + odds[1])
+    hits = [float(function(p_hit, 0.2, goal)) for goal in goals]
+    ax.plot(hits, goals, "+", color=plots.COLOURS["estimate"], markersize=7)
+    ax.set(xlabel="hits", ylabel="probability (line), goal (crosses)")
+
+
 check_hits_needed = Check(
     hits_needed,
     "hits",
@@ -449,6 +506,7 @@ check_hits_needed = Check(
         "sure enough before the first": (0.7, 0.5, 0.2),
         "any sensor": _goal,
     },
+    picture=_hits_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -571,6 +629,25 @@ def _scanned(
     return before, pose, ranges, angles, cell, 3.0, hit, miss
 
 
+def _insert_drawn(ax: Any, function: Any) -> None:
+    """Draw the map of a room with a pillar after three scans, and the walls that are there."""
+    from slamlab import plots
+    from slamlab.sensors import Lidar
+    from slamlab.worlds import WallWorld
+
+    world = WallWorld.from_polygons(
+        [(1, 1), (9, 1), (9, 7), (5, 7), (5, 5), (1, 5)], [(4, 2.5), (5, 2.5), (5, 3.2), (4, 3.2)]
+    )
+    lidar, log_odds = Lidar(120, max_range=5.0), np.zeros((40, 50))
+    for pose in np.array([[2.5, 3.5, 2.0], [7.0, 2.5, -2.8], [6.5, 5.5, 0.7]]):
+        ranges = np.asarray(lidar.scan(world, pose), float)
+        scan = ranges, lidar.beam_angles, 0.2, 5.0, 1.5, -0.8
+        log_odds = np.asarray(function(log_odds, pose, *scan), float)
+    plots.occupancy(ax, 1 / (1 + np.exp(-log_odds)), [0, 10, 0, 8])
+    for wall in world.segments:
+        ax.plot(*wall.T, color=plots.COLOURS["dead_reckoning"], lw=0.8)
+
+
 check_insert = Check(
     insert,
     "log_odds",
@@ -619,6 +696,7 @@ check_insert = Check(
         "a room, high": _scanned(12, 6),
         "a robot that looks back": _scanned(8, 8, np.pi),
     },
+    picture=_insert_drawn,
 )
 
 # %% tags=["mistakes"]

@@ -6,14 +6,19 @@ import pytest
 
 mpl.use("Agg")
 
+from slamlab.exercises import ch01_bayes_filter as ch01
+from slamlab.exercises import ch02_kalman_filter as ch02
+from slamlab.exercises import ch03_extended_kalman_filter as ch03
 from slamlab.exercises import ch04_particle_filter as ch04
+from slamlab.exercises import ch08_occupancy_maps as ch08
 from slamlab.exercises import ch09_ekf_slam as ch
 from slamlab.exercises import ch11_data_association as ch11
 from slamlab.exercises._report import Check
 
+MODULES = (ch01, ch02, ch03, ch04, ch08, ch, ch11)
 PICTURES = [
     (module, name)
-    for module in (ch04, ch, ch11)
+    for module in MODULES
     for name, check in vars(module).items()
     if isinstance(check, Check) and check._picture is not None
 ]
@@ -23,6 +28,7 @@ def drawn(axes):
     """All that was drawn into axes, as numbers."""
     parts = [np.asarray(line.get_xydata(), float).ravel() for line in axes.lines]
     parts += [np.asarray(patch.get_path().vertices, float).ravel() for patch in axes.patches]
+    parts += [np.ma.filled(image.get_array(), np.nan).ravel() for image in axes.images]
     return np.concatenate(parts)
 
 
@@ -36,7 +42,7 @@ def check(request):
     return getattr(module, name)
 
 
-@pytest.mark.parametrize("module", [ch04, ch, ch11])
+@pytest.mark.parametrize("module", MODULES)
 def test_every_exercise_of_the_chapter_has_a_picture(module):
     checks = {n for n in module.__all__ if n.startswith("check_")}
     assert {name for owner, name in PICTURES if owner is module} == checks
@@ -52,6 +58,24 @@ def test_the_right_answer_looks_as_it_should(check):
 @pytest.mark.parametrize(
     ("check", "wrong"),
     [
+        (ch01.check_predict, lambda b, *p: np.roll(b, 1)),
+        (ch01.check_update, lambda b, doors, *s: ch01.update(np.ones(12), doors, *s)),
+        (ch01.check_looks_needed, lambda prior, p, goal: ch01.looks_needed(0.5, p, goal)),
+        (ch01.check_wander, lambda b, d, s, seen, p: ch01.wander(b, d, s, np.maximum(seen, 0), p)),
+        (ch02.check_predict, lambda m, P, F, Q: ch02.predict(m, P, F, 0 * Q)),
+        (ch02.check_update, lambda m, P, z, H, R: (m, P)),
+        (ch02.check_joseph, lambda P, K, H, R: ch02.joseph(P, K, H, 0 * R)),
+        (ch02.check_track, lambda z, *model: ch02.track(np.nan_to_num(z), *model)),
+        (ch02.check_tune, lambda: 0.001),
+        (ch03.check_range_bearing, lambda p, m: ch03.range_bearing(p[[1, 0, 2]], m[::-1])),
+        (ch03.check_innovation, lambda z, predicted: z - predicted),
+        (ch03.check_jacobian, lambda p, m: ch03.jacobian(p, m) * [1, 1, -1]),
+        (ch03.check_follow, lambda m, P, u, dt, V, *seen: ch03.follow(m, P, u, dt, 0 * V, *seen)),
+        (ch08.check_fuse, lambda prior, hints: ch08.fuse(0.5, hints)),
+        (ch08.check_beam_evidence, lambda n, d, m, *s: ch08.beam_evidence(n, d, 20.0, *s)),
+        (ch08.check_map_entropy, lambda log: ch08.map_entropy(log) * np.log(2)),
+        (ch08.check_hits_needed, lambda p, prior, goal: ch08.hits_needed(p, 0.1, goal)),
+        (ch08.check_insert, lambda o, p, r, a, *s: ch08.insert(o, p * [1, 1, 0], r, a, *s)),
         (ch04.check_weights, lambda w, log: ch04.new_weights(np.ones(len(w)), log)),
         (ch04.check_effective_sample_size, lambda w: float(np.count_nonzero(w))),
         (ch04.check_resample, lambda w, u: np.full(len(w), np.argmax(w))),
@@ -73,7 +97,7 @@ def test_the_right_answer_looks_as_it_should(check):
 def test_a_wrong_answer_looks_different(check, wrong):
     left, right = check.draw(wrong).axes
     a, b = drawn(left), drawn(right)
-    assert a.shape != b.shape or np.abs(a - b).max() > 0.01
+    assert a.shape != b.shape or not np.allclose(a, b, rtol=0, atol=0.01, equal_nan=True)
 
 
 def raising(*arguments):
@@ -97,6 +121,11 @@ def test_whatever_comes_is_told_and_never_raised(check, student, message):
 
 def test_a_number_is_told_where_an_array_is_expected(check):
     numbers = (
+        ch01.check_looks_needed,
+        ch02.check_tune,
+        ch08.check_fuse,
+        ch08.check_map_entropy,
+        ch08.check_hits_needed,
         ch04.check_effective_sample_size,
         ch11.check_gate,
         ch11.check_nearest,
