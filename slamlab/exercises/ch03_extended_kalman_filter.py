@@ -496,8 +496,8 @@ def _follow_drawn(ax: Any, function: Any) -> None:
             step = 0.4 * v * np.array([np.cos(heading), np.sin(heading)])
             poses.append(np.array([x + step[0], y + step[1], heading + 0.4 * omega]))
         drives.append(np.array(poses[1:]))
-    z = [range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.03]) for pose in drives[0]]
-    z = np.where(np.arange(n)[:, None] % 5 < 3, np.nan, z)
+    read = [range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.03]) for pose in drives[0]]
+    z = np.where(np.arange(n)[:, None] % 5 < 3, np.nan, read)
     plots.path(ax, drives[0], "truth")
     plots.path(ax, drives[1], "dead_reckoning")
     plots.landmarks(ax, landmark[None])
