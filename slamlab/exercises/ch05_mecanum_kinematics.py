@@ -21,7 +21,7 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 #
 # Five exercises, from four wheels to a pose with its covariance; the chapter is [Mecanum
 # kinematics and odometry](../05_mecanum_kinematics.ipynb). Replace each `...` and run the check
-# below it as often as you like.
+# below it as often as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 05: mecanum kinematics
@@ -86,6 +86,24 @@ def _platform(rng: np.random.Generator) -> Any:
 _YOUBOT = (0.0475, 0.235, 0.15)
 
 
+def _wheels_drawn(ax: Any, function: Any) -> None:
+    """Draw the path that a robot is to drive, strafing and turning, and the one of its wheels."""
+    from slamlab import plots
+
+    r, lever, t = 0.0475, 0.385, np.linspace(0, 8, 161)
+    wished = np.column_stack([0.5 + 0 * t, 0.3 * np.sin(0.8 * t), 0.7 * np.cos(0.5 * t)])
+    wheels = np.array([np.asarray(function(u, r, 0.235, 0.15), float) for u in wished])
+    B = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], [-1, 1, -1, 1]])
+    B[2] /= lever
+    for velocities, kind in ((wished, "truth"), (wheels @ B.T, "estimate")):
+        pose, path = np.zeros(3), [np.zeros(3)]
+        for u in velocities:
+            pose = exact_step(pose, u, 0.05)
+            path.append(pose)
+        plots.path(ax, np.array(path), kind)
+    plots.floor(ax)
+
+
 check_wheels = Check(
     wheel_speeds,
     "speeds",
@@ -97,6 +115,7 @@ check_wheels = Check(
         "another robot": ([-0.3, 0.1, 1.0], 0.1, 0.2, 0.4),
         "any robot": _platform,
     },
+    picture=_wheels_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -216,6 +235,23 @@ def _driven(rng: np.random.Generator) -> Any:
     return a_pose(rng), np.round(rng.uniform(-2, 2, 3), 2), float(np.round(rng.uniform(0.1, 2), 2))
 
 
+def _step_drawn(ax: Any, function: Any) -> None:
+    """Draw a drive in nine long steps as poses, and in 1800 short ones as a line."""
+    from slamlab import plots
+
+    u, pose = np.array([0.8, 0.3, 0.9]), np.array([0.5, 0.2, 2.0])
+    turned = pose[2] + 0.9 * np.linspace(0, 6.3, 1801)[:, None]
+    c, s = np.cos(turned), np.sin(turned)
+    speeds = np.hstack([c * u[0] - s * u[1], s * u[0] + c * u[1]])
+    plots.path(ax, pose[:2] + np.cumsum(0.0035 * speeds, axis=0), "truth")
+    for _ in range(9):
+        pose = np.asarray(function(pose, u, 0.7), float)
+        nose = pose[:2] + 0.25 * np.array([[0, 0], [np.cos(pose[2]), np.sin(pose[2])]])
+        plots.path(ax, nose)
+        ax.plot(pose[0], pose[1], "o", color=plots.COLOURS["estimate"], markersize=5)
+    plots.floor(ax)
+
+
 check_step = Check(
     exact_step,
     "pose",
@@ -229,6 +265,7 @@ check_step = Check(
         "the heading passes pi": ([0.0, 0.0, 3.0], [0.3, 0.1, 1.0], 0.5),
         "turning while strafing": _driven,
     },
+    picture=_step_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -333,6 +370,19 @@ def process_noise(theta: float, dt: float, V: Array) -> Array:
 _V = np.diag([0.04, 0.01, 0.09])
 
 
+def _noise_drawn(ax: Any, function: Any) -> None:
+    """Draw where 1000 robots with noisy velocities stand after a step, and the ellipse of Q."""
+    from slamlab import plots
+
+    rng, theta, V = np.random.default_rng(1), 0.6, np.diag([0.16, 0.02, 0.09])
+    c, s = np.cos(theta), np.sin(theta)
+    noise = rng.multivariate_normal([0, 0, 0], V, 1000)[:, :2]
+    plots.lidar_points(ax, 0.5 * noise @ np.array([[c, s], [-s, c]]), s=1.6)
+    Q = np.asarray(function(theta, 0.5, V), float)
+    plots.ellipse(ax, [0, 0], Q[:2, :2])
+    plots.floor(ax)
+
+
 check_noise = Check(
     process_noise,
     "Q",
@@ -347,6 +397,7 @@ check_noise = Check(
             a_covariance(rng, 3, 0.1),
         ),
     },
+    picture=_noise_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -420,7 +471,23 @@ def slip_alarm(wheels: Array, sigma: float) -> Any:
 # %% [markdown] tags=["hint"]
 # Variances of independent errors add: what is the standard deviation of a + b - c - d?
 
+
 # %% tags=["cases"]
+def _slip_drawn(ax: Any, function: Any) -> None:
+    """Draw the alarm along a drive on which a front wheel spins from 8 s to 11 s, and 3 sigma."""
+    from slamlab import plots
+
+    rng, t, half = np.random.default_rng(2), 0.1 * np.arange(200), 0.385
+    u = np.column_stack([8 + 0 * t, 2 * np.sin(t), 3 * np.cos(0.5 * t)])
+    map_of_wheels = np.array([[1, -1, -half], [1, 1, half], [1, 1, -half], [1, -1, half]])
+    wheels = u @ map_of_wheels.T + rng.normal(0, 0.5, (200, 4))
+    wheels[80:110, 0] += 4.0
+    ax.plot(t, np.asarray(function(wheels, 0.5), float), **plots.line_style("estimate"))
+    for level in (-3, 3):
+        ax.axhline(level, **plots.line_style("truth"))
+    ax.set(xlabel="time (s)", ylabel="alarm (standard deviations)", ylim=(-8, 10))
+
+
 check_slip = Check(
     slip_alarm,
     "alarm",
@@ -432,6 +499,7 @@ check_slip = Check(
         "several readings at once": lambda rng: (np.round(rng.uniform(-9, 9, (3, 4)), 1), 0.3),
         "a table of readings": lambda rng: (np.round(rng.uniform(-9, 9, (2, 5, 4)), 1), 1.5),
     },
+    picture=_slip_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -570,6 +638,28 @@ def _driving(
     return a_pose(rng), scale * root @ root.T, wheels, *robot, sigma
 
 
+def _odometry_drawn(ax: Any, function: Any) -> None:
+    """Draw 300 drives by wheels with errors, and the path and ellipses of the odometry."""
+    from slamlab import plots
+
+    rng, r, lever, sigma = np.random.default_rng(3), 0.05, 0.38, 1.5
+    wheels = np.array([[9.0, 11, 9, 11]] * 12 + [[8.0, 12, 12, 8]] * 6 + [[11.0, 9, 11, 9]] * 12)
+    turning = np.array([-1, 1, -1, 1]) / lever
+    B = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
+    robots = np.zeros((300, 3))
+    for speeds in wheels:
+        v = (speeds + rng.normal(0, sigma, (300, 4))) @ B.T
+        c, s = np.cos(robots[:, 2]), np.sin(robots[:, 2])
+        steps = [c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1], v[:, 2]]
+        robots = robots + 0.4 * np.column_stack(steps)
+    plots.lidar_points(ax, robots[:, :2], s=1.6)
+    poses, covs = function(np.zeros(3), np.zeros((3, 3)), wheels, 0.4, r, lever, sigma)
+    plots.path(ax, np.asarray(poses, float))
+    for k in (9, 19, 29):
+        plots.ellipse(ax, np.asarray(poses[k], float)[:2], np.asarray(covs[k], float)[:2, :2])
+    plots.floor(ax)
+
+
 check_odometry = Check(
     odometry,
     "poses, covs",
@@ -588,6 +678,7 @@ check_odometry = Check(
         ),
     },
     tolerance=1e-8,
+    picture=_odometry_drawn,
 )
 
 # %% tags=["mistakes"]

@@ -27,7 +27,7 @@ __all__ = [
 # Five exercises that turn a drawn room into what a robot sees: three functions, a beam with two
 # bugs, and a whole drive assembled; the chapter is [Lidar
 # simulation](../06_lidar_simulation.ipynb). Replace each `...` and run the check below it as
-# often as you like.
+# often as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 06: lidar simulation
@@ -129,6 +129,31 @@ def _along(axis: float) -> Any:
     return lambda rng: (rng.random((7, 5)) < 0.15, 2.3, 3.6, axis)
 
 
+def _cells_drawn(ax: Any, cells: Any, resolution: float = 1.0) -> None:
+    """Draw occupied cells as a picture of this resolution."""
+    from slamlab import plots
+
+    rows, columns = cells.shape
+    plots.occupancy(ax, 0.5 * cells, [0, columns * resolution, 0, rows * resolution])
+
+
+def _first_hit_drawn(ax: Any, function: Any) -> None:
+    """Draw the end points of 180 beams among occupied cells, which are grey."""
+    from slamlab import plots
+
+    cells = (np.random.default_rng(9).random((10, 14)) < 0.08).astype(int)
+    cells[[0, -1], :] = cells[:, [0, -1]] = 1
+    x, y = 6.3, 5.6
+    cells[int(y), int(x)] = 0
+    _cells_drawn(ax, cells)
+    angles = np.linspace(-np.pi, np.pi, 180, endpoint=False) + 0.01
+    ranges = np.array([float(function(cells, x, y, float(angle))) for angle in angles])
+    ends = np.column_stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles)])
+    plots.lidar_points(ax, np.where(np.isfinite(ends), ends, np.nan), s=3)
+    ax.plot(x, y, "o", color=plots.COLOURS["truth"])
+    ax.set(xlabel="x (cells)", ylabel="y (cells)")
+
+
 check_first_hit = Check(
     first_hit,
     "range",
@@ -146,6 +171,7 @@ check_first_hit = Check(
         "any grid, any beam": _beam,
     },
     draws=30,
+    picture=_first_hit_drawn,
 )
 
 
@@ -276,6 +302,20 @@ def _up_to_turns(function: Function, n_beams: int, field_of_view: float) -> Any:
     return np.where(angles < -np.pi + 1e-9, np.pi, angles)
 
 
+def _fans_drawn(ax: Any, function: Any) -> None:
+    """Draw the beams of three lidars: twelve all round, nine in 160 degrees, a single one."""
+    from slamlab import plots
+
+    for x, n, view in ((0.0, 12, 360.0), (2.0, 9, 160.0), (3.8, 1, 90.0)):
+        beams = np.asarray(function(n, np.deg2rad(view)), float)
+        for angle in beams[:n]:
+            ends = np.array([[x, 0.0], [x + np.cos(angle), np.sin(angle)]])
+            plots.path(ax, ends, color=plots.COLOURS["lidar"])
+        ax.plot(x, 0, "o", color=plots.COLOURS["truth"])
+    plots.floor(ax)
+    ax.set(xlabel="x (m), ahead", ylabel="y (m)")
+
+
 check_beam_angles = Check(
     beam_angles,
     "angles",
@@ -293,6 +333,7 @@ check_beam_angles = Check(
         ),
     },
     use=_up_to_turns,
+    picture=_fans_drawn,
 )
 
 
@@ -395,6 +436,25 @@ def _scan(rng: np.random.Generator, lost: bool) -> Any:
     return a_pose(rng), ranges, np.sort(np.round(rng.uniform(-3, 3, n), 2))
 
 
+_ROOM = [(0, 0), (6, 0), (6, 3), (4, 3), (4, 5), (0, 5)]
+
+
+def _points_drawn(ax: Any, function: Any) -> None:
+    """Draw the points of two scans and the walls of the room in which they were taken."""
+    from slamlab import plots
+    from slamlab.sensors import Lidar
+    from slamlab.worlds import WallWorld
+
+    world, lidar = WallWorld.from_polygons(_ROOM), Lidar(60, max_range=4.5)
+    plots.walls(ax, world.segments)
+    for pose in np.array([[1.0, 1.2, 0.5], [4.6, 1.6, -2.6]]):
+        points = function(pose, lidar.scan(world, pose), lidar.beam_angles)
+        plots.lidar_points(ax, np.asarray(points, float), s=4)
+        ax.plot(pose[0], pose[1], "o", color=plots.COLOURS["truth"])
+    plots.floor(ax)
+    ax.set(xlim=(-0.5, 6.5), ylim=(-0.5, 5.5))
+
+
 check_scan_to_points = Check(
     scan_to_points,
     "points",
@@ -405,6 +465,7 @@ check_scan_to_points = Check(
         "nothing came back at all": ([1.0, 2.0, 0.5], [np.inf, np.nan], [0.0, 1.0]),
         "a scan without beams": ([1.0, 2.0, 0.5], [], []),
     },
+    picture=_points_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -547,6 +608,23 @@ def _on_one_line(rng: np.random.Generator) -> Any:
     return np.stack([places - across, places + across], 1) + start, *start, angle
 
 
+def _nearest_drawn(ax: Any, function: Any) -> None:
+    """Draw the end points of 120 beams in a room of walls with a pillar."""
+    from slamlab import plots
+
+    pillar = [(1.5, 2.2), (2.5, 2.2), (2.5, 3.0), (1.5, 3.0)]
+    rings = [np.array(ring, float) for ring in (_ROOM, pillar)]
+    walls = np.vstack([np.stack([ring, np.roll(ring, -1, axis=0)], 1) for ring in rings])
+    plots.walls(ax, walls)
+    angles = np.linspace(-np.pi, np.pi, 120, endpoint=False) + 0.01
+    ranges = np.array([float(function(walls, 3.2, 1.4, float(angle))) for angle in angles])
+    ends = np.column_stack([3.2 + ranges * np.cos(angles), 1.4 + ranges * np.sin(angles)])
+    plots.lidar_points(ax, np.where(np.isfinite(ends), ends, np.nan), s=4)
+    ax.plot(3.2, 1.4, "o", color=plots.COLOURS["truth"])
+    plots.floor(ax)
+    ax.set(xlim=(-0.5, 6.5), ylim=(-0.5, 5.5))
+
+
 check_nearest_wall = Check(
     nearest_wall,
     "range",
@@ -570,6 +648,7 @@ check_nearest_wall = Check(
     },
     draws=15,
     tolerance=1e-8,
+    picture=_nearest_drawn,
 )
 
 
@@ -718,6 +797,22 @@ _CORRIDOR = np.zeros((3, 8), dtype=int)
 _CORRIDOR[1, [5, 7]] = 1
 
 
+def _record_drawn(ax: Any, function: Any) -> None:
+    """Draw the points of six scans on a drive through two rooms; occupied cells are grey."""
+    from slamlab import plots
+
+    cells = np.zeros((20, 32), dtype=int)
+    cells[[0, -1], :] = cells[:, [0, -1]] = cells[:, 15] = 1
+    cells[6:11, 15] = 0
+    _cells_drawn(ax, cells, 0.2)
+    path = np.array([[0.9, 2.9, 1.2], [1.5, 2.2, 0.4], [2.2, 1.7, 0], [3.1, 1.7, 0],
+                     [4.0, 1.8, -0.9], [5.2, 2.4, 2.6]])  # fmt: skip
+    ranges, points = function(cells, 0.2, path, 60, 4.0, 3.0)
+    plots.lidar_points(ax, np.asarray(points, float), s=2.5)
+    plots.path(ax, path, "truth", marker="o", markersize=4)
+    ax.set(xlim=(0, 6.4), ylim=(0, 4))
+
+
 check_record = Check(
     record,
     "ranges, points",
@@ -732,6 +827,7 @@ check_record = Check(
     },
     tolerance=1e-7,
     draws=4,
+    picture=_record_drawn,
 )
 
 # %% tags=["mistakes"]

@@ -22,7 +22,7 @@ __all__ = ["check_corner", "check_line", "check_to_world", "check_wall_cov", "ch
 # Five exercises that turn a scan into walls: three functions, a wall on its way into the map with
 # two bugs, and split-and-merge assembled; the chapter is [Walls from
 # points](../07_walls_from_points.ipynb). Replace each `...` and run the check below it as often
-# as you like.
+# as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 07: walls from points
@@ -98,6 +98,23 @@ def _wall(rng: np.random.Generator, r: float, alpha: float, k: int = 7) -> Any:
     return (np.round((r + rng.normal(0, 0.03, (k, 1))) * normal + along, 3),)
 
 
+def _line_drawn(ax: Any, function: Any) -> None:
+    """Draw the points of four walls round the robot and the lines that are fitted to them."""
+    from slamlab import plots
+
+    rng = np.random.default_rng(1)
+    for r, alpha in ((2.0, 0.02), (2.5, 1.4), (1.5, -3.1), (2.0, -1.2)):
+        normal = np.array([np.cos(alpha), np.sin(alpha)])
+        t = np.linspace(-1.2, 1.2, 15)[:, None]
+        points = r * normal + t * [-normal[1], normal[0]] + rng.normal(0, 0.05, (15, 2))
+        plots.lidar_points(ax, points, s=4)
+        fitted_r, fitted = (float(one) for one in function(points))
+        c, s = np.cos(fitted), np.sin(fitted)
+        plots.path(ax, fitted_r * np.array([c, s]) + 1.4 * np.array([[s, -c], [-s, c]]))
+    ax.plot(0, 0, "o", color=plots.COLOURS["truth"])
+    plots.floor(ax)
+
+
 check_line = Check(
     line,
     "r, alpha",
@@ -111,6 +128,7 @@ check_line = Check(
         "two points": lambda rng: (np.round(rng.uniform(-5, 5, (2, 2)), 2),),
     },
     tolerance=1e-8,
+    picture=_line_drawn,
 )
 
 
@@ -227,6 +245,23 @@ def _stretch(rng: np.random.Generator) -> Any:
 _BEND = np.array([[0, 0], [1, 0.02], [2, -0.01], [2.02, 1], [1.99, 2], [2, 3], [2, 4.0]])
 
 
+def _corner_drawn(ax: Any, function: Any) -> None:
+    """Draw two bent stretches, their chords, and each cut in two at the point that is found."""
+    from slamlab import plots
+
+    rng = np.random.default_rng(2)
+    short = np.vstack([np.linspace([0, 0], [1.6, 0.4], 8), np.linspace([1.7, 0.6], [1, 3], 14)])
+    long = np.vstack([np.linspace([3, 3], [2.6, 1.2], 10), np.linspace([2.8, 1], [5, 0.4], 12)])
+    for points in (short, long):
+        points = points + rng.normal(0, 0.03, points.shape)
+        cut = int(function(points))
+        plots.lidar_points(ax, points, s=4)
+        plots.path(ax, points[[0, -1]], "truth")
+        plots.path(ax, points[[0, cut, -1]])
+        ax.plot(*points[cut], "o", color=plots.COLOURS["estimate"], markersize=8, mfc="none")
+    plots.floor(ax)
+
+
 check_corner = Check(
     corner,
     "index",
@@ -240,6 +275,7 @@ check_corner = Check(
         "any stretch": _stretch,
     },
     draws=12,
+    picture=_corner_drawn,
 )
 
 
@@ -364,6 +400,22 @@ def _points(rng: np.random.Generator) -> Any:
     return np.round(rng.uniform(-3, 3, k) + rng.uniform(-4, 4), 2), np.round(rng.random(k), 3)
 
 
+def _wall_cov_drawn(ax: Any, function: Any) -> None:
+    """Draw the errors of 1000 walls fitted to twelve points, and the ellipse of the covariance."""
+    from slamlab import plots
+
+    rng, along = np.random.default_rng(3), np.linspace(0.5, 2.5, 12)
+    variances = np.linspace(0.01, 0.06, 12) ** 2
+    fits = []
+    for errors in rng.standard_normal((1000, 12)) * np.sqrt(variances):
+        slope, at_foot = np.polyfit(along, errors, 1)
+        fits.append([at_foot, -slope])
+    units = np.diag([100.0, np.degrees(1)])
+    plots.lidar_points(ax, np.array(fits) @ units, s=1.6)
+    plots.ellipse(ax, [0, 0], units @ np.asarray(function(along, variances), float) @ units)
+    ax.set(xlabel="error of r (cm)", ylabel="error of alpha (°)")
+
+
 check_wall_cov = Check(
     wall_cov,
     "cov",
@@ -374,6 +426,7 @@ check_wall_cov = Check(
         "points without error": ([1.0, 2.0, 4.0], [0.0, 0.0, 0.0]),
         "unequal points": _points,
     },
+    picture=_wall_cov_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -511,6 +564,22 @@ def _beyond(rng: np.random.Generator) -> Any:
     return pose, a_covariance(rng, 3, 0.05), wall, a_covariance(rng, 2, 0.02)
 
 
+def _to_world_drawn(ax: Any, function: Any) -> None:
+    """Draw a wall as 1000 uncertain robots place it in the world, and the ellipse of yours."""
+    from slamlab import plots
+
+    rng, pose, wall = np.random.default_rng(4), np.array([3.0, 2.0, 0.7]), np.array([2.0, 0.4])
+    P, C = np.diag([0.05, 0.05, 0.02]) ** 2, np.diag([0.02, 0.03]) ** 2
+    robots, seen = rng.multivariate_normal(pose, P, 1000), rng.multivariate_normal(wall, C, 1000)
+    alpha = robots[:, 2] + seen[:, 1]
+    r = seen[:, 0] + robots[:, 0] * np.cos(alpha) + robots[:, 1] * np.sin(alpha)
+    degrees = np.diag([1.0, np.degrees(1)])
+    plots.lidar_points(ax, np.column_stack([r, alpha]) @ degrees, s=1.6)
+    mean, cov = function(pose, P, wall, C)
+    plots.ellipse(ax, degrees @ mean, degrees @ np.asarray(cov, float) @ degrees)
+    ax.set(xlabel="r in the world (m)", ylabel="alpha in the world (°)")
+
+
 check_to_world = Check(
     to_world,
     "wall, cov",
@@ -522,6 +591,7 @@ check_to_world = Check(
         "any pose, any wall": _sighting(),
     },
     tolerance=1e-6,
+    picture=_to_world_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -654,6 +724,27 @@ def _outline(rng: np.random.Generator, *sizes: int, fewest: int = 4) -> Any:
 _ANGLE = np.array([[0, 1], [1, 1], [2, 1], [3, 1], [4, 1.0], [4, 2], [4, 3], [4, 4], [4, 5]])
 
 
+def _walls_drawn(ax: Any, function: Any) -> None:
+    """Draw the points of a scan and the walls that are found in them."""
+    from slamlab import plots
+    from slamlab.sensors import Lidar
+    from slamlab.worlds import WallWorld
+
+    room = [(-2, -1.5), (2, -1.5), (2, 0.8), (3.2, 1.4), (2.2, 3.2), (-1, 3.2), (-2, 2.2)]
+    lidar = Lidar(160, sigma_range=0.01)
+    world, rng = WallWorld.from_polygons(room), np.random.default_rng(5)
+    points = lidar.points(lidar.scan(world, np.array([0, 0, 0.3]), rng))
+    plots.lidar_points(ax, points, s=3)
+    for r, alpha in np.asarray(function(points, 1e-4, 0.05, 6)[0], float):
+        normal, along = np.array([np.cos(alpha), np.sin(alpha)]), [-np.sin(alpha), np.cos(alpha)]
+        near = np.flatnonzero(np.abs(points @ normal - r) < 0.05)
+        runs = np.split(near, np.flatnonzero(np.diff(near) > 2) + 1)
+        t = points[max(runs, key=len)] @ along if len(near) else np.array([-1.0, 1.0])
+        plots.path(ax, r * normal + np.outer([t.min(), t.max()], along))
+    ax.plot(0, 0, "o", color=plots.COLOURS["truth"])
+    plots.floor(ax)
+
+
 check_walls = Check(
     walls,
     "walls, covs",
@@ -679,6 +770,7 @@ check_walls = Check(
     },
     tolerance=1e-7,
     draws=8,
+    picture=_walls_drawn,
 )
 
 

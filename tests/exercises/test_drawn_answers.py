@@ -10,12 +10,15 @@ from slamlab.exercises import ch01_bayes_filter as ch01
 from slamlab.exercises import ch02_kalman_filter as ch02
 from slamlab.exercises import ch03_extended_kalman_filter as ch03
 from slamlab.exercises import ch04_particle_filter as ch04
+from slamlab.exercises import ch05_mecanum_kinematics as ch05
+from slamlab.exercises import ch06_lidar_simulation as ch06
+from slamlab.exercises import ch07_walls_from_points as ch07
 from slamlab.exercises import ch08_occupancy_maps as ch08
 from slamlab.exercises import ch09_ekf_slam as ch
 from slamlab.exercises import ch11_data_association as ch11
 from slamlab.exercises._report import Check
 
-MODULES = (ch01, ch02, ch03, ch04, ch08, ch, ch11)
+MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch11)
 PICTURES = [
     (module, name)
     for module in MODULES
@@ -71,6 +74,21 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch03.check_innovation, lambda z, predicted: z - predicted),
         (ch03.check_jacobian, lambda p, m: ch03.jacobian(p, m) * [1, 1, -1]),
         (ch03.check_follow, lambda m, P, u, dt, V, *seen: ch03.follow(m, P, u, dt, 0 * V, *seen)),
+        (ch05.check_wheels, lambda u, r, a, b: ch05.wheel_speeds(u, r, np.hypot(a, b), 0)),
+        (ch05.check_step, lambda pose, u, dt: pose + dt * u),
+        (ch05.check_noise, lambda theta, dt, V: ch05.process_noise(0, dt, V)),
+        (ch05.check_slip, lambda wheels, sigma: wheels @ [1, -1, 1, -1] / (2 * sigma)),
+        (ch05.check_odometry, lambda pose, P, *a: (ch05.odometry(pose, P, *a)[0], [P] * 30)),
+        (ch06.check_first_hit, lambda o, x, y, a: ch06.first_hit(o, x, y, a) + 0.5),
+        (ch06.check_beam_angles, lambda n, view: np.linspace(-view / 2, view / 2, n)),
+        (ch06.check_scan_to_points, lambda p, r, a: ch06.scan_to_points(p * [1, 1, -1], r, a)),
+        (ch06.check_nearest_wall, lambda s, x, y, a: ch06.nearest_wall(s[:4], x, y, a)),
+        (ch06.check_record, lambda o, *a: tuple(np.nan_to_num(x) for x in ch06.record(o, *a))),
+        (ch07.check_line, lambda p: (ch07.line(p)[0], -ch07.line(p)[1])),
+        (ch07.check_corner, ch07._sharpest),
+        (ch07.check_wall_cov, lambda t, v: np.diag(np.diag(ch07.wall_cov(t, v)))),
+        (ch07.check_to_world, lambda p, P, w, C: (ch07.to_world(p, P, w, C)[0], C)),
+        (ch07.check_walls, lambda p, v, threshold, n: ch07.walls(p, v, 10 * threshold, n)),
         (ch08.check_fuse, lambda prior, hints: ch08.fuse(0.5, hints)),
         (ch08.check_beam_evidence, lambda n, d, m, *s: ch08.beam_evidence(n, d, 20.0, *s)),
         (ch08.check_map_entropy, lambda log: ch08.map_entropy(log) * np.log(2)),
@@ -123,6 +141,9 @@ def test_a_number_is_told_where_an_array_is_expected(check):
     numbers = (
         ch01.check_looks_needed,
         ch02.check_tune,
+        ch06.check_first_hit,
+        ch06.check_nearest_wall,
+        ch07.check_corner,
         ch08.check_fuse,
         ch08.check_map_entropy,
         ch08.check_hits_needed,
