@@ -31,7 +31,7 @@ __all__ = ["check_fit", "check_loop", "check_remember", "check_steer", "check_tu
 # A fit under constraints, a loop in closed form, a bug in the law that drives home, its gains,
 # and a memory that you assemble and that brings a robot home; the chapter is [The way
 # home](../17_the_way_home.ipynb). Replace each `...` and run the check below it as often as you
-# like.
+# like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 17: the way home
@@ -104,6 +104,24 @@ def _path(rng: np.random.Generator, n: int) -> Any:
 _T = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 0.8])
 
 
+def _curve(coefficients: Any, tau: Any) -> Array:
+    """Points of a cubic of the plane at these parameters."""
+    return np.asarray(tau, float)[..., None] ** np.arange(4) @ np.asarray(coefficients, float)
+
+
+def _fit_drawn(ax: Any, function: Any) -> None:
+    """Draw sixteen noisy points of a way and the cubic through the first and the last of them."""
+    from slamlab import plots
+
+    s, rng = np.linspace(0, 1, 16), np.random.default_rng(1)
+    points = np.column_stack([3 * s, np.sin(5 * s) + s]) + rng.normal(0, 0.06, (16, 2))
+    t = 2.0 + 4.0 * s
+    plots.lidar_points(ax, points, s=4)
+    ax.plot(*points[[0, -1]].T, "o", color=plots.COLOURS["truth"], mfc="none", markersize=9)
+    plots.path(ax, _curve(function(t, points), np.linspace(0, 1, 100)))
+    plots.floor(ax)
+
+
 check_fit = Check(
     fit_between,
     "coefficients",
@@ -114,6 +132,7 @@ check_fit = Check(
         "many points": _path(40),
     },
     tolerance=1e-7,
+    picture=_fit_drawn,
 )
 
 
@@ -265,6 +284,25 @@ def _with_loop(rng: np.random.Generator, t_a: float, t_b: float) -> Any:
     return (np.array([rng.normal(size=2), -high[0] * sigma - high[1] * w, *high]),)
 
 
+def _loop_drawn(ax: Any, function: Any) -> None:
+    """Draw four cubics, and a ring at both parameters at which each crosses itself."""
+    from slamlab import plots
+
+    cubics = (
+        _handles([[0, 0], [3, 2], [-2, 2], [1, 0]]),
+        _handles([[1.5, 0], [4.0, 2.4], [-0.1, 1.5], [2.7, 0.3]]),
+        _handles([[0, -2.2], [0.6, -1], [1.2, -1], [1.6, -2.2]]),
+        _handles([[2, -2], [2.6, -0.6], [3, -2.8], [3.4, -1.2]]),
+    )
+    for c in cubics:
+        plots.path(ax, _curve(c, np.linspace(0, 1, 80)), "truth")
+        t_a, t_b = (float(one) for one in function(c))
+        for t, size in ((t_a, 6), (t_b, 11)):
+            place = _curve(c, t)
+            ax.plot(*place, "o", color=plots.COLOURS["estimate"], markersize=size, mfc="none")
+    plots.floor(ax)
+
+
 check_loop = Check(
     find_loop,
     "t_a, t_b",
@@ -287,6 +325,7 @@ check_loop = Check(
     },
     tolerance=1e-7,
     edges=("a straight line", "a parabola"),
+    picture=_loop_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -404,6 +443,26 @@ def _aim(
     return pose, np.round(point, 3), np.round(rng.uniform(0.6, 3.0, 2), 2), limits
 
 
+def _steer_drawn(ax: Any, function: Any) -> None:
+    """Draw five robots on their way to the origin, three of them from the east."""
+    from slamlab import plots
+
+    gains, limits = np.array([1.0, 2.0]), np.array([0.2, 1.5])
+    starts = [[1.2, 0.5, 2.0], [1.3, 0.0, -1.9], [1.1, -0.6, 3.0], [-1.2, 0.5, 1.0], [-1, -0.5, 0]]
+    for pose in np.array(starts, float):
+        path = [pose]
+        while len(path) < 200 and np.hypot(*pose[:2]) > 0.03:
+            v, omega = (float(one) for one in function(pose, np.zeros(2), gains, limits))
+            half = pose[2] + 0.05 * omega
+            pose = pose + 0.1 * np.array([v * np.cos(half), v * np.sin(half), omega])
+            pose[2] = (pose[2] + np.pi) % (2 * np.pi) - np.pi
+            path.append(pose)
+        plots.path(ax, np.array(path))
+        ax.plot(*path[0][:2], "o", color=plots.COLOURS["estimate"], markersize=5)
+    ax.plot(0, 0, "*", color=plots.COLOURS["truth"], markersize=11, mfc="none")
+    plots.floor(ax)
+
+
 check_steer = Check(
     steer,
     "v, omega",
@@ -426,6 +485,7 @@ check_steer = Check(
         "limits that never hold": _aim(limits=(9.0, 99.0)),
         "any point": _aim(limits=(0.25, 1.2)),
     },
+    picture=_steer_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -539,8 +599,8 @@ def _stairs() -> PathMemory:
 
 
 @lru_cache(maxsize=64)
-def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[str, ...]:
-    """Say what is wrong with each aspect of the way home: nothing where it is well."""
+def _homeward(k_v: float, k_omega: float, lookahead: float) -> Any:
+    """Drive down the stairs: whether the robot has arrived, and the log."""
     path, exact = _stairs(), VisualOdometer.simple(0.0, 0.0)
     law = ReturnLaw(k_v, k_omega, lookahead, max_speed=0.2, max_turn_rate=1.5)
     start = [*path.point_at(path.length), np.pi]
@@ -549,6 +609,12 @@ def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[str, ...]:
     home = record(
         None, Unicycle(), None, pilot, belief, rng, start=start, odometer=exact, max_time=90.0
     )
+    return pilot.arrived, home
+
+
+def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[str, ...]:
+    """Say what is wrong with each aspect of the way home: nothing where it is well."""
+    path, (arrived, home) = _stairs(), _homeward(k_v, k_omega, lookahead)
     truth = home.notes["believed"]  # the odometer is exact
     away = path.nearest(truth[:, :2])[1].max()
     full = np.mean(np.abs(home.notes["command"][1:, 1]) > 1.49)
@@ -558,7 +624,7 @@ def _drive(k_v: float, k_omega: float, lookahead: float) -> tuple[str, ...]:
     seconds = home.times[-1]
     left = f"it leaves the path by {100 * away:.0f} cm, 6 are allowed: "
     return (
-        "" if pilot.arrived else "it does not come home within 90 s",
+        "" if arrived else "it does not come home within 90 s",
         "" if away <= 0.06 else left + "the look-ahead distance is too long, or k_omega too small",
         ""
         if seconds <= 40.0
@@ -586,6 +652,18 @@ def _aspect(gains: Function, aspect: int) -> Any:
     return _drive(k_v, k_omega, lookahead)[aspect]
 
 
+def _tune_drawn(ax: Any, function: Any) -> None:
+    """Draw the stairs and the way home with these gains."""
+    from slamlab import plots
+
+    k_v, k_omega, lookahead = (float(one) for one in function())
+    stairs = _stairs()
+    way = np.array([stairs.point_at(s) for s in np.linspace(0, stairs.length, 200)])
+    plots.path(ax, way, "truth")
+    plots.path(ax, _homeward(k_v, k_omega, lookahead)[1].notes["believed"])
+    plots.floor(ax)
+
+
 check_tune = Check(
     tune,
     "what is to be said",
@@ -597,6 +675,7 @@ check_tune = Check(
         "it swings past no corner by more than 4 cm": (4,),
     },
     use=_aspect,
+    picture=_tune_drawn,
 )
 
 # %% [markdown] tags=["solution"]
@@ -727,6 +806,19 @@ def _memory_of(remember: Function, points: Array, tolerance: float) -> Any:
     return _home_along(remember(points[0], tolerance), points[0])
 
 
+def _remember_drawn(ax: Any, function: Any) -> None:
+    """Draw the points of a way of four metres, the cubics that are stored, and where they join."""
+    from slamlab import plots
+
+    points = _way_out()[0]
+    plots.lidar_points(ax, points, s=3)
+    cubics = np.asarray(function(points, 0.03), float)
+    for c in cubics.reshape(-1, 4, 2):
+        plots.path(ax, _curve(c, np.linspace(0, 1, 40)))
+        ax.plot(*_curve(c, [0.0, 1.0]).T, "o", color=plots.COLOURS["estimate"], markersize=6)
+    plots.floor(ax)
+
+
 check_remember = Check(
     remember,
     "cubics",
@@ -747,6 +839,7 @@ check_remember = Check(
     },
     tolerance=1e-6,
     use=_memory_of,
+    picture=_remember_drawn,
 )
 
 

@@ -31,7 +31,8 @@ __all__ = [
 # Six exercises on an explorer that touches nothing and knows when it is done: its room to turn
 # with a pencil, what it sweeps, where it might go, a guard with a bug, the frontier, and the way
 # there, which you let run through a flat. The chapter is [Exploration](../18_exploration.ipynb).
-# Replace each `...` and run the check below it as often as you like.
+# Replace each `...` and run the check below it as often as you like; then draw what you built
+# beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 18: exploration
@@ -109,6 +110,29 @@ def _in_gap(rng: np.random.Generator, side: int | None = None) -> Any:
     return distance * np.array([np.cos(angle), np.sin(angle)]), half
 
 
+def _body(ax: Any, half: float, kind: str, turn: float = 0.0, ahead: float = 0.0) -> None:
+    """Draw a square body, turned to the left, or driven ahead."""
+    from slamlab import plots
+
+    corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]])
+    c, s = np.cos(turn), np.sin(turn)
+    plots.path(ax, corners @ np.array([[c, s], [-s, c]]) + [ahead, 0], kind)
+
+
+def _free_turn_drawn(ax: Any, function: Any) -> None:
+    """Draw a point beside a square, and the square turned left and right as far as it may."""
+    from slamlab import plots
+
+    point = 0.24 * np.array([np.cos(-1.4), np.sin(-1.4)])
+    left, right = (float(one) for one in function(point, 0.2))
+    _body(ax, 0.2, "truth")
+    _body(ax, 0.2, "estimate", left)
+    _body(ax, 0.2, "dead_reckoning", -right)
+    ax.plot(*point, "o", color=plots.COLOURS["lidar"], markersize=6)
+    plots.floor(ax)
+    ax.set(xlabel="x (m); dashed: to the right")
+
+
 check_free_turn = Check(
     free_turn,
     "left, right",
@@ -124,6 +148,7 @@ check_free_turn = Check(
         "at the centre": ([0.0, 0.0], 0.2),
         "any gap": _in_gap(),
     },
+    picture=_free_turn_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -235,6 +260,20 @@ def _around(rng: np.random.Generator) -> Any:
 _BORDER = [[0.5, 0.0], [0.0, 0.25], [-0.25, 0.0], [0.25, -0.25], [0.499, 0.249]]
 
 
+def _swept_drawn(ax: Any, function: Any) -> None:
+    """Draw a body before and after its step, points round it, and a ring round those it hits."""
+    from slamlab import plots
+
+    points = np.random.default_rng(1).uniform([-0.6, -0.5], [1.3, 0.5], (120, 2))
+    hit = np.asarray(function(points, 0.2, 0.6)).astype(bool).reshape(120)
+    plots.lidar_points(ax, points, s=4)
+    rings = points[hit]
+    ax.plot(*rings.T, "o", color=plots.COLOURS["dead_reckoning"], markersize=8, mfc="none")
+    _body(ax, 0.2, "truth")
+    _body(ax, 0.2, "estimate", ahead=0.6)
+    plots.floor(ax)
+
+
 check_swept = Check(
     swept,
     "hit",
@@ -252,6 +291,7 @@ check_swept = Check(
         "no points": (np.zeros((0, 2)), 0.2, 0.5),
         "points all around": _around,
     },
+    picture=_swept_drawn,
 )
 
 
@@ -400,6 +440,24 @@ def _near_the_limit(rng: np.random.Generator) -> Any:
     return ranges, degrees, float(back % 360)
 
 
+def _quarters_drawn(ax: Any, function: Any) -> None:
+    """Draw the 36 beams of a scan, the way back dashed, and the beams that are followed."""
+    from slamlab import plots
+
+    degrees, back = np.arange(0.0, 360.0, 10.0), 350.0
+    ranges = 2 + np.sin(np.deg2rad(2 * degrees + 40)) + 0.3 * np.cos(np.deg2rad(5 * degrees))
+    ends = ranges[:, None] * np.column_stack(
+        [np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))]
+    )
+    for end in ends:
+        ax.plot([0, end[0]], [0, end[1]], color=plots.COLOURS["lidar"], lw=0.8)
+    for beam in np.asarray(function(ranges, degrees, back)).astype(int):
+        plots.path(ax, np.array([[0, 0], ends[beam]]), marker="o")
+    home = 3 * np.array([np.cos(np.deg2rad(back)), np.sin(np.deg2rad(back))])
+    plots.path(ax, np.array([[0, 0], home]), "dead_reckoning")
+    plots.floor(ax)
+
+
 check_quarter_beams = Check(
     quarter_beams,
     "beams",
@@ -425,6 +483,7 @@ check_quarter_beams = Check(
         "any lidar": _lidar,
     },
     draws=12,
+    picture=_quarters_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -540,6 +599,19 @@ def _posts(rng: np.random.Generator) -> Any:
     return np.round(points, 2), half, margin
 
 
+def _free_step_drawn(ax: Any, function: Any) -> None:
+    """Draw a body between posts, the margin round it, and the body after the step."""
+    from slamlab import plots
+
+    points = np.array([[1.1, 0.24], [0.5, 0.31], [1.6, -0.1], [-0.3, 0.1], [0.4, -0.3]])
+    step = float(function(points, 0.2, 0.06))
+    plots.lidar_points(ax, points, s=6)
+    _body(ax, 0.2, "truth")
+    _body(ax, 0.26, "lidar", ahead=step)
+    _body(ax, 0.2, "estimate", ahead=step)
+    plots.floor(ax)
+
+
 check_free_step = Check(
     free_step,
     "step",
@@ -557,6 +629,7 @@ check_free_step = Check(
         "any posts": _posts,
     },
     edges=("no points",),
+    picture=_free_step_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -671,6 +744,28 @@ def _a_map(rng: np.random.Generator) -> Any:
 _ISLAND = np.pad(np.ones((3, 3), dtype=int), 1)
 
 
+def _state_drawn(ax: Any, state: Any) -> None:
+    """Draw a map: white is free, dark occupied, grey unknown."""
+    from slamlab import plots
+
+    rows, columns = state.shape
+    plots.occupancy(ax, np.array([0.4, 0.0, 0.85])[state], [-0.5, columns - 0.5, -0.5, rows - 0.5])
+    ax.set(xlabel="column", ylabel="row")
+
+
+def _frontier_drawn(ax: Any, function: Any) -> None:
+    """Draw a half-explored flat, unknown grey, and a dot on each cell of the frontier."""
+    from slamlab import plots
+
+    state = _two_rooms()[0].copy()
+    state[:, 14:] = 0
+    state[11:, :6] = 0
+    _state_drawn(ax, state)
+    edge = np.asarray(function(state)).astype(bool)
+    rows, columns = np.nonzero(edge)
+    ax.plot(columns, rows, "o", color=plots.COLOURS["estimate"], markersize=4)
+
+
 check_frontier = Check(
     frontier,
     "frontier",
@@ -684,6 +779,7 @@ check_frontier = Check(
         "a column": ([[0], [1], [1], [2], [0]],),
         "any map": _a_map,
     },
+    picture=_frontier_drawn,
 )
 
 
@@ -886,6 +982,25 @@ def _big(rng: np.random.Generator) -> Any:
     return state, corner
 
 
+def _way_drawn(ax: Any, function: Any) -> None:
+    """Draw the tour through a flat of a robot that sees two cells far; unseen floor is grey."""
+    from slamlab import plots
+
+    world, cell = _two_rooms()[0], np.array([3, 3])
+    known, path = np.zeros_like(world), [cell]
+    while len(path) < 400:
+        low, high = np.maximum(cell - 2, 0), cell + 3
+        known[low[0] : high[0], low[1] : high[1]] = world[low[0] : high[0], low[1] : high[1]]
+        way = np.asarray(function(known.copy(), cell.copy())).astype(int).reshape(-1, 2)
+        if len(way) < 2:
+            break
+        cell = way[-1]
+        path.extend(way[1:])
+    _state_drawn(ax, known)
+    plots.path(ax, np.array(path)[:, ::-1])
+    ax.plot(3, 3, "o", color=plots.COLOURS["estimate"])
+
+
 check_way = Check(
     way_to_frontier,
     "way",
@@ -904,6 +1019,7 @@ check_way = Check(
         "a tour of a flat": (_two_rooms(), [3, 3]),
     },
     use=_explored,
+    picture=_way_drawn,
 )
 
 

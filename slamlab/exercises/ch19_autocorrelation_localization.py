@@ -34,7 +34,8 @@ __all__ = [
 # Six exercises that find a robot from one scan: the beams it needs, with a pencil; a signature, a
 # turn, a bug to find, the second-best place, and all of it assembled in the room of the thesis.
 # The chapter is [Autocorrelation localization](../19_autocorrelation_localization.ipynb). Replace
-# each `...` and run the check below it as often as you like.
+# each `...` and run the check below it as often as you like; then draw what you built beside what
+# is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 19: autocorrelation localization
@@ -87,6 +88,22 @@ def _errors(rng: np.random.Generator) -> Any:
     return (float(np.round(np.deg2rad(rng.uniform(0.1, 20)), 4)),)
 
 
+def _beams_drawn(ax: Any, function: Any) -> None:
+    """Draw the error of turns rounded to whole beams, and the beams that each error asks for."""
+    from slamlab import plots
+
+    rng, errors = np.random.default_rng(1), []
+    counts = np.arange(20, 260, 8)
+    for count in counts:
+        turned = rng.uniform(0, count, 20_000)
+        errors.append(360 / count * np.sqrt(np.mean((turned - np.rint(turned)) ** 2)))
+    ax.plot(counts, errors, **plots.line_style("truth"))
+    allowed = np.linspace(0.45, 5, 20)
+    found = [float(function(float(np.deg2rad(one)))) for one in allowed]
+    ax.plot(found, allowed, "o", color=plots.COLOURS["estimate"], markersize=4)
+    ax.set(xlabel="beams", ylabel="RMS error of the turn (°)")
+
+
 check_beams = Check(
     beams_for,
     "beams",
@@ -97,6 +114,7 @@ check_beams = Check(
         "any error": _errors,
     },
     draws=20,
+    picture=_beams_drawn,
 )
 
 
@@ -188,7 +206,27 @@ def autocorrelation(scan: Array) -> Array:
 # By FFT: the transform of $R$ is the squared modulus of the transform of the scan.
 # `np.fft.irfft(..., len(scan))` needs the length, or an odd $N$ comes back one short.
 
+
 # %% tags=["cases"]
+def _scan_of_room(pose: Any, n_beams: int) -> Array:
+    """Take a scan in the room of the thesis."""
+    scan: Array = Lidar(n_beams).scan(rooms.thesis_room(), np.array(pose, float))
+    return scan
+
+
+def _autocorrelation_drawn(ax: Any, function: Any) -> None:
+    """Draw the signatures of one place at two headings: they are one line."""
+    from slamlab import plots
+
+    scans = [_scan_of_room([1.2, 1.0, turn * np.pi / 30], 60) for turn in (0, 17)]
+    by_hand = [scans[0] @ np.roll(scans[0], m) for m in range(60)]
+    ax.plot(by_hand, **plots.line_style("truth"))
+    for scan, style in zip(scans, ("o", "x"), strict=True):
+        R = np.asarray(function(scan), float)
+        ax.plot(np.arange(60), R, style, color=plots.COLOURS["estimate"], mfc="none", markersize=5)
+    ax.set(xlabel="shift (beams)", ylabel="R (m²); crosses: turned by 17 beams")
+
+
 check_autocorrelation = Check(
     autocorrelation,
     "R",
@@ -201,6 +239,7 @@ check_autocorrelation = Check(
         "many beams": lambda rng: (_ranges(int(rng.integers(8, 60)))(rng),),
     },
     tolerance=1e-8,
+    picture=_autocorrelation_drawn,
 )
 
 
@@ -319,6 +358,21 @@ def _turned(
     return scan, after
 
 
+def _turn_drawn(ax: Any, function: Any) -> None:
+    """Draw a scan and, turned back by the answer, the one after a turn of 108 degrees."""
+    from slamlab import plots
+
+    before, after = (_scan_of_room([1.2, 1.0, turn], 60) for turn in (0.0, 0.6 * np.pi))
+    beams = 2 * np.pi * np.arange(60) / 60
+    angle = float(function(before, after))
+    for scan, turn, kind in ((before, 0.0, "lidar"), (after, angle, "estimate")):
+        ends = scan[:, None] * np.column_stack([np.cos(beams + turn), np.sin(beams + turn)])
+        marks = {"lidar": "o", "estimate": "x"}[kind]
+        ax.plot(*ends.T, marks, color=plots.COLOURS[kind], mfc="none", markersize=5)
+    ax.plot(0, 0, "o", color=plots.COLOURS["truth"])
+    plots.floor(ax)
+
+
 check_turn = Check(
     turn,
     "turn",
@@ -331,6 +385,7 @@ check_turn = Check(
         "an odd number of beams": _turned(n=9),
         "any turn": _turned(),
     },
+    picture=_turn_drawn,
 )
 
 
@@ -448,6 +503,27 @@ def _peak(rng: np.random.Generator, at: int | None = None, n: int | None = None)
     return (np.round(R + rng.uniform(-0.05, 0.05, count), 3),)
 
 
+def _refined_drawn(ax: Any, function: Any) -> None:
+    """Draw the error of small turns, in whole beams dashed, and refined between them."""
+    from slamlab import plots
+
+    turns, beams, k = np.linspace(-20, 20, 61), 2 * np.pi * np.arange(40) / 40, np.arange(1, 6)
+    wall = np.array([0.9, 0.6, 0.4, 0.3, 0.2])  # harmonics of a smooth room
+    before = np.fft.rfft(3 + np.cos(np.outer(beams, k) + k**2) @ wall)
+    rounded: list[float] = []
+    refined: list[float] = []
+    for degrees in turns:
+        angles = np.outer(beams + np.deg2rad(degrees), k)
+        after = np.fft.rfft(3 + np.cos(angles + k**2) @ wall)
+        R = np.fft.irfft(before * np.conj(after), 40)
+        for found, into in ((np.argmax(R) * 9.0, rounded), (np.degrees(function(R)), refined)):
+            into.append((float(found) - degrees + 180) % 360 - 180)
+    ax.axhline(0, **plots.line_style("truth"))
+    ax.plot(turns, rounded, **plots.line_style("dead_reckoning"))
+    ax.plot(turns, refined, **plots.line_style("estimate"))
+    ax.set(xlabel="true turn (°)", ylabel="error (°)", ylim=(-8, 8))
+
+
 check_refined = Check(
     refined,
     "turn",
@@ -462,6 +538,7 @@ check_refined = Check(
         "any ring": _peak(),
     },
     tolerance=1e-8,
+    picture=_refined_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -583,6 +660,23 @@ def _candidates(rng: np.random.Generator) -> Any:
     return places, misfits, float(np.round(rng.uniform(0.2, 0.9) * distance, 2))
 
 
+def _second_drawn(ax: Any, function: Any) -> None:
+    """Draw candidates, the darker the better, a star on the best and a ring on the second."""
+    from slamlab import plots
+
+    rng = np.random.default_rng(6)
+    places = np.vstack([rng.normal([1, 1], 0.15, (8, 2)), rng.normal([3, 2.2], 0.2, (8, 2))])
+    apart = np.minimum(*(np.hypot(*(places - one).T) for one in ([1, 1], [3, 2.2])))
+    misfits = 0.02 + 0.2 * apart + 0.02 * (places[:, 0] > 2)
+    for place, misfit in zip(places, misfits, strict=True):
+        shade = plots.COLOURS["estimate"]
+        ax.plot(*place, "o", color=shade, alpha=float(0.02 / misfit), markersize=8, mew=0)
+    best, second, _ = function(places, misfits, 0.6)
+    ax.plot(*places[int(best)], "*", color=plots.COLOURS["truth"], markersize=15, mfc="none")
+    ax.plot(*places[int(second)], "o", color=plots.COLOURS["truth"], markersize=14, mfc="none")
+    plots.floor(ax)
+
+
 check_second_best = Check(
     second_best,
     "best, second, margin",
@@ -607,6 +701,7 @@ check_second_best = Check(
         "any candidates": _candidates,
     },
     draws=12,
+    picture=_second_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -814,6 +909,22 @@ def _located(
     return ""
 
 
+def _locate_drawn(ax: Any, function: Any) -> None:
+    """Draw the room of the thesis, twenty robots in it, and where each is located."""
+    from slamlab import plots
+
+    places, scans, taken, truth = _room()
+    plots.occupancy(ax, 0.5 * rooms.thesis_room().occupied, [0, 4, 0, 4])
+    found = np.array([function(places, scans, scan, 8, 0.3)[0] for scan in taken])
+    for poses, kind in ((truth, "truth"), (found, "estimate")):
+        ax.plot(*poses[:, :2].T, "o", color=plots.COLOURS[kind], mfc="none", markersize=5)
+        for x, y, heading in poses:
+            nose = [x + 0.25 * np.cos(heading), y + 0.25 * np.sin(heading)]
+            plots.path(ax, np.array([[x, y], nose]), kind)
+    plots.floor(ax)
+    ax.set(xlim=(-0.1, 4.1), ylim=(-0.1, 4.1))
+
+
 check_locate = Check(
     locate,
     "pose, margin",
@@ -838,6 +949,7 @@ check_locate = Check(
     },
     tolerance=1e-8,
     use=_located,
+    picture=_locate_drawn,
 )
 
 # %% tags=["mistakes"]

@@ -16,9 +16,12 @@ from slamlab.exercises import ch07_walls_from_points as ch07
 from slamlab.exercises import ch08_occupancy_maps as ch08
 from slamlab.exercises import ch09_ekf_slam as ch
 from slamlab.exercises import ch11_data_association as ch11
+from slamlab.exercises import ch17_the_way_home as ch17
+from slamlab.exercises import ch18_exploration as ch18
+from slamlab.exercises import ch19_autocorrelation_localization as ch19
 from slamlab.exercises._report import Check
 
-MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch11)
+MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch11, ch17, ch18, ch19)
 PICTURES = [
     (module, name)
     for module in MODULES
@@ -109,6 +112,23 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch11.check_best_first, lambda d, gate: np.where(d.min(1) < gate, d.argmin(1), -1)),
         (ch11.check_stacked, lambda H, P, R: np.tile(R, (len(H), len(H)))),
         (ch11.check_together, lambda y, H, P, R, g: np.abs(y[..., 0]).argmin(1)),
+        (ch17.check_fit, lambda t, p: np.polynomial.polynomial.polyfit((t - t[0]) / 4, p, 3)),
+        (ch17.check_loop, lambda c: (0.2, 0.8)),
+        (ch17.check_steer, lambda pose, *a: ch17.steer(pose * [1, 1, -1], *a)),
+        (ch17.check_tune, lambda: (1.0, 2.0, 0.6)),
+        (ch17.check_remember, lambda p, tolerance: ch17.remember(p, 10 * tolerance)),
+        (ch18.check_free_turn, lambda p, half: ch18.free_turn(p, half)[::-1]),
+        (ch18.check_swept, lambda p, half, step: np.hypot(*p.T) < step),
+        (ch18.check_quarter_beams, lambda r, d, back: ch18.quarter_beams(r, d, back - 180)),
+        (ch18.check_free_step, lambda p, half, margin: ch18.free_step(p, half, 0)),
+        (ch18.check_frontier, lambda state: state == 1),
+        (ch18.check_way, lambda state, cell: np.array([cell])),
+        (ch19.check_beams, lambda sigma: 2 * ch19.beams_for(sigma)),
+        (ch19.check_autocorrelation, lambda scan: np.correlate(scan, scan, "same")),
+        (ch19.check_turn, lambda before, after: -ch19.turn(before, after)),
+        (ch19.check_refined, lambda R: 2 * np.pi / len(R) * np.argmax(R)),
+        (ch19.check_second_best, lambda p, m, gap: ch19.second_best(p, m, 0.0)),
+        (ch19.check_locate, lambda p, s, scan, n, gap: ch19.locate(p, s, scan, 1, gap)),
         (ch.check_slam, lambda u, dt, V, z, ids, R: ch.slam(u, 2 * dt, V, z, ids, R)),
     ],
 )  # fmt: skip
@@ -129,7 +149,7 @@ def raising(*arguments):
         (lambda *arguments: ..., "nothing returned yet"),
         (raising, "cannot be drawn: KeyError: 'lost'"),
         (lambda *arguments: "seven", "cannot be drawn: "),
-        (lambda one: one, "cannot be drawn: TypeError"),
+        (lambda *arguments, missing: missing, "cannot be drawn: TypeError"),
     ],
 )
 def test_whatever_comes_is_told_and_never_raised(check, student, message):
@@ -144,6 +164,10 @@ def test_a_number_is_told_where_an_array_is_expected(check):
         ch06.check_first_hit,
         ch06.check_nearest_wall,
         ch07.check_corner,
+        ch18.check_free_step,
+        ch19.check_beams,
+        ch19.check_turn,
+        ch19.check_refined,
         ch08.check_fuse,
         ch08.check_map_entropy,
         ch08.check_hits_needed,
