@@ -19,10 +19,11 @@ from slamlab.evaluation import Run, ate, nees, run
 from slamlab.exercises import lab_systems
 from slamlab.exercises.labs import Task, as_system_sees_it, practice, recorded
 from slamlab.grids import Grid
+from slamlab.logs import Log
 from slamlab.models import Estimator, View
 from slamlab.navigation.exploration_grid import FREE, ExplorationGrid
 
-__all__ = ["Row", "library_rows", "practise", "row", "sheet"]
+__all__ = ["Row", "answer", "driven", "library_rows", "practise", "row", "sheet"]
 
 Figures = dict[str, float]
 FIGURES = {
@@ -59,13 +60,14 @@ def practise(lab: str, system: Callable[..., Any], seed: int = 0, library: bool 
     """
     won = of = 0
     for task in practice(lab, seed):
-        mine = row(lab, task, "you", partial(_answer, lab, task, system))
+        mine = row(lab, task, "you", partial(answer, lab, task, system))
         good, asked = sheet(lab, task, mine, library_rows(lab, task, library), False)
         won, of = won + good, of + asked
     print(f"\n{won} of {of} points")
 
 
-def _answer(lab: str, task: Task, system: Callable[..., Any]) -> Any:
+def answer(lab: str, task: Task, system: Callable[..., Any]) -> Any:
+    """Ask a student's function for what a drive is judged by: a map, a path or a system."""
     if lab == "V":
         return system(*scans_and_odometry(task))
     if lab == "II":
@@ -218,11 +220,17 @@ class _Motors:
         return None if u is None else np.clip(u, -self._limits, self._limits)
 
 
+def driven(task: Task, system: Any) -> Log:
+    """Let a system of lab IV drive; return what was recorded."""
+    setting, rng = task.setting, np.random.default_rng(22)
+    motors = _Motors(system, setting.limits)
+    return recorded(setting, task.world, setting.lidar, motors, system, rng, setting.start)
+
+
 def _drive_figures(task: Task, system: Any) -> Figures:
     """Share of the floor that was seen, where the drive ended, and what it cost."""
     setting, world = task.setting, task.world
-    motors, rng = _Motors(system, setting.limits), np.random.default_rng(22)
-    log: Any = recorded(setting, world, setting.lidar, motors, system, rng, setting.start)
+    log: Any = driven(task, system)
     floor = ExplorationGrid(world.bounds, 0.1)
     for pose, ranges in zip(log.truth, log.ranges, strict=True):
         floor.insert(pose, ranges, setting.lidar)

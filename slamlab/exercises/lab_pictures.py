@@ -1,0 +1,180 @@
+"""The picture after a lab: what *your* system makes of each drive, beside the library's.
+
+`draw` shows it also where the score sheet says NO: the picture then shows the failure. Lab V has
+pictures of its own, one a step (`capstone_pictures`).
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from slamlab._checks import as_choice, as_count
+from slamlab.evaluation import Run, run
+from slamlab.exercises import lab_systems
+from slamlab.exercises.lab_scores import answer, driven
+from slamlab.exercises.labs import Task, practice
+
+__all__ = ["draw"]
+
+System = Callable[..., Any]
+# The system of the library that stands beside the student's.
+BESIDE = {
+    "I": "EKF with a gate",
+    "II": "(grid, true poses)",
+    "III": "EKFSlam",
+    "IV": "CoveragePilot, HectorSlam",
+}
+
+
+def draw(lab: str, system: System, seed: int = 0) -> Any:
+    """Draw a system on the drives to practise on: yours on the left, the library's on the right.
+
+    Parameters
+    ----------
+    lab : {"I", "II", "III", "IV"}
+    system : callable
+        As `lab_scores.practise` takes it. Whatever it does is shown, never raised.
+    seed : int, default 0
+        Other seeds, other drives.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A row a drive. A notebook shows it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such lab, or `seed` is no count.
+    """
+    from matplotlib.figure import Figure
+
+    from slamlab.plots import use_style
+
+    use_style()
+    drives = practice(as_choice("lab", lab, tuple(BESIDE)), as_count("seed", seed))
+    figure = Figure(figsize=(7, 3.3 * len(drives)), layout="constrained")
+    rows = figure.subplots(len(drives), 2, squeeze=False)
+    for (left, right), task in zip(rows, drives, strict=True):
+        _library(lab, right, task)
+        message = _attempt(partial(_DRAWERS[lab], left, task, system))
+        for ax in (left, right):
+            ax.set_aspect("equal", adjustable="box")
+            ax.set(xlim=right.get_xlim(), ylim=right.get_ylim())
+        left.set_title(f"{task.setting.name}: yours", fontsize=10)
+        beside = "as it should be" if lab == "II" else f"library, {BESIDE[lab]}"
+        right.set_title(beside, fontsize=10)
+        right.set(ylabel="")
+        if message:
+            left.text(
+                0.5, 0.5, "\n".join(textwrap.wrap(message, 36)), transform=left.transAxes,
+                ha="center", va="center", fontsize=9,
+                bbox={"facecolor": "white", "edgecolor": "0.5"},
+            )  # fmt: skip
+    return figure
+
+
+def _attempt(work: Callable[[], None]) -> str:
+    """Draw what a system does; say in words why it cannot be drawn."""
+    try:
+        with np.errstate(all="ignore"):
+            work()
+    except NotImplementedError:
+        return "nothing returned yet"
+    except Exception as error:
+        return f"cannot be drawn: {type(error).__name__}: {str(error)[:120]}"
+    return ""
+
+
+def _library(lab: str, ax: Any, task: Task) -> None:
+    """Draw the system of the library, on axes that hold all of the drive."""
+    makers: dict[str, Any] = {
+        "I": lab_systems.trackers,
+        "III": lab_systems.slam_systems,
+        "IV": lab_systems.explorers,
+    }
+    if lab == "II":
+        drawer = lab_systems.cartographers()[BESIDE[lab]]
+        _map_drawn(ax, task, lambda *_: drawer(task))
+        left, bottom, right, top = task.world.bounds
+        ax.set(xlim=(left - 0.5, right + 0.5), ylim=(bottom - 0.5, top + 0.5))
+    else:
+        _DRAWERS[lab](ax, task, makers[lab](task)[BESIDE[lab]])
+
+
+# Labs I and III: the true path, dead reckoning, the system's path and some of its ellipses.
+
+
+def _run_drawn(ax: Any, task: Task, system: System) -> None:
+    from slamlab import plots
+
+    start = task.setting.start
+    if task.world is not None:
+        plots.walls(ax, task.world.segments)
+    if task.setting.beacons is not None:
+        plots.landmarks(ax, task.setting.beacons)
+    believed = [start]
+    for u, dt in zip(task.log.u[1:], task.log.dt[1:], strict=True):
+        believed.append(task.setting.motion.step(believed[-1], u, dt))
+    plots.path(ax, np.array(believed), "dead_reckoning")
+    plots.path(ax, task.log.truth, "truth")
+    plots.floor(ax)
+    result = run(answer("I", task, system), task.log)
+    path = result.poses if result.trajectory is None else result.trajectory
+    plots.path(ax, path)
+    _ellipses(ax, result)
+
+
+def _ellipses(ax: Any, result: Run) -> None:
+    """Draw twelve of the covariances that were reported, those that are none left out."""
+    from slamlab import plots
+
+    for k in np.linspace(0, len(result.poses) - 1, 12).astype(int):
+        cov = np.asarray(result.covs[k], float)[:2, :2]
+        if np.isfinite(cov).all() and np.linalg.eigvalsh(cov)[0] >= 0:
+            plots.ellipse(ax, result.poses[k], 0.5 * (cov + cov.T))
+
+
+# Lab II: the map, and the walls that are there.
+
+
+def _map_drawn(ax: Any, task: Task, system: System) -> None:
+    from slamlab import plots
+
+    plots.floor(ax)
+    for wall in task.world.segments:
+        ax.plot(*wall.T, color=plots.COLOURS["dead_reckoning"], lw=0.8)
+    probability, resolution, origin = answer("II", task, system)
+    rows, columns = np.shape(probability)
+    x, y = (float(one) for one in origin)
+    side = float(resolution)
+    plots.occupancy(ax, probability, [x, x + columns * side, y, y + rows * side])
+
+
+# Lab IV: where the robot drove, and where it believed to be.
+
+
+def _drive_drawn(ax: Any, task: Task, system: System) -> None:
+    from slamlab import plots
+
+    plots.walls(ax, task.world.segments)
+    plots.floor(ax)
+    log: Any = driven(task, answer("IV", task, system))
+    points = task.setting.lidar.points(log.ranges, log.truth)[::5, ::3].reshape(-1, 2)
+    plots.lidar_points(ax, points[np.isfinite(points[:, 0])], s=1)
+    plots.path(ax, log.truth, "truth")
+    plots.path(ax, log.notes["believed"])
+    ax.plot(*log.truth[-1, :2], "o", color=plots.COLOURS["truth"])
+
+
+_DRAWERS: dict[str, Callable[[Any, Task, System], None]] = {
+    "I": _run_drawn,
+    "II": _map_drawn,
+    "III": _run_drawn,
+    "IV": _drive_drawn,
+}
