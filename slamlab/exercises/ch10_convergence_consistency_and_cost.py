@@ -511,6 +511,14 @@ check_update = Check(
             0,
             0.01 * np.eye(2),
         ),
+        "a heading that is corrected past half a turn to the right": (
+            [0.0, 0.0, -3.1, -4.0, -0.3],
+            np.diag([0.01, 0.01, 0.3, 0.01, 0.01]),
+            [0.1, 0.0, -3.0, -4.2, -0.4],
+            [4.0, 0.4],
+            0,
+            0.01 * np.eye(2),
+        ),
     },
     tolerance=1e-6,
 )
@@ -677,6 +685,15 @@ check_slam = Check(
         "one landmark, seen again and again": _in_the_room(8, 1),
         "five landmarks": _in_the_room(20, 5),
         "a drive with steps that see nothing": _in_the_room(20, 4, 0.4),
+        "a heading past half a turn to the right": (
+            0.01 * np.eye(3),
+            [[0.5, -2.5]] * 3,
+            0.5,
+            0.01 * np.eye(2),
+            [[np.nan, np.nan]] * 3,
+            [-1, -1, -1],
+            0.01 * np.eye(2),
+        ),
         "a heading past half a turn": (
             0.01 * np.eye(3),
             [[0.5, 2.5]] * 3,

@@ -610,6 +610,14 @@ check_look = Check(
         "two particles that know the landmark equally well": _particles(2, alike=True),
         "particles that know it more and less well": _particles(5),
         "a landmark across the back": _particles(4, behind=True),
+        "a landmark across the back, from the other side": (
+            [[0.0, 0.0, -3.0]],
+            [1.0],
+            [[-4.0, 0.4]],
+            [0.1 * np.eye(2)],
+            [4.1, -0.3],
+            0.01 * np.eye(2),
+        ),
         "a surprise to all of them": lambda rng: (
             *(given := _particles(3)(rng))[:4],
             given[4] + np.array([30.0, 0.0]),
