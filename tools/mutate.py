@@ -4,9 +4,11 @@
     python tools/mutate.py 02 09      of these chapters, with the mutants that pass
 
 A mutant is the solution of `notebooks/solutions/` with one thing changed: an operator, a
-comparison or its boundary, a constant, an index, a transpose, a sign, a wrap, a term, the order
-of arguments or results, a statement; or a solution that writes into its arguments or returns
-them. Mutants that change no answer are listed in `equivalent_mutants.txt`, each with a reason.
+comparison or its boundary, a constant, an index, a transpose, a sign, a wrap (taken out, or to one
+side only), an absolute value put in or taken out, a remainder that keeps its sign, a term, the
+order of arguments or results, a statement; or a solution that writes into its arguments or
+returns them. Mutants that change no answer are listed in `equivalent_mutants.txt`, each with a
+reason.
 """
 
 from __future__ import annotations
@@ -211,11 +213,12 @@ def _careless(check: Check, function: Callable[..., Any]) -> Iterator[tuple[str,
 def _edits(tree: ast.Module) -> Iterator[tuple[str, ast.Module]]:
     """Yield what is changed and the tree with this change, which is undone before the next."""
     holders = {part: node for node in ast.walk(tree) for part in ast.iter_child_nodes(node)}
+    sizes = set(_sizes(tree))
     for node in list(ast.walk(tree)):
         if isinstance(node, (ast.expr_context, ast.operator, ast.alias)):
             continue
         before = ast.unparse(node)
-        for change in _changes(node):
+        for change in _changes(node, node not in sizes):
             kept = dict(vars(node))
             new = change(node)
             if new is not node:
@@ -238,7 +241,17 @@ def _replace(holder: ast.AST, old: ast.AST, new: ast.AST) -> None:
             setattr(holder, field, [new if entry is old else entry for entry in value])
 
 
-def _changes(node: ast.AST) -> Iterator[Callable[[Any], ast.AST]]:
+def _sizes(tree: ast.AST) -> Iterator[ast.expr]:
+    """Yield what is squared, or of what the absolute value or the length is taken."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+            if ast.unparse(node.right) == "2":
+                yield node.left
+        if isinstance(node, ast.Call) and _called(node) in ("abs", "hypot", "norm"):
+            yield from node.args
+
+
+def _changes(node: ast.AST, signed: bool) -> Iterator[Callable[[Any], ast.AST]]:
     if isinstance(node, (ast.BinOp, ast.AugAssign, ast.BoolOp)):
         for other in OPERATORS.get(type(node.op), ()):
             yield lambda n, other=other: _set(n, op=other())
@@ -250,6 +263,10 @@ def _changes(node: ast.AST) -> Iterator[Callable[[Any], ast.AST]]:
         if isinstance(node.op, ast.MatMult):
             yield lambda n: _set(n, left=_transposed(n.left))
             yield lambda n: _set(n, right=_transposed(n.right))
+        if signed and isinstance(node.op, ast.Sub):
+            yield lambda n: _written(f"np.abs({ast.unparse(n)})")
+        if isinstance(node.op, ast.Mod):
+            yield lambda n: _written(f"np.fmod({ast.unparse(n.left)}, {ast.unparse(n.right)})")
     if isinstance(node, ast.BoolOp):
         for k in range(len(node.values)):
             yield lambda n, k=k: n.values[k]
@@ -286,6 +303,13 @@ def _changes(node: ast.AST) -> Iterator[Callable[[Any], ast.AST]]:
             )
         for k in range(len(node.keywords)):
             yield lambda n, k=k: _set(n, keywords=n.keywords[:k] + n.keywords[k + 1 :])
+    if signed and isinstance(node, ast.Call) and _called(node) in ("wrap_angle", "arctan2"):
+        yield lambda n: _written(f"np.abs({ast.unparse(n)})")
+    if isinstance(node, ast.Call) and _called(node) == "wrap_angle":
+        for side in ("({0} > np.pi)", "({0} <= -np.pi)"):
+            turn = "-" if ">" in side else "+"
+            line = f"{{0}} {turn} 2 * np.pi * {side}"
+            yield lambda n, line=line: _written(line.format(f"({ast.unparse(n.args[0])})"))
     if isinstance(node, ast.Slice):
         for field in ("lower", "upper", "step"):
             if getattr(node, field) is not None:
@@ -328,6 +352,16 @@ def _constants(value: Any) -> Iterator[Callable[[Any], ast.AST]]:
 
 def _is_docstring(node: ast.AST) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _called(node: ast.Call) -> str:
+    """Name of the function that is called, without the module it is of."""
+    return ast.unparse(node.func).rpartition(".")[2]
+
+
+def _written(code: str) -> ast.expr:
+    """Return the tree of an expression."""
+    return ast.parse(code, mode="eval").body
 
 
 def _transposed(node: ast.expr) -> ast.expr:

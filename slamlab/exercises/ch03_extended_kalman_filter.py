@@ -106,6 +106,7 @@ check_range_bearing = Check(
         "the landmark is behind": ([1.0, 2.0, 0.4], [-2.0, 1.0]),
         "straight behind: pi, not -pi": ([0.0, 0.0, -np.pi / 2], [0.0, 3.0]),
         "across the back: the bearing stays wrapped": ([0.0, 0.0, 3.0], [-4.0, -1.0]),
+        "across the back, from the other side": ([0.0, 0.0, -3.0], [-4.0, 1.0]),
         "anywhere": _scene,
     },
     picture=_range_bearing_drawn,

@@ -263,6 +263,7 @@ check_step = Check(
         "a full circle comes back": ([1.0, 2.0, 0.5], [0.7, 0.2, 2 * np.pi], 1.0),
         "no time, no motion": ([1.0, 2.0, 0.5], [0.7, 0.2, 1.0], 0.0),
         "the heading passes pi": ([0.0, 0.0, 3.0], [0.3, 0.1, 1.0], 0.5),
+        "the heading passes -pi": ([0.0, 0.0, -3.0], [0.3, 0.1, -1.0], 0.5),
         "turning while strafing": _driven,
     },
     picture=_step_drawn,
@@ -621,7 +622,8 @@ def odometry(
 # third column of $F$; the rest is the identity.
 
 # %% [markdown] tags=["hint"]
-# Order matters: derivative and noise at the old heading, then the step.
+# Order matters: the derivative at the old heading, then the step. The noise of four equal wheels
+# is the same at every heading.
 
 
 # %% tags=["cases"]

@@ -326,6 +326,7 @@ check_beam_angles = Check(
         "a single beam of a full circle": (1, 2 * np.pi),
         "two beams look along the edges": (2, 2.0),
         "nearly a full circle has both edges": (5, 6.0),
+        "even more nearly a full circle": (7, 6.2),
         "any number shares the circle evenly": lambda rng: (rng.integers(2, 40), 2 * np.pi),
         "a part of the circle": lambda rng: (
             rng.integers(2, 40),
@@ -533,8 +534,8 @@ check_scan_to_points.mistakes = {
 # $$
 #
 # Derive both with a pencil: take the product of the equation with $b - a$, then with $d$. The
-# formulas in this program are right, and two other things are not. In a room with one wall nobody
-# notices. Run the check, find the two bugs, repair them.
+# formulas in this program are right, and two other things are not. In front of a single wall it is
+# right. Run the check, find the two bugs, repair them.
 
 
 # %% tags=["exercise"]
@@ -693,8 +694,8 @@ check_nearest_wall.mistakes = {
 # The product with $b - a$ removes $s$, since $(b - a) \times (b - a) = 0$; the product with $d$
 # removes $t$. So far the program was right. The first bug: a negative $t$ is a crossing *behind*
 # the lidar, and the absolute value hides it. The second: `[0]` takes the wall that
-# stands first in the list, not the nearest one. Both need a room with more than one wall to be
-# seen.
+# stands first in the list, not the nearest one. In front of a single wall neither shows; a wall
+# behind the lidar shows the first, a second wall ahead the other.
 
 # %% [markdown] tags=["solution"]
 # Who takes the smallest *absolute* value repairs the second bug only. A robot then sees the wall

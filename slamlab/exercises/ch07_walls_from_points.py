@@ -65,7 +65,7 @@ def line(points: Array) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        r (m, not negative) and alpha (rad, in (-pi, pi]) of the line
+        r (m, not negative) and alpha (rad, from -pi to pi) of the line
         x cos(alpha) + y sin(alpha) = r.
     """
     centre = points.mean(0)
@@ -174,7 +174,7 @@ check_line.mistakes = {
         _through_the_first
     ),
     "alpha is in degrees: expected radians": lambda p: (line(p)[0], np.rad2deg(line(p)[1])),
-    "alpha is in [0, 2 pi): expected (-pi, pi]": (
+    "alpha is in [0, 2 pi): expected -pi to pi": (
         lambda p: (line(p)[0], line(p)[1] % (2 * np.pi))
     ),
     "r and alpha are exchanged: r comes first": lambda p: line(p)[::-1],

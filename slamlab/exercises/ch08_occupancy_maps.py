@@ -682,6 +682,16 @@ check_insert = Check(
             0.8,
             -0.4,
         ),
+        "a wall nearer than half a cell": (
+            np.zeros((1, 4)),
+            [0.1, 0.5, 0],
+            [0.05],
+            [0.0],
+            1.0,
+            5.0,
+            0.8,
+            -0.4,
+        ),
         "a lost beam says nothing": (
             np.full((2, 4), 0.3),
             [0.1, 0.5, 0],

@@ -622,6 +622,13 @@ check_update = Check(
             0,
             0.01 * np.eye(2),
         ),
+        "a heading that is corrected past half a turn to the right": (
+            [0.0, 0.0, -3.1, -4.0, -0.3],
+            np.diag([0.01, 0.01, 0.3, 0.01, 0.01]),
+            [4.0, 0.4],
+            0,
+            0.01 * np.eye(2),
+        ),
         "a bearing across the back": _in_a_map(2, 1, behind=True),
         "an innovation across half a turn, both bearings in (-pi, pi]": (
             [0.0, 0.0, 0.0, -5.0, 0.2],
@@ -817,6 +824,14 @@ check_slam = Check(
         "one landmark, seen again and again": in_the_room(8, 1, dt=0.25),
         "five landmarks": in_the_room(20, 5),
         "a drive with steps that see nothing": in_the_room(20, 4, 0.4, dt=0.2),
+        "a heading past half a turn to the right": (
+            [[0.5, -2.5]] * 3,
+            0.5,
+            0.01 * np.eye(2),
+            [[np.nan, np.nan]] * 3,
+            [-1, -1, -1],
+            0.01 * np.eye(2),
+        ),
         "a heading past half a turn": (
             [[0.5, 2.5]] * 3,
             0.5,

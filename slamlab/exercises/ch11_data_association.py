@@ -121,6 +121,9 @@ check_gate.mistakes = {
     "the range and the bearing are two numbers: this is the gate of one": (
         lambda share, pairs: float(chi2_quantile(share ** (1 / pairs), 1))
     ),
+    "this is the gate of the joint distance of all pairs: each pair has a gate of its own": (
+        lambda share, pairs: float(chi2_quantile(share, 2 * pairs))
+    ),
     "the exponent is -c/2: the 2 is missing": "-2 * np.log => -np.log",
     "this is the gate of one pair: all of them must pass": "share ** (1 / pairs) => share",
     "this is P(D^2 < c) = share to the power n: each pair must pass oftener, not less often": (
@@ -179,7 +182,7 @@ def nearest(y: Array, S: Array, gate: float) -> int:
     S : ndarray, shape (n, 2, 2)
         Their covariances.
     gate : float
-        Threshold of the squared distance.
+        Threshold of the squared distance; exactly on it is not inside.
 
     Returns
     -------
@@ -474,6 +477,7 @@ def best_first(distance: Array, gate: float) -> Ints:
     distance : ndarray, shape (k, n)
         Squared Mahalanobis distances.
     gate : float
+        Pairs with a distance below it may be taken.
 
     Returns
     -------
@@ -572,7 +576,18 @@ def _hungarian(distance: Array, gate: float) -> Any:
     return rows
 
 
+def _mutual(distance: Array, gate: float) -> Any:
+    """Pair those that are nearest to each other, once."""
+    rows = np.full(len(distance), -1)
+    if distance.size:
+        for j, row in enumerate(distance.argmin(1)):
+            if distance[:, row].argmin() == j and distance[j, row] < gate:
+                rows[j] = row
+    return rows
+
+
 check_best_first.mistakes = {
+    "only pairs that are nearest to each other were taken: go on with what is left": _mutual,
     "a landmark was given to two measurements": _each_its_nearest,
     "the measurements chose in the order of the list: the best pair of all goes first": (
         "np.unravel_index(np.argmin(left), left.shape)"
@@ -964,6 +979,10 @@ check_together.mistakes = {
         _by_singles(_each_its_nearest)
     ),
     "the best pair was taken first and never given back: try other sets too": _greedy,
+    "the single distances were added: one pose error is in all of them, use the joint distance": (
+        "longer = joint_distance(y[js, rows], stacked_cov(H[rows], P, R))"
+        " => longer = sum(joint_distance(y[[a], [b]], stacked_cov(H[[b]], P, R)) for a, b in more)"
+    ),
     "the pairs were only tried one by one: the whole set must be inside its gate": (
         "longer < gates[len(more) - 1]"
         " => joint_distance(y[[j], [i]], stacked_cov(H[[i]], P, R)) < gates[0]"

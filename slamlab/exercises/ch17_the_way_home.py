@@ -312,6 +312,7 @@ check_loop = Check(
         "an arc without a loop": (_handles([[0, 0], [1, 2], [2.2, 2], [3, 0.2]]),),
         "an S has no loop": (_handles([[0, 0], [1, 1], [2, -1], [3.3, 0.2]]),),
         "loops of any size": lambda rng: _with_loop(rng.uniform(0, 0.4), rng.uniform(0.5, 1))(rng),
+        "almost a loop: the legs do not meet": ([[0, 0], [-0.2, -7.4], [3, 6], [-4, 2]],),
         "half of a loop: it does not close": _with_loop(0.3, 1.4),
         "a loop that begins before the segment": _with_loop(-0.2, 0.6),
         "a loop of millimetres": lambda rng: (1e-3 * _with_loop(0.2, 0.7)(rng)[0],),

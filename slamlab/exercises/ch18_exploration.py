@@ -625,6 +625,7 @@ check_free_step = Check(
         "no points": (np.zeros((0, 2)), 0.15, 0.05),
         "nearer than the margin: not backwards": ([[0.25, 0.0]], 0.25, 0.125),
         "exactly at the margin beside": ([[1.0, 0.375]], 0.25, 0.125),
+        "beside the body, within the margin": ([[0.1, 0.28]], 0.25, 0.125),
         "exactly beside the centre": ([[0.0, 0.25]], 0.25, 0.125),
         "any posts": _posts,
     },
