@@ -19,7 +19,7 @@ import sys
 import tempfile
 import threading
 import tokenize
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NoReturn, cast
@@ -90,6 +90,8 @@ class Process:
         Subpackages of the library that it may not import.
     folders : sequence of Path
         Folders in which it may open nothing.
+    answers : bool
+        The cells are the teacher's own: they may import the exercises with their answers.
     """
 
     def __init__(
@@ -99,8 +101,11 @@ class Process:
         megabytes: int,
         closed: Sequence[str] = (),
         folders: Sequence[Path] = (),
+        answers: bool = False,
     ) -> None:
         self.seconds = seconds
+        # Works out what a submission is given in place of its own function.
+        self.reference: Callable[..., Any] | None = None
         self._place = tempfile.TemporaryDirectory()
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
         self._process = subprocess.Popen(
@@ -119,6 +124,7 @@ class Process:
             "seconds": seconds,
             "megabytes": megabytes,
             "closed": list(closed),
+            "answers": answers,
             "folders": [str(folder.resolve()) for folder in folders],
         }
         try:
@@ -177,21 +183,37 @@ class Process:
         return answer["came"]
 
     def _asked(self, verb: str, given: tuple[Any, ...]) -> dict[str, Any]:
+        answer, line = self._exchanged((verb, given))
+        while self.reference is not None and isinstance(answer, dict) and "need" in answer:
+            answer, line = self._exchanged(self._worked_out(answer["need"]))
+        if not isinstance(answer, dict) or not {"came", "error"} & set(answer):
+            self._gone(verb, len(line) >= LONGEST, bool(line))
+        return cast(dict[str, Any], answer)
+
+    def _exchanged(self, message: tuple[Any, ...]) -> tuple[Any, bytes]:
+        """Send a message; return what came as data, and as it came."""
         pipe_in, pipe_out = cast(Any, self._process.stdin), cast(Any, self._process.stdout)
-        message = pickle.dumps((verb, given))
+        text = pickle.dumps(message)
         try:
-            pipe_in.write(struct.pack("<q", len(message)) + message)
+            pipe_in.write(struct.pack("<q", len(text)) + text)
             pipe_in.flush()
             line = pipe_out.readline(LONGEST)
         except (OSError, ValueError):
             line = b""
         try:
-            answer = json.loads(line) if line.endswith(b"\n") else None
+            return (json.loads(line) if line.endswith(b"\n") else None), line
         except (ValueError, RecursionError):
-            answer = None
-        if not isinstance(answer, dict) or not {"came", "error"} & set(answer):
-            self._gone(verb, len(line) >= LONGEST, bool(line))
-        return cast(dict[str, Any], answer)
+            return None, line
+
+    def _worked_out(self, need: Any) -> tuple[Any, str]:
+        """Return a result of the reference, and why there is none."""
+        assert self.reference is not None
+        try:
+            name, given, named = need
+            arguments = [decoded(one) for one in given]
+            return self.reference(name, arguments, {k: decoded(v) for k, v in named.items()}), ""
+        except Exception as error:
+            return None, f"{type(error).__name__}: {error}"
 
     def _gone(self, verb: str, much: bool, odd: bool) -> NoReturn:
         if self._late:
@@ -206,12 +228,13 @@ class Process:
 class RemoteFunction:
     """A function of a submission at the other end of the pipe; a check calls it like any other."""
 
-    def __init__(self, process: Process, name: str) -> None:
+    def __init__(self, process: Process, name: str, right: Sequence[str] = ()) -> None:
         self._process, self.__name__ = process, name
+        self._right = list(right)  # functions that are worked out by the process' reference
 
     def __call__(self, *given: Any) -> Any:
         """Answer as the student's function does, its marks on the arguments included."""
-        answer = self._process._asked("call", (self.__name__, given))
+        answer = self._process._asked("call", (self.__name__, given, self._right))
         if "error" in answer:
             raise ValueError(answer["error"])
         came = answer["came"]

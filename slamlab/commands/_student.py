@@ -15,6 +15,7 @@ import struct
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import contextmanager
 from functools import partial
 from importlib.machinery import ModuleSpec
 from io import BytesIO
@@ -150,7 +151,8 @@ def _set_up(
         for name in [name for name in sys.modules if f"{name}.".startswith(f"{room}.")]:
             kept[name] = sys.modules.pop(name)
         vars(sys.modules["slamlab"]).pop(room.rpartition(".")[2], None)
-    sys.meta_path.insert(0, _NoAnswers(setup["closed"]))
+    if not setup["answers"]:
+        sys.meta_path.insert(0, _NoAnswers(setup["closed"]))
     _limit_memory(int(setup["megabytes"]) * 2**20)
     _watch(setup["folders"])
     shell = _Shell(space)
@@ -169,6 +171,19 @@ def _set_up(
 
 def _executed(cell: str, space: dict[str, Any]) -> None:
     exec(compile(cell, "yours", "exec"), space)
+
+
+@contextmanager
+def _replaced(space: dict[str, Any], names: Sequence[str], ask: Callable[..., Any]) -> Any:
+    """Let some functions be answered at the other end of the pipe, for as long as one call."""
+    own = {name: space[name] for name in names if name in space}
+    space.update({name: partial(ask, name) for name in names})
+    try:
+        yield
+    finally:
+        for name in names:
+            space.pop(name, None)
+        space.update(own)
 
 
 def _called(function: Callable[..., Any], given: tuple[Any, ...]) -> dict[str, Any]:
@@ -220,11 +235,19 @@ def _encoded(value: Any, arrays: list[np.ndarray]) -> Any:
 # A lab: a system is made, then driven step by step.
 
 
-def _answer(space: dict[str, Any], notes: list[str], verb: str, given: tuple[Any, ...]) -> Any:
+def _answer(
+    space: dict[str, Any],
+    notes: list[str],
+    ask: Callable[..., Any],
+    verb: str,
+    given: tuple[Any, ...],
+) -> Any:
     """Do what was asked, and return plain data."""
     if verb == "call":
-        name, arguments = given
-        return _called(space[name], arguments)
+        name, arguments, right = given
+        function = space[name]
+        with _replaced(space, right, ask):
+            return _called(function, arguments)
     if verb in ("make", "map_room", "slam"):
         if not callable(space.get(verb)):
             said = f" ({'; '.join(notes)})" if notes else ""
@@ -280,15 +303,33 @@ def main() -> NoReturn:
 
     # A cell may change what these names mean for everybody; ours stay what they are.
     dump, unpack = json.dumps, struct.unpack
-    while size := questions.read(8):
-        text = BytesIO(questions.read(unpack("<q", size)[0]))
+
+    def said_to() -> Any:
+        size = questions.read(8)
+        return Reader(BytesIO(questions.read(unpack("<q", size)[0]))).load() if size else None
+
+    def ask(name: str, *given: Any, **named: Any) -> Any:
+        """Let the other end of the pipe work something out."""
+        plain = [_encoded(one, []) for one in given]
+        need = [name, plain, {key: _encoded(one, []) for key, one in named.items()}]
+        answers.write(dump({"need": need}) + "\n")
+        answers.flush()
+        came, raised = said_to()
+        if raised:
+            raise ValueError(raised)
+        return came
+
+    while True:
         try:
-            verb, given = Reader(text).load()
+            question = said_to()
+            if question is None:
+                break
+            verb, given = question
             if verb == "setup":
                 answer = {"came": _set_up(space, kept, *given)}
                 notes += answer["came"]["notes"]
             else:
-                answer = {"came": _answer(space, notes, verb, given)}
+                answer = {"came": _answer(space, notes, ask, verb, given)}
         except BaseException as error:
             answer = {"error": _said(error)}
         answers.write(dump(answer) + "\n")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from types import CodeType
+from typing import Any
 
 import slamlab.exercises
 from slamlab.commands._process import Gone, Process, RemoteFunction, printable
@@ -58,7 +62,8 @@ def marked(
     """Run one submission and judge it; whatever it does, the mark comes back, a note says why.
 
     Where its process ends, hangs or floods the pipe, the exercise is lost and a new process goes
-    on with the next one.
+    on with the next one. A mistake counts once: where an exercise fails that calls functions of
+    others which fail, it is judged again with the right ones in their place.
     """
     process, told = None, False
     left = list(checks)
@@ -79,6 +84,7 @@ def marked(
                 mark.notes.append(f"{name}: {str(error).removeprefix('call: ')}")
                 process.__exit__()
                 process = None
+        _judge_again(mark, cells, checks, seconds, megabytes, folders)
     except Gone as error:
         mark.notes.append(f"its cells: {str(error).removeprefix('setup: ')}")
     except Exception as error:  # one submission must not cost the others their marks
@@ -88,3 +94,80 @@ def marked(
             process.__exit__()
     mark.notes = [printable(note) for note in mark.notes]
     return mark
+
+
+def _judge_again(
+    mark: Mark,
+    cells: Sequence[str],
+    checks: dict[str, Check],
+    seconds: float,
+    megabytes: int,
+    folders: Sequence[Path],
+) -> None:
+    """Judge what fails and calls what fails once more, with the right functions in place.
+
+    They are worked out in a process of their own: neither the submission nor the teacher's
+    process runs them.
+    """
+    wrong = {name for name in checks if name not in mark.reports or mark.share(name) < 1}
+    again = {name: sorted(_called(checks[name]) & (wrong - {name})) for name in mark.reports}
+    again = {name: right for name, right in again.items() if right and name in wrong}
+    if not again:
+        return
+    with _references(checks, seconds, megabytes) as reference:
+        for name, right in again.items():
+            try:
+                with Process(cells, seconds, megabytes, (), folders) as process:
+                    process.reference = partial(_only, right, reference)
+                    process.start_clock()
+                    seen = checks[name].observe(RemoteFunction(process, name, right))
+            except Gone:
+                continue
+            report, before = checks[name].judge(seen), mark.share(name)
+            if report.held > mark.reports[name].held:
+                mark.reports[name] = report
+                mark.notes.append(
+                    f"{name}: {before:.2f}, and {mark.share(name):.2f} with the right "
+                    f"{', '.join(right)}, which counts"
+                )
+
+
+def _only(right: Sequence[str], reference: Callable[..., Any], name: str, *given: Any) -> Any:
+    """Work out these functions, and never the one that is judged."""
+    if name not in right:
+        raise ValueError(f"{name}: your own function is asked here")
+    return reference(name, *given)
+
+
+@contextmanager
+def _references(
+    checks: dict[str, Check], seconds: float, megabytes: int
+) -> Iterator[Callable[..., Any]]:
+    """Give a function that works out what the reference of an exercise returns."""
+    imports = [
+        f"from {check.reference.__module__} import {check.reference.__name__} as {name}"
+        for name, check in checks.items()
+    ]
+    with Process(["\n".join(imports)], seconds, megabytes, answers=True) as process:
+
+        def work_out(name: str, given: Sequence[Any], named: dict[str, Any]) -> Any:
+            place = [one.name for one in checks[name].parameters]
+            more = [named[key] for key in place[len(given) :]]
+            process.start_clock()
+            try:
+                return RemoteFunction(process, name)(*given, *more)
+            except Gone as error:
+                raise ValueError(str(error)) from error
+
+        yield work_out
+
+
+def _called(check: Check) -> set[str]:
+    """Names that the reference of an exercise uses, in functions inside it too."""
+    found: set[str] = set()
+    codes = [check.reference.__code__]
+    while codes:
+        code = codes.pop()
+        found |= set(code.co_names)
+        codes += [one for one in code.co_consts if isinstance(one, CodeType)]
+    return found

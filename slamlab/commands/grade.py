@@ -1,9 +1,10 @@
 """Grade a folder of submissions (.ipynb and .py), each in a process of its own.
 
 Every function is tried on the inputs of its check; each exercise gives as much of a point as the
-share of its properties that hold. A table goes into a CSV file and a page for each student into
-the folder `feedback` beside it; with --roster the lines of a class list come back with the points
-in columns of their own, which Moodle and Canvas import.
+share of its properties that hold. A mistake counts once: a function that fails and calls others
+of the chapter that fail is tried again with the right ones in their place. A table goes into a
+CSV file and a page for each student into the folder `feedback` beside it; with --roster the lines
+of a class list come back with the points in columns of their own, which Moodle and Canvas import.
 
 The process of a submission gets arguments and answers with numbers: references, checks and other
 submissions are not in it, it may start no process, and limits of time and memory hold. Whatever

@@ -246,6 +246,11 @@ class Check:
             raise ValueError(f"draw: expected an exercise with a picture, got {self!r}")
         return side_by_side(self._picture, student, self.reference)
 
+    @property
+    def parameters(self) -> list[inspect.Parameter]:
+        """Parameters of the function that is checked."""
+        return list(self._parameters)
+
     @cached_property
     def inputs(self) -> list[tuple[str, tuple[Any, ...]]]:
         """Pairs of a property's name and typed arguments."""

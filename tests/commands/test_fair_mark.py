@@ -1,0 +1,71 @@
+"""A mistake counts once: what calls a wrong function is judged with the right one in its place."""
+
+import pytest
+
+from slamlab.commands._submission import Mark, checks_of, marked
+
+START = "import numpy as np\n"
+WRONG = "def predict(mean, cov, F, Q):\n    return F @ mean, F @ cov @ F + Q\n"
+UPDATE = """def update(mean, cov, z, H, R):
+    K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
+    return mean + K @ (z - H @ mean), cov - K @ H @ cov
+"""
+TRACK = """def track(z, dt, q, r):
+    F, H = np.array([[1.0, dt], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    mean, cov, means, covs = np.zeros(2), np.eye(2), [], []
+    for reading in z:
+        mean, cov = predict(mean, cov, F=F, Q=Q)
+        if np.isfinite(reading):
+            mean, cov = update(mean, cov, np.array([reading]), H, np.array([[r**2]]))
+        means.append(mean)
+        covs.append(cov)
+    return np.array(means), np.array(covs)
+"""
+
+
+def judged(*cells, seconds=5.0):
+    return marked(Mark("one", "02"), [START, *cells], checks_of("02"), seconds, 2048, [])
+
+
+def test_a_wrong_predict_does_not_count_again_in_the_filter_that_calls_it():
+    mark = judged(WRONG, UPDATE, TRACK)
+    assert 0 < mark.share("predict") < 1
+    assert mark.share("update") == mark.share("track") == 1
+    assert mark.notes == ["track: 0.00, and 1.00 with the right predict, which counts"]
+
+
+def test_a_function_that_is_missing_does_not_count_again_either():
+    assert judged(UPDATE, TRACK).share("track") == 1
+
+
+def test_a_mistake_of_its_own_still_counts():
+    mark = judged(WRONG, UPDATE, TRACK.replace("dt**3 / 3", "dt**3"))
+    assert 0 < mark.share("track") < 1
+
+
+def test_a_filter_that_is_right_is_judged_with_the_students_own_functions():
+    mark = judged(WRONG.replace("@ F +", "@ F.T +"), UPDATE, TRACK)
+    assert mark.share("track") == 1
+    assert mark.notes == []
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        # The right function is asked for its own answer, by the way that `predict` is answered.
+        "    ask = predict.func\n    return ask('track', z, dt, q, r)",
+        "    while True:\n        predict(np.zeros(2), np.eye(2), np.eye(2), np.eye(2))",
+        "    return predict(np.zeros((3000, 3000)), np.eye(2), None, {})",
+        "    predict.args[0].__class__ = int",
+    ],
+)
+def test_the_way_to_the_right_function_leads_no_further(lines):
+    mark = judged(WRONG, UPDATE, f"def track(z, dt, q, r):\n{lines}\n", seconds=2.0)
+    assert mark.share("track") == 0
+    assert mark.share("update") == 1
+
+
+def test_the_students_own_function_is_back_after_each_call():
+    cells = "def update(mean, cov, z, H, R):\n    return predict\n"
+    assert judged(WRONG, cells, TRACK).share("update") == 0
