@@ -13,7 +13,13 @@ from slamlab.exercises._draw import a_covariance, a_pose, drawn
 from slamlab.exercises._report import Array, Check, Function, Ints
 from slamlab.geometry import wrap_angle
 
-__all__ = ["check_ancestors", "check_copies", "check_look", "check_proposal", "check_weight"]
+__all__ = [
+    "check_ancestors",
+    "check_copies",
+    "check_observe_landmark",
+    "check_proposal",
+    "check_weight",
+]
 
 
 # %% [markdown] tags=["chapter"]
@@ -50,7 +56,7 @@ def log_weight(y: Array, H: Array, S: Array, R: Array) -> float:
     y : ndarray, shape (2,)
         Innovation (m, rad).
     H : ndarray, shape (2, 2)
-        Jacobian of the measurement by the landmark.
+        Jacobian of the measurement with respect to the landmark.
     S : ndarray, shape (2, 2)
         Covariance of the landmark in this particle (m^2).
     R : ndarray, shape (2, 2)
@@ -82,9 +88,23 @@ def log_weight(y: Array, H: Array, S: Array, R: Array) -> float:
 
 # %% tags=["cases"]
 @drawn
-def _seen(rng: np.random.Generator, doubt: float) -> Any:
+def _seen(rng: np.random.Generator, uncertainty: float) -> Any:
     y, H = np.round(rng.normal(0, 0.4, 2), 2), np.round(rng.normal(0, 1, (2, 2)), 2)
-    return y, H, doubt * a_covariance(rng, 2, 0.3), a_covariance(rng, 2, 0.05)
+    return y, H, uncertainty * a_covariance(rng, 2, 0.3), a_covariance(rng, 2, 0.05)
+
+
+def _weight_drawn(ax: Any, function: Any) -> None:
+    """Draw the density of the innovation of a range, for three uncertainties of the landmark."""
+    from slamlab import plots
+
+    y = np.linspace(-1.2, 1.2, 81)
+    for sigma in (0.05, 0.2, 0.4):
+        S, R = np.diag([sigma**2, 1e-4]), np.diag([0.01, 0.01])
+        density = [np.exp(float(function(np.array([r, 0.0]), np.eye(2), S, R))) for r in y]
+        ax.plot(y, density, color=plots.COLOURS["estimate"], lw=2 - 3 * sigma)
+        side = np.hypot(sigma, 0.1)
+        ax.text(side, np.interp(side, y, density), f" {sigma:.2f} m", va="bottom")
+    ax.set(xlabel="innovation of the range (m)", ylabel="density")
 
 
 check_weight = Check(
@@ -102,6 +122,7 @@ check_weight = Check(
         ),
     },
     tolerance=1e-8,
+    picture=_weight_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -118,7 +139,7 @@ check_weight.mistakes = {
     "R is missing: the sensor has noise too": " + R => ",
     "R counts twice": "+ R => + 2 * R",
     "R is a covariance already: it is not squared": "+ R => + R @ R",
-    "the determinant is missing: it tells an uncertain landmark from a certain one": (
+    "the determinant is missing: it separates an uncertain landmark from a certain one": (
         f"{_DETERMINANT} => "
     ),
     "expected the root of the determinant: its logarithm counts half": (
@@ -138,6 +159,9 @@ check_weight.mistakes = {
         lambda *given: np.log(np.exp(log_weight(*given)))
     ),
     "one half is missing in front of the quadratic form": ("-0.5 * d2 => -d2"),
+    "the logarithm is the natural one: log, not log10": (
+        lambda *given: log_weight(*given) / np.log(10.0)
+    ),
     "Z was multiplied, not inverted": "np.linalg.solve(Z, y) => Z @ y",
     "the sign is turned: a large innovation makes a small weight": (
         lambda *given: -log_weight(*given)
@@ -166,11 +190,11 @@ check_weight.mistakes = {
 # check_weight(without_determinant)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 2: look before you draw
+# ## Exercise 2: the proposal of version 2.0
 #
 # Formula (18): the proposal of version 2.0 is the product of what the odometry says (a Gaussian
 # around `x` with covariance `Q`) and what one measurement says (an innovation `y` at `x`, with
-# Jacobian `H` by the pose and covariance `Z`, the landmark's share included).
+# Jacobian `H` with respect to the pose, and covariance `Z`, the landmark's share included).
 
 
 # %% tags=["exercise"]
@@ -184,7 +208,7 @@ def proposal(x: Array, Q: Array, H: Array, Z: Array, y: Array) -> tuple[Any, Any
     Q : ndarray, shape (3, 3)
         Its covariance, invertible.
     H : ndarray, shape (2, 3)
-        Jacobian of the measurement by the pose.
+        Jacobian of the measurement with respect to the pose.
     Z : ndarray, shape (2, 2)
         Covariance of the measurement if the pose were known.
     y : ndarray, shape (2,)
@@ -218,7 +242,28 @@ def proposal(x: Array, Q: Array, H: Array, Z: Array, y: Array) -> tuple[Any, Any
 @drawn
 def _odometry(rng: np.random.Generator, noise: float, surprise: float = 1.0) -> Any:
     x, y, H = (np.round(rng.normal(0, 1, shape), 2) for shape in (3, 2, (2, 3)))
-    return x, a_covariance(rng, 3, 0.1), H, a_covariance(rng, 2, noise), surprise * y
+    return x, a_covariance(rng, 3, 0.1), H, noise * a_covariance(rng, 2), surprise * y
+
+
+def _proposal_drawn(ax: Any, function: Any) -> None:
+    """Draw particles of the odometry, the robot, and the ellipse of the proposal."""
+    from slamlab import plots
+    from slamlab.sensors import RangeBearing
+
+    rng, sensor = np.random.default_rng(3), RangeBearing(0.05, 0.02)
+    truth, tree = np.array([1.25, -0.1, 0.1]), np.array([3.0, 1.5])
+    x, Q = np.array([1.0, 0.0, 0.0]), np.diag([0.2, 0.15, 0.1]) ** 2
+    odometry = x + rng.standard_normal((300, 3)) * np.sqrt(np.diag(Q))
+    H, H_tree = sensor.jacobians(x, tree)
+    Z = H_tree @ (0.02**2 * np.eye(2)) @ H_tree.T + sensor.cov
+    y = sensor.residual(sensor.observe(truth, tree), sensor.observe(x, tree))
+    plots.lidar_points(ax, odometry[:, :2], s=1.6)
+    ax.plot(*truth[:2], "+", color=plots.COLOURS["truth"], markersize=14)
+    mean, cov = (np.asarray(part, float) for part in function(x, Q, H, Z, y))
+    plots.ellipse(ax, mean[:2], cov[:2, :2])
+    ax.plot(*mean[:2], "o", color=plots.COLOURS["estimate"], markersize=4)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
 
 
 check_proposal = Check(
@@ -231,6 +276,7 @@ check_proposal = Check(
         "a sharp sensor": _odometry(0.002),
     },
     tolerance=1e-8,
+    picture=_proposal_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -263,16 +309,25 @@ check_proposal.mistakes = {
         "np.linalg.inv(np.linalg.inv(Q) + H.T @ np.linalg.solve(Z, H)) => Q + H.T @ Z @ H"
     ),
     "the step alone was returned: add it to x": "x + P @ H => P @ H",
+    "Z is missing in the gain: K = Q H^T (H Q H^T + Z)^-1": (
+        lambda x, Q, H, Z, y: (
+            x + Q @ H.T @ np.linalg.solve(H @ Q @ H.T, y),
+            Q - Q @ H.T @ np.linalg.solve(H @ Q @ H.T, H @ Q),
+        )
+    ),
+    "the mean has moved, the covariance must shrink too": (
+        lambda x, Q, H, Z, y: (proposal(x, Q, H, Z, y)[0], Q.copy())
+    ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 2: look before you draw
+# ## Solution 2: the proposal of version 2.0
 #
 # Two Gaussians about the same pose are multiplied by adding their information.
 
 # %% [markdown] tags=["solution"]
 # A version 2.0 that shrinks the cloud but leaves it where the odometry put it is worse than
-# version 1.0: it draws with great confidence in the wrong place.
+# version 1.0: it draws all its particles in the wrong place.
 
 # %% active="ipynb" tags=["solution"]
 # def stays(x, Q, H, Z, y):
@@ -284,7 +339,7 @@ check_proposal.mistakes = {
 # ## Exercise 3: copies that stay apart
 #
 # Resampling has chosen the particles. Each map is an array of landmarks. The check lets every
-# particle of the new set write into its own first landmark, and then looks at all maps, the new
+# particle of the new set write into its own first landmark, and then compares all maps, the new
 # and the old.
 
 
@@ -332,6 +387,22 @@ def _resampled(rng: np.random.Generator) -> Any:
     return list(np.round(rng.normal(0, 5, (m, n, 2)), 1)), rng.integers(0, m, m)
 
 
+def _copies_drawn(ax: Any, function: Any) -> None:
+    """Draw the maps of four copies, after each has moved its own first landmark."""
+    from slamlab import plots
+
+    triangle = np.array([[0.0, 0.0], [2.0, 0.0], [1.0, 1.5]])
+    maps = [triangle + np.array([3.0 * i, 0.3 * i]) for i in range(3)]
+    copies = list(function(maps, np.array([0, 1, 1, 1])))
+    for number, one in enumerate(copies):
+        one[0] = one[2] + np.array([0.7 * number - 0.7, -3.0])
+    for number, one in enumerate(copies):
+        corners = np.vstack([one, one[:1]])
+        ax.plot(*corners.T, marker="osvD"[number], color=plots.COLOURS["estimate"], lw=0.8, ms=5)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
 _MAPS = list(10.0 * np.arange(1, 5)[:, None, None] + np.arange(4).reshape(2, 2))
 
 
@@ -339,13 +410,14 @@ check_copies = Check(
     copy_particles,
     "new maps, old maps",
     {
-        "one particle survives twice, one dies": (_MAPS, [0, 1, 1, 3]),
+        "one particle survives twice, one is eliminated": (_MAPS, [0, 1, 1, 3]),
         "one particle survives alone": (_MAPS, [2, 2, 2, 2]),
-        "everybody survives, in another order": (_MAPS, [3, 0, 1, 2]),
+        "all survive, in another order": (_MAPS, [3, 0, 1, 2]),
         "a single particle": (_MAPS[:1], [0]),
         "any draw": _resampled,
     },
     use=_written,
+    picture=_copies_drawn,
 )
 
 
@@ -395,7 +467,7 @@ check_copies.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Without `.copy()` the program runs, draws a map, and raises nothing. Every copy of a particle
-# then writes into one array, and the map is that of whoever wrote last:
+# then writes into one array, and the map is that of the particle that wrote last:
 
 # %% active="ipynb" tags=["solution"]
 # def shared(maps, chosen):
@@ -408,7 +480,7 @@ check_copies.mistakes = {
 # page when one of several owners writes to it.
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 4: who lives on?
+# ## Exercise 4: ancestors
 #
 # `parents[t]` is what resampling number t has drawn: row i of the set after it came from row
 # `parents[t][i]` of the set before it. For every t, how many rows of the set before it have a
@@ -455,17 +527,29 @@ def _history(rng: np.random.Generator) -> Any:
     return (np.sort(rng.integers(0, m, (steps, m)), axis=1),)
 
 
+def _ancestors_drawn(ax: Any, function: Any) -> None:
+    """Draw the number of ancestors before each of forty resamplings of thirty particles."""
+    from slamlab import plots
+
+    rng = np.random.default_rng(1)
+    parents = np.sort(rng.choice(30, (40, 30), p=np.arange(1, 31) / 465), axis=1)
+    counts = [float(count) for count in function(parents)]
+    ax.plot(np.arange(40), counts, drawstyle="steps-post", color=plots.COLOURS["estimate"])
+    ax.set(xlabel="resampling", ylabel="particles with descendants", ylim=(0, 31))
+
+
 check_ancestors = Check(
     distinct_ancestors,
     "counts",
     {
-        "nobody ever dies": (np.tile(np.arange(4), (3, 1)),),
+        "no particle is ever eliminated": (np.tile(np.arange(4), (3, 1)),),
         "two steps": ([[0, 0, 1, 3], [1, 2, 2, 3]],),
         "one particle takes all in the middle": ([[0, 1, 2, 3], [2, 2, 2, 2], [0, 1, 1, 3]],),
         "a single resampling": ([[1, 1, 2]],),
         "not sorted": lambda rng: (rng.integers(0, 6, (4, 6)),),
         "any history": _history,
     },
+    picture=_ancestors_drawn,
 )
 
 
@@ -508,11 +592,11 @@ check_ancestors.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 4: who lives on?
+# ## Solution 4: ancestors
 
 # %% [markdown] tags=["solution"]
-# Counting what each resampling drew looks at one generation only. It says that most particles
-# live on, at every step, while the lines die out:
+# Counting what each resampling drew counts one generation only. By that count most particles
+# survive every step, while the lines die out:
 
 # %% active="ipynb" tags=["solution"]
 # def one_generation(parents):
@@ -521,7 +605,7 @@ check_ancestors.mistakes = {
 # check_ancestors(one_generation)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: one look, all particles
+# ## Exercise 5: one observation, all particles
 #
 # Assemble a step of FastSLAM 1.0. Every particle has a pose and its own idea of one landmark, a
 # mean and a covariance. A measurement of range and bearing comes in. Each particle updates its
@@ -530,7 +614,7 @@ check_ancestors.mistakes = {
 
 
 # %% tags=["exercise"]
-def look(
+def observe_landmark(
     poses: Array, weights: Array, means: Array, covs: Array, z: Array, R: Array
 ) -> tuple[Array, Array, Array]:
     """One measurement of one landmark, taken in by every particle.
@@ -572,15 +656,16 @@ def look(
 
 
 # %% active="ipynb" tags=["try"]
-# look(np.zeros((2, 3)), np.array([0.5, 0.5]), np.array([[2.0, 0], [3.0, 0]]),
+# observe_landmark(np.zeros((2, 3)), np.array([0.5, 0.5]), np.array([[2.0, 0], [3.0, 0]]),
 #      np.array([np.eye(2)] * 2), np.array([2.1, 0.1]), 0.01 * np.eye(2))
 
 # %% [markdown] tags=["hint"]
-# Write it for one particle first: predicted measurement, derivative by the landmark, innovation
-# (wrapped), $S = H P H^\top + R$, gain.
+# Write it for one particle first: predicted measurement, derivative with respect to the landmark,
+# innovation (wrapped), $S = H P H^\top + R$, gain.
 
 # %% [markdown] tags=["hint"]
-# Which doubt is in the density of $z$? The pose of a particle is certain; its landmark is not.
+# Which uncertainty is in the density of $z$? The pose of a particle is certain; its landmark is
+# not.
 
 # %% [markdown] tags=["hint"]
 # A factor that is the same for all particles drops out. $\sqrt{\det S}$ is not the same for all.
@@ -602,8 +687,29 @@ def _particles(rng: np.random.Generator, n: int, alike: bool = False, behind: bo
     return poses, w / w.sum(), means, covs, z, a_covariance(rng, 2, 0.02)
 
 
-check_look = Check(
-    look,
+def _observe_landmark_drawn(ax: Any, function: Any) -> None:
+    """Draw five particles, as large as their weights, with the ellipses of their landmarks."""
+    from slamlab import plots
+
+    rng = np.random.default_rng(6)
+    tree, weights = np.array([4.0, 2.5]), np.full(5, 0.2)
+    poses = np.column_stack([rng.normal(0, 0.3, 5), 0.8 * np.arange(5), rng.normal(0, 0.1, 5)])
+    means = tree + rng.normal(0, 0.4, (5, 2))
+    covs = np.array([size * np.array([[0.2, 0.05], [0.05, 0.1]]) for size in (1, 1, 3, 1, 0.3)])
+    z, R = np.array([4.1, 0.3]), np.diag([0.1, 0.05]) ** 2
+    new, means, covs = (np.asarray(part) for part in function(poses, weights, means, covs, z, R))
+    plots.landmarks(ax, tree[None])
+    for pose, w, mean, cov in zip(poses, new, means, covs, strict=True):
+        ax.plot(*pose[:2], "o", color=plots.COLOURS["particle"], markersize=3 + 14 * float(w))
+        ax.plot(*np.array([pose[:2], mean]).T, color=plots.COLOURS["particle"], lw=0.6)
+        ax.text(pose[0] - 0.4, pose[1], f"{float(w):.2f}", ha="right", va="center", fontsize=9)
+        plots.ellipse(ax, mean, cov)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
+check_observe_landmark = Check(
+    observe_landmark,
     "weights, means, covs",
     {
         "one particle": _particles(1),
@@ -618,6 +724,14 @@ check_look = Check(
             [4.1, -0.3],
             0.01 * np.eye(2),
         ),
+        "an innovation across half a turn, both bearings in (-pi, pi]": (
+            np.array([[0.0, 0.0, 0.0], [0.1, 0.3, 0.0]]),
+            np.array([0.5, 0.5]),
+            np.array([[-4.0, 0.16], [-4.0, -0.1]]),
+            np.array([0.05 * np.eye(2), 0.02 * np.eye(2)]),
+            np.array([4.1, -3.1]),
+            np.diag([0.02, 0.01]),
+        ),
         "a surprise to all of them": lambda rng: (
             *(given := _particles(3)(rng))[:4],
             given[4] + np.array([30.0, 0.0]),
@@ -625,14 +739,22 @@ check_look = Check(
         ),
     },
     tolerance=1e-6,
+    picture=_observe_landmark_drawn,
 )
 
+
 # %% tags=["mistakes"]
-check_look.mistakes = {
+def _weighed_late(poses: Array, w: Array, means: Array, covs: Array, z: Array, R: Array) -> Any:
+    """Correct the landmarks first, and weigh with what came."""
+    _, new_means, new_covs = observe_landmark(poses, w, means, covs, z, R)
+    return observe_landmark(poses, w, new_means, new_covs, z, R)[0], new_means, new_covs
+
+
+check_observe_landmark.mistakes = {
     "the weight was computed with R alone: the landmark is uncertain too, S = H P H^T + R": (
         "np.linalg.inv(S) @ v - 0.5 * np.log(np.linalg.det(S)) => np.linalg.inv(R) @ v"
     ),
-    "the determinant is missing: a particle that knows little is not surprised by anything": (
+    "the determinant is missing: a wide density is low everywhere": (
         " - 0.5 * np.log(np.linalg.det(S)) => "
     ),
     "the determinant stands without its root: -1/2 log det S": (
@@ -658,29 +780,33 @@ check_look.mistakes = {
     "the innovation has the wrong sign: measured minus predicted": (
         "mean + K @ v => mean - K @ v"
     ),
-    "all particles look from the pose of the first: each has its own": (
-        lambda poses, *rest: look(np.repeat(poses[:1], len(poses), 0), *rest)
+    "all particles observe from the pose of the first: each has its own": (
+        lambda poses, *rest: observe_landmark(np.repeat(poses[:1], len(poses), 0), *rest)
     ),
-    "all particles share the map of the first": lambda poses, w, means, covs, z, R: look(
-        poses, w, np.repeat(means[:1], len(w), 0), np.repeat(covs[:1], len(w), 0), z, R
+    "the likelihood was taken after the correction: weigh with the landmark as it was before": (
+        lambda *given: _weighed_late(*given)
+    ),
+    "all particles share the map of the first": lambda poses, w, means, covs, z, R: (
+        observe_landmark(
+            poses, w, np.repeat(means[:1], len(w), 0), np.repeat(covs[:1], len(w), 0), z, R
+        )
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 5: one look, all particles
+# ## Solution 5: one observation, all particles
 #
 # A loop over the particles is right as well; `einsum` does them all at once. What to notice: the
-# weight uses $S$, not $R$. A particle that hardly knows its landmark cannot be surprised by a
-# measurement of it, but the density at the centre of a wide bell is low: that is what the
-# determinant says.
+# weight uses $S$, not $R$. For a particle with an uncertain landmark no measurement is far
+# off, but the density at the centre of a wide bell is low: that is what the determinant says.
 
 # %% [markdown] tags=["solution"]
-# With $R$ alone in the weight a particle is punished for not knowing yet, and those that happened
-# to start their landmark well take over:
+# With $R$ alone in the weight a particle with an uncertain landmark gets too small a weight, and
+# those that happened to start their landmark well take over:
 
 # %% active="ipynb" tags=["solution"]
-# def punished_for_doubt(poses, weights, means, covs, z, R):
-#     _, new_means, new_covs = look(poses, weights, means, covs, z, R)
+# def weighed_by_sensor_noise(poses, weights, means, covs, z, R):
+#     _, new_means, new_covs = observe_landmark(poses, weights, means, covs, z, R)
 #     d = means - poses[:, :2]
 #     bearing = np.arctan2(d[:, 1], d[:, 0]) - poses[:, 2]
 #     v = np.stack([z[0] - np.hypot(*d.T), wrap_angle(z[1] - bearing)], -1)
@@ -688,4 +814,4 @@ check_look.mistakes = {
 #     new = weights * np.exp(log - log.max())
 #     return new / new.sum(), new_means, new_covs
 #
-# check_look(punished_for_doubt)
+# check_observe_landmark(weighed_by_sensor_noise)

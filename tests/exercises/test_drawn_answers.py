@@ -16,12 +16,13 @@ from slamlab.exercises import ch07_walls_from_points as ch07
 from slamlab.exercises import ch08_occupancy_maps as ch08
 from slamlab.exercises import ch09_ekf_slam as ch
 from slamlab.exercises import ch11_data_association as ch11
+from slamlab.exercises import ch12_fastslam as ch12
 from slamlab.exercises import ch17_the_way_home as ch17
 from slamlab.exercises import ch18_exploration as ch18
 from slamlab.exercises import ch19_autocorrelation_localization as ch19
 from slamlab.exercises._report import Check
 
-MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch11, ch17, ch18, ch19)
+MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch11, ch12, ch17, ch18, ch19)
 PICTURES = [
     (module, name)
     for module in MODULES
@@ -112,6 +113,11 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch11.check_best_first, lambda d, gate: np.where(d.min(1) < gate, d.argmin(1), -1)),
         (ch11.check_stacked, lambda H, P, R: np.tile(R, (len(H), len(H)))),
         (ch11.check_together, lambda y, H, P, R, g: np.abs(y[..., 0]).argmin(1)),
+        (ch12.check_weight, lambda y, H, S, R: ch12.log_weight(y, H, 0 * S, R)),
+        (ch12.check_proposal, lambda x, Q, H, Z, y: (x, Q)),
+        (ch12.check_copies, lambda maps, chosen: [maps[i] for i in chosen]),
+        (ch12.check_ancestors, lambda parents: [len(set(one)) for one in parents.tolist()]),
+        (ch12.check_observe_landmark, lambda p, w, *rest: (w, *rest[:2])),
         (ch17.check_fit, lambda t, p: np.polynomial.polynomial.polyfit((t - t[0]) / 4, p, 3)),
         (ch17.check_loop, lambda c: (0.2, 0.8)),
         (ch17.check_steer, lambda pose, *a: ch17.steer(pose * [1, 1, -1], *a)),
@@ -175,6 +181,7 @@ def test_a_number_is_told_where_an_array_is_expected(check):
         ch11.check_gate,
         ch11.check_nearest,
         ch11.check_joint,
+        ch12.check_weight,
     )
     told = [t for t in texts(check.draw(lambda *arguments: 7)) if t.startswith("cannot be drawn")]
     assert len(told) == (check not in numbers)
