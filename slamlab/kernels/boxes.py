@@ -1,7 +1,8 @@
 """Where a new cubic meets an old path: a growing tree of boxes, halved to a given accuracy.
 
-P3 section 3 (figure 2) in compiled loops. Between its extrema a cubic is monotone in x and in y,
-so the box of such a piece is the box of its two ends, and stays so however often it is halved.
+P3 section 3 (figure 2) in compiled loops; the plain twin stands in `slamlab.navigation.spline`.
+Between its extrema a cubic is monotone in x and in y, so the box of such a piece is the box of
+its two ends, and stays so however often it is halved.
 """
 
 from __future__ import annotations
@@ -9,98 +10,60 @@ from __future__ import annotations
 import numpy as np
 
 from slamlab.kernels.compiling import njit
-from slamlab.kernels.cubic import X, Y, fill_box, monotone_cuts, slope, value
+from slamlab.kernels.cubic import X, Y, monotone_cuts, slope, value
 
-# Columns of the answer of `search`.
-TESTS, CROSS_T, CROSS_I, CROSS_TAU, TOUCH_T, TOUCH_I, TOUCH_TAU = range(7)
 # Two curves that meet at less than this sine run beside one another rather than cross.
 _STEEP = 0.2
 
 
 @njit(cache=True)
-def set_box(boxes, coefficients, i, n):  # type: ignore[no-untyped-def]
-    """Renew the box of segment i and of all boxes above it, with segments 0 to n - 1 alive.
+def search(c, low, high, path, boxes, last_tau, accuracy):  # type: ignore[no-untyped-def]
+    """Find the last place where the piece [low, high] of `c` meets the path (n, 4, 2).
 
-    boxes (2 * capacity, 4) is a heap: box 1 holds all, boxes 2 k and 2 k + 1 the halves of k.
+    Of the last segment only [0, last_tau] counts. Returns (t, segment, tau) of the last crossing
+    and of the last place within `accuracy`, t is -1 where there is none; and how many boxes were
+    compared. boxes (2 * capacity, 4) is a heap. A pair is split until both pieces are straight
+    within the accuracy, and decided exactly.
     """
-    half = len(boxes) // 2
-    fill_box(coefficients[i], boxes[half + i])
-    node, first, size = half + i, i, 1
-    while node > 1:
-        node //= 2
-        size *= 2
-        first = i // size * size
-        right_lives = first + size // 2 < n
-        for k in range(2):
-            low, high = boxes[2 * node, k], boxes[2 * node, 2 + k]
-            if right_lives:
-                low = min(low, boxes[2 * node + 1, k])
-                high = max(high, boxes[2 * node + 1, 2 + k])
-            boxes[node, k], boxes[node, 2 + k] = low, high
-
-
-@njit(cache=True)
-def set_boxes(boxes, coefficients, n):  # type: ignore[no-untyped-def]
-    """Renew all boxes of segments 0 to n - 1."""
-    for i in range(n):
-        set_box(boxes, coefficients, i, i + 1)
-
-
-@njit(cache=True)
-def search(c, t_low, t_high, coefficients, boxes, n, last_tau, accuracy, small_boxes):  # type: ignore[no-untyped-def]
-    """Find the last place where the piece [t_low, t_high] of `c` meets the first n segments.
-
-    Of segment n - 1 only [0, last_tau] counts. Returns numbers in the order of the constants
-    above: how many boxes were compared, then t, segment and tau of the last crossing and of the
-    last place within `accuracy`; t is -1 where there is none.
-
-    With `small_boxes` a pair is split until both boxes are smaller than `accuracy` and is then
-    called a meeting, as in P3; else until both pieces are straight within it, and decided exactly.
-    """
-    found = np.full(7, -1.0)
-    found[TESTS] = 0.0
+    n, tests, floor = len(path), 0, -1.0
+    crossed, touched = (-1.0, -1, -1.0), (-1.0, -1, -1.0)
     # Pairs that wait: t from, t to, box, segment (-1: all that the box holds), tau from, tau to.
     stack = np.empty((2048, 6))
-    top = _push_pieces(stack, 0, c, t_low, t_high)
-    floor, margin = -1.0, (0.0 if small_boxes else accuracy)
+    top = _push_pieces(stack, 0, c, low, high)
     old, new = np.empty(4), np.empty(4)
     while top > 0:
         top -= 1
         t0, t1, a0, a1 = stack[top, 0], stack[top, 1], stack[top, 4], stack[top, 5]
         node, i = int(stack[top, 2]), int(stack[top, 3])
-        if t1 <= floor or t1 <= found[CROSS_T]:
+        if t1 <= floor or t1 <= crossed[0]:
             continue
         _ends_box(c, t0, t1, new)
         if i >= 0:
-            _ends_box(coefficients[i], a0, a1, old)
+            _ends_box(path[i], a0, a1, old)
         else:
             for k in range(4):
                 old[k] = boxes[node, k]
-        found[TESTS] += 1.0
-        if not _overlap(old, new, margin):
+        tests += 1
+        if not _overlap(old, new, accuracy):
             continue
         if i < 0:
-            top = _open_box(stack, top, coefficients, len(boxes) // 2, n, last_tau)
+            top = _open_box(stack, top, path, len(boxes) // 2, n, last_tau)
             continue
-        if small_boxes:
-            size_new, size_old = _size(new), _size(old)
-            leaf = max(size_new, size_old) <= accuracy
-        else:
-            size_new, size_old = _bend(c, t0, t1), _bend(coefficients[i], a0, a1)
-            leaf = size_new + size_old <= 0.25 * accuracy
-        if not leaf and (t1 - t0 > 1e-13 or a1 - a0 > 1e-13):
-            top = _halve(stack, top, size_new >= size_old)
-        elif small_boxes:
-            found[TOUCH_T], found[TOUCH_I], found[TOUCH_TAU] = t1, i, a1
-            return found
-        else:
-            last = last_tau if i == n - 1 else 1.0
-            window = (t_low, t_high, last)
-            if _decide(c, t0, t1, coefficients[i], a0, a1, accuracy, i, window, found):
-                # Nothing earlier than a few accuracies before the last touch can matter.
-                speed = np.hypot(slope(c, found[TOUCH_T], X), slope(c, found[TOUCH_T], Y))
-                floor = found[TOUCH_T] - (20.0 * accuracy / speed if speed > 0.0 else 0.0)
-    return found
+        bend_new, bend_old = _bend(c, t0, t1), _bend(path[i], a0, a1)
+        if bend_new + bend_old > 0.25 * accuracy and (t1 - t0 > 1e-13 or a1 - a0 > 1e-13):
+            top = _halve(stack, top, bend_new >= bend_old)
+            continue
+        a, t = crossing(path[i], a0, a1, c, t0, t1)
+        last = last_tau if i == n - 1 else 1.0
+        if 0.0 <= a <= last and low <= t <= high and t > crossed[0]:
+            crossed = (t, i, a)
+        a, t = last_touch(path[i], a0, a1, c, t0, t1, 0.75 * accuracy)
+        if t > touched[0]:
+            touched = (t, i, a)
+            # Nothing earlier than a few accuracies before the last touch can matter.
+            speed = np.hypot(slope(c, t, X), slope(c, t, Y))
+            floor = t - (20.0 * accuracy / speed if speed > 0.0 else 0.0)
+    return crossed, touched, tests
 
 
 @njit(cache=True)
@@ -164,11 +127,6 @@ def _overlap(a, b, margin):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _size(box):  # type: ignore[no-untyped-def]
-    return max(box[2] - box[0], box[3] - box[1])
-
-
-@njit(cache=True)
 def _bend(c, t0, t1):  # type: ignore[no-untyped-def]
     """Bound on how far a piece strays from its chord: h^2 / 8 times the second derivative."""
     worst, h = 0.0, t1 - t0
@@ -179,9 +137,8 @@ def _bend(c, t0, t1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _decide(c, t0, t1, old, a0, a1, accuracy, i, window, found):  # type: ignore[no-untyped-def]
-    """Compare two straight pieces; note crossing and touch if later. True if a touch is new."""
-    t_low, t_high, last_tau = window
+def crossing(old, a0, a1, c, t0, t1):  # type: ignore[no-untyped-def]
+    """Parameters (a, t) at which two straight pieces cross, NaN where they do not."""
     px, py = value(old, a0, X), value(old, a0, Y)
     qx, qy = value(c, t0, X), value(c, t0, Y)
     dx, dy = value(old, a1, X) - px, value(old, a1, Y) - py
@@ -192,20 +149,27 @@ def _decide(c, t0, t1, old, a0, a1, accuracy, i, window, found):  # type: ignore
         # p + u d = q + v e
         u, v = (rx * ey - ry * ex) / det, (rx * dy - ry * dx) / det
         if -0.2 <= u <= 1.2 and -0.2 <= v <= 1.2:
-            a, t = a0 + u * (a1 - a0), t0 + v * (t1 - t0)
-            a, t, ok = polish(old, a, c, t)
-            if ok and 0.0 <= a <= last_tau and t_low <= t <= t_high and t > found[CROSS_T]:
-                found[CROSS_T], found[CROSS_I], found[CROSS_TAU] = t, i, a
-    v, u = _last_touch(rx, ry, dx, dy, ex, ey, 0.75 * accuracy)
-    t = t0 + v * (t1 - t0)
-    if v < 0.0 or t <= found[TOUCH_T]:
-        return False
-    found[TOUCH_T], found[TOUCH_I], found[TOUCH_TAU] = t, i, a0 + u * (a1 - a0)
-    return True
+            a, t, ok = _polish(old, a0 + u * (a1 - a0), c, t0 + v * (t1 - t0))
+            if ok:
+                return a, t
+    return np.nan, np.nan
 
 
 @njit(cache=True)
-def polish(old, a, c, t):  # type: ignore[no-untyped-def]
+def last_touch(old, a0, a1, c, t0, t1, radius):  # type: ignore[no-untyped-def]
+    """Parameters (a, t) of the last point of a piece within `radius` of another, or -1."""
+    px, py = value(old, a0, X), value(old, a0, Y)
+    qx, qy = value(c, t0, X), value(c, t0, Y)
+    dx, dy = value(old, a1, X) - px, value(old, a1, Y) - py
+    ex, ey = value(c, t1, X) - qx, value(c, t1, Y) - qy
+    v, u = _last_touch(qx - px, qy - py, dx, dy, ex, ey, radius)
+    if v < 0.0:
+        return -1.0, -1.0
+    return a0 + u * (a1 - a0), t0 + v * (t1 - t0)
+
+
+@njit(cache=True)
+def _polish(old, a, c, t):  # type: ignore[no-untyped-def]
     """Newton's method for old(a) = c(t); whether it arrived."""
     for _ in range(20):
         fx, fy = value(old, a, X) - value(c, t, X), value(old, a, Y) - value(c, t, Y)

@@ -38,7 +38,7 @@ def _gauss(c, a, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def length_between(c, a, b):  # type: ignore[no-untyped-def]
+def arc_length(c, a, b):  # type: ignore[no-untyped-def]
     """Arc length from a to b, piece by piece between the extrema of x and y.
 
     Where a curve folds the speed has a kink that the nodes of a quadrature may all miss; a fold
@@ -63,18 +63,19 @@ def _smooth_length(c, a, b, whole, before):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def fill_table(c, table):  # type: ignore[no-untyped-def]
+def arc_length_table(c):  # type: ignore[no-untyped-def]
     """Lengths (PIECES + 1) from 0 to each of the evenly spaced parameters: the table s(t)."""
-    table[0] = 0.0
+    table = np.zeros(PIECES + 1)
     for i in range(PIECES):
-        table[i + 1] = table[i] + length_between(c, i / PIECES, (i + 1) / PIECES)
+        table[i + 1] = table[i] + arc_length(c, i / PIECES, (i + 1) / PIECES)
+    return table
 
 
 @njit(cache=True)
 def length_to(c, table, t):  # type: ignore[no-untyped-def]
     """Arc length from 0 to t."""
     i = min(int(t * PIECES), PIECES - 1)
-    return table[i] + length_between(c, i / PIECES, t)
+    return table[i] + arc_length(c, i / PIECES, t)
 
 
 @njit(cache=True)
@@ -89,7 +90,7 @@ def parameter_at(c, table, s):  # type: ignore[no-untyped-def]
     base, start = table[i], low
     t = low + (high - low) * (s - base) / (table[i + 1] - base)
     for _ in range(60):
-        error = base + length_between(c, start, t) - s
+        error = base + arc_length(c, start, t) - s
         if abs(error) <= 2e-16 * s or high - low < 1e-16:
             break
         if error > 0.0:
@@ -173,18 +174,6 @@ def monotone_cuts(c, cuts):  # type: ignore[no-untyped-def]
                 count += 1
     cuts[count] = 1.0
     return count + 1
-
-
-@njit(cache=True)
-def fill_box(c, box):  # type: ignore[no-untyped-def]
-    """Exact bounding box: x low, y low, x high, y high, from the ends and the extrema."""
-    cuts = np.empty(6)
-    n = monotone_cuts(c, cuts)
-    for k in range(2):
-        box[k], box[2 + k] = np.inf, -np.inf
-        for i in range(n):
-            v = value(c, cuts[i], k)
-            box[k], box[2 + k] = min(box[k], v), max(box[2 + k], v)
 
 
 @njit(cache=True)

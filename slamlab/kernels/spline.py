@@ -1,6 +1,6 @@
-"""A chain of cubics in compiled loops: tables of arc length, points, the nearest point.
+"""A chain of cubics in compiled loops: points at arc lengths, the nearest point.
 
-P3 sections 3 and 4. Chapter 17.
+P3 section 4. The plain twins stand in `slamlab.navigation.spline`. Chapter 17.
 """
 
 from __future__ import annotations
@@ -8,30 +8,22 @@ from __future__ import annotations
 import numpy as np
 
 from slamlab.kernels import cubic
-from slamlab.kernels.boxes import set_box
 from slamlab.kernels.compiling import njit
 
 
 @njit(cache=True)
-def refresh(coefficients, tables, starts, boxes, i):  # type: ignore[no-untyped-def]
-    """Renew what depends on the coefficients of the last segment i."""
-    cubic.fill_table(coefficients[i], tables[i])
-    starts[i + 1] = starts[i] + tables[i, cubic.PIECES]
-    set_box(boxes, coefficients, i, i + 1)
+def _segment_at(starts, s):  # type: ignore[no-untyped-def]
+    """Segment, of those that begin at the arc lengths `starts`, on which s lies."""
+    i = np.searchsorted(starts, s, side="right") - 1
+    return min(max(i, 0), len(starts) - 1)
 
 
 @njit(cache=True)
-def segment_at(starts, n, s):  # type: ignore[no-untyped-def]
-    """Segment, of n that begin at the arc lengths `starts`, on which s lies."""
-    i = np.searchsorted(starts[:n], s, side="right") - 1
-    return min(max(i, 0), n - 1)
-
-
-@njit(cache=True)
-def points(coefficients, tables, starts, n, s, derivative, out):  # type: ignore[no-untyped-def]
+def points_at(coefficients, tables, starts, s, derivative):  # type: ignore[no-untyped-def]
     """Points, or unit tangents, at the arc lengths s."""
+    out = np.empty((len(s), 2))
     for row in range(len(s)):
-        i = segment_at(starts, n, s[row])
+        i = _segment_at(starts, s[row])
         c = coefficients[i]
         t = cubic.parameter_at(c, tables[i], s[row] - starts[i])
         if not derivative:
@@ -40,18 +32,19 @@ def points(coefficients, tables, starts, n, s, derivative, out):  # type: ignore
         dx, dy = cubic.slope(c, t, cubic.X), cubic.slope(c, t, cubic.Y)
         speed = np.hypot(dx, dy)
         out[row, 0], out[row, 1] = (dx / speed, dy / speed) if speed > 0.0 else (1.0, 0.0)
+    return out
 
 
 @njit(cache=True)
-def nearest(coefficients, tables, starts, boxes, n, points, low, high, s, distance):  # type: ignore[no-untyped-def]
-    """Arc length and distance of the nearest place between `low` and `high` of each point."""
-    half = len(boxes) // 2
-    for row in range(len(points)):
-        x, y = points[row, 0], points[row, 1]
-        first, last = segment_at(starts, n, low[row]), segment_at(starts, n, high[row])
+def nearest(coefficients, tables, starts, boxes, places, low, high):  # type: ignore[no-untyped-def]
+    """Arc length and distance of the nearest point between `low` and `high` to each place."""
+    s, distance = np.empty(len(places)), np.empty(len(places))
+    for row in range(len(places)):
+        x, y = places[row, 0], places[row, 1]
+        first, last = _segment_at(starts, low[row]), _segment_at(starts, high[row])
         best, best_i, best_t = np.inf, first, 0.0
         for i in range(first, last + 1):
-            box = boxes[half + i]
+            box = boxes[i]
             away_x = max(box[0] - x, 0.0, x - box[2])
             away_y = max(box[1] - y, 0.0, y - box[3])
             if away_x * away_x + away_y * away_y >= best:
@@ -67,3 +60,4 @@ def nearest(coefficients, tables, starts, boxes, n, points, low, high, s, distan
         at = starts[best_i] + cubic.length_to(coefficients[best_i], tables[best_i], best_t)
         s[row] = min(max(at, low[row]), high[row])
         distance[row] = np.sqrt(best)
+    return s, distance

@@ -1,18 +1,13 @@
 """Where the robot goes: pilots, who see what the robot believes, and what they plan with."""
 
+from slamlab.navigation.cubic import Cubic, fit_cubic, refit_by_arc_length
 from slamlab.navigation.drive import CoveragePilot
 from slamlab.navigation.exploration_grid import ExplorationGrid
 from slamlab.navigation.explore import Explorer
 from slamlab.navigation.follow import PathFollower, RegulatedPurePursuit, ReturnLaw, ReturnPilot
 from slamlab.navigation.guard import YOUBOT_BODY, Body, CollisionGuard
-from slamlab.navigation.path_memory import (
-    VARIANTS,
-    Cubic,
-    Loop,
-    PathMemory,
-    fit_cubic,
-    refit_by_arc_length,
-)
+from slamlab.navigation.path_memory import VARIANTS, PathMemory
+from slamlab.navigation.spline import Loop
 from slamlab.navigation.strategies import (
     InformationGain,
     LongestBeam,

@@ -6,256 +6,55 @@ Chapter 17 derives every formula; chapter 20 drives home along such a memory.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_instance, as_scalar
+from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar
 from slamlab._files import read_npz
-from slamlab.kernels import compiled
-from slamlab.kernels import cubic as _loops
-from slamlab.navigation import _cubic
-from slamlab.navigation._spline import Loop, Spline
+from slamlab.navigation.cubic import (
+    PIECES,
+    Cubic,
+    as_metres,
+    deviation,
+    fit,
+)
+from slamlab.navigation.spline import Loop, Spline
 
-__all__ = ["VARIANTS", "Cubic", "Loop", "PathMemory", "fit_cubic", "refit_by_arc_length"]
+__all__ = ["VARIANTS", "PathMemory"]
 
 VARIANTS = ("point", "point-derivative", "two-points", "two-points-derivative")
 _FORMAT = 1
 _MOST_POINTS = 10_000_000
-_FAR = 1e9  # metres: no path is longer, and the compiled searches end
 
 
-def _metres(name: str, value: ArrayLike, shape: tuple[int | str, ...]) -> Array:
-    """Coordinates of a path; nothing of ours lies farther off than a million kilometres."""
-    array = as_array(name, value, shape)
-    if array.size and np.abs(array).max() > _FAR:
-        raise ValueError(f"{name}: expected metres up to {_FAR:g}, got {np.abs(array).max():g}")
-    return array
-
-
-@dataclass(frozen=True, eq=False)
-class Cubic:
-    """A cubic curve of the plane over t0 <= t <= t1, P3 (1), in the parameter tau.
-
-    tau = (t - t0) / (t1 - t0) runs from 0 to 1, which keeps the powers comparable.
+@dataclass(frozen=True)
+class OpenSegment:
+    """The points since the last knot, and the curve through them.
 
     Attributes
     ----------
-    coefficients : ndarray, shape (4, 2)
-        Rows are the powers of tau, columns x and y (m).
-    t0, t1 : float
-        Ends of the parameter, t0 < t1.
-
-    Examples
-    --------
-    >>> line = Cubic(np.array([[0, 0], [3, 4], [0, 0], [0, 0.0]]), 0.0, 5.0)
-    >>> line(2.5).tolist(), round(line.length, 12)
-    ([1.5, 2.0], 5.0)
+    points : ndarray, shape (n, 2)
+        The knot first (m).
+    t : ndarray, shape (n,)
+        Their parameters: lengths of the polygon through them (m).
+    curve : ndarray, shape (4, 2), or None
+        Coefficients over tau = t / t[-1]; None with fewer than two points.
+    slope : ndarray, shape (2,), or None
+        Derivative by t that the curve must have at the knot.
     """
 
-    coefficients: Array
-    t0: float = 0.0
-    t1: float = 1.0
+    points: Array
+    t: Array = field(default_factory=lambda: np.zeros(1))
+    curve: Array | None = None
+    slope: Array | None = None
 
-    def __post_init__(self) -> None:
-        """Check, and keep the coefficients from being changed."""
-        c = np.array(_metres("coefficients", self.coefficients, (4, 2)), dtype=np.float64)
-        c.setflags(write=False)
-        object.__setattr__(self, "coefficients", c)
-        t0 = as_scalar("t0", self.t0, -1e300, 1e300)
-        if not t0 < as_scalar("t1", self.t1, -1e300, 1e300):
-            raise ValueError(f"t1: expected more than t0 = {t0:g}, got {self.t1:g}")
-
-    def _tau(self, t: ArrayLike) -> Array:
-        return (as_array("t", t) - self.t0) / (self.t1 - self.t0)
-
-    def __call__(self, t: ArrayLike) -> Array:
-        """Points (..., 2) at parameters (...)."""
-        tau, c = self._tau(t)[..., None], self.coefficients
-        return c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]))
-
-    def derivative(self, t: ArrayLike) -> Array:
-        """Differentiate by t: (..., 2) at parameters (...)."""
-        tau, c = self._tau(t)[..., None], self.coefficients
-        return (c[1] + tau * (2 * c[2] + tau * 3 * c[3])) / (self.t1 - self.t0)
-
-    def powers_of_t(self) -> Array:
-        """Coefficients a_0 to a_3 (first column) and b_0 to b_3 of P3 (1), shape (4, 2)."""
-        shift, width = np.polynomial.Polynomial([-self.t0, 1.0]), self.t1 - self.t0
-        out = np.zeros((4, 2))
-        for k in range(2):
-            total = np.polynomial.Polynomial(self.coefficients[:, k])(shift / width)
-            out[: len(total.coef), k] = total.coef
-        return out
-
-    @property
-    def length(self) -> float:
-        """Arc length (m), by quadrature to about 1e-14 of it."""
-        return float(_loops.length_between(self.coefficients, 0.0, 1.0))
-
-    def arc_length(self, t: float) -> float:
-        """Arc length (m) from t0 to t, which lies in [t0, t1]."""
-        t = as_scalar("t", t, self.t0, self.t1)
-        return float(_loops.length_between(self.coefficients, 0.0, float(self._tau(t))))
-
-    def box(self) -> Array:
-        """Exact bounding box: x low, y low, x high, y high (m), from ends and extrema."""
-        box = np.empty(4)
-        _loops.fill_box(self.coefficients, box)
-        return box
-
-    def self_crossing(self) -> tuple[float, float] | None:
-        """Parameters t_a < t_b of the place where the curve crosses itself, or None.
-
-        Closed form: with sigma = tau_a + tau_b and w = sigma^2 - tau_a tau_b the two equations
-        x(t_a) = x(t_b) and y(t_a) = y(t_b) are linear.
-        """
-        first, second = _cubic.own_crossing(self.coefficients)
-        if first != first:
-            return None
-        width = self.t1 - self.t0
-        return float(self.t0 + width * first), float(self.t0 + width * second)
-
-
-def fit_cubic(
-    t: ArrayLike,
-    points: ArrayLike,
-    start: ArrayLike,
-    end: ArrayLike | None = None,
-    start_derivative: ArrayLike | None = None,
-) -> Cubic:
-    """Fit a cubic to points by least squares under constraints, P3 section 2.
-
-    The curve passes through `start` at t[0]; through `end` at t[-1] and with `start_derivative`
-    at t[0] if these are given: the paper's four variants. Solved by QR in tau = (t - t[0]) /
-    (t[-1] - t[0]). If there are fewer distinct parameters than unknowns, the highest shapes that
-    the data cannot tell apart are left out, so that two points give a straight line.
-
-    Parameters
-    ----------
-    t : array_like, shape (n,)
-        Parameters of the points, not decreasing and not all equal.
-    points : array_like, shape (n, 2)
-        Points of the plane (m).
-    start, end : array_like, shape (2,)
-        Constraints (m).
-    start_derivative : array_like, shape (2,)
-        Constraint on the derivative by t.
-
-    Returns
-    -------
-    Cubic
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, or `t` decreases or stands still.
-
-    Examples
-    --------
-    >>> t = np.array([0.0, 1.0, 2.0, 3.0])
-    >>> curve = fit_cubic(t, np.stack([t, t**2], 1), start=[0, 0], end=[3, 9])
-    >>> curve.powers_of_t().round(9).T.tolist()
-    [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
-    """
-    t = as_array("t", t, ("n",))
-    points = as_array("points", points, (len(t), 2))
-    if (np.diff(t) < 0).any():
-        raise ValueError(f"t: expected parameters that do not decrease, got {t}")
-    if len(t) < 2 or t[-1] <= t[0]:
-        raise ValueError("t: expected at least two different parameters, got fewer")
-    # The fit reads its constraints from the ends of the list.
-    held = np.vstack([as_array("start", start, (2,)), points])
-    tau = np.concatenate([[0.0], (t - t[0]) / (t[-1] - t[0])])
-    if end is not None:
-        held, tau = np.vstack([held, as_array("end", end, (2,))]), np.append(tau, 1.0)
-    slope = np.zeros(2)
-    if start_derivative is not None:
-        slope = as_array("start_derivative", start_derivative, (2,)) * (t[-1] - t[0])
-    c = fit(tau, held, end is not None, start_derivative is not None, *slope.tolist())
-    return Cubic(c, float(t[0]), float(t[-1]))
-
-
-@compiled("cubic.fit")
-def fit(
-    tau: Array, points: Array, has_end: bool, has_slope: bool, slope_x: float, slope_y: float
-) -> Array:
-    """Constrained least-squares cubic (4, 2) through points[0], P3 section 2.
-
-    tau (n,) runs from 0 to 1, the slope is by tau. What the constraints leave free:
-    1: tau, tau^2, tau^3; 2 (slope): tau^2, tau^3; 3 (end): tau - tau^2, tau^2 - tau^3;
-    4 (both): tau^2 - tau^3. The highest of them that the data cannot tell apart are left out.
-    """
-    c = np.zeros((4, 2))
-    c[0] = points[0]
-    if has_slope:
-        c[1] = slope_x, slope_y
-    if has_end:
-        c[1 + has_slope] = points[-1] - c.sum(0)
-    free = np.eye(4)[1 + has_slope :]  # powers that the constraints leave, (m, 4)
-    if has_end:
-        free = free[:-1] - free[1:]
-    powers = tau[:, None] ** np.arange(4)
-    A, b = powers @ free.T, points - powers @ c
-    told_apart = np.abs(np.diag(np.linalg.qr(A, mode="r"))) > 1e-9 * np.hypot.reduce(A)[: len(A)]
-    m = len(told_apart) if told_apart.all() else int(np.argmin(told_apart))
-    x = np.linalg.lstsq(A[:, :m], b, rcond=None)[0]
-    return np.asarray(c + free[:m].T @ x)
-
-
-def deviation(c: Array, tau: Array, points: Array, between: bool) -> float:
-    """Largest distance of a point from the curve at its parameter (m), P3 step 1.4.
-
-    With `between` also of the curve, halfway between two points, from the line that joins them.
-    """
-    if between:
-        tau = np.concatenate([tau, 0.5 * (tau[:-1] + tau[1:])])
-        points = np.concatenate([points, 0.5 * (points[:-1] + points[1:])])
-    gap = points - tau[:, None] ** np.arange(4) @ c
-    return float(np.hypot(gap[:, 0], gap[:, 1]).max())
-
-
-def refit_by_arc_length(curve: Cubic, t: ArrayLike, points: ArrayLike) -> Cubic:
-    """Fit the points anew over their arc length on a first curve, P3 section 4.
-
-    The result runs through the ends of `curve`, with t0 = 0 and t1 its length, and its speed is
-    *about* 1: no polynomial curve but a straight line can have it exactly, and the points may lie
-    farther from it than from the first. `PathMemory` uses a table s(t) instead.
-
-    Parameters
-    ----------
-    curve : Cubic
-    t : array_like, shape (n,)
-        Parameters of the points on `curve`.
-    points : array_like, shape (n, 2)
-
-    Returns
-    -------
-    Cubic
-        Over arc length (m).
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is not finite.
-
-    Examples
-    --------
-    >>> arc, t = Cubic([[0, 0], [0.3, 0], [0.9, 0], [-0.5, 0.6]]), np.linspace(0, 1, 50)
-    >>> speed = np.hypot(*refit_by_arc_length(arc, t, arc(t)).derivative(t * arc.length).T)
-    >>> bool(abs(speed - 1).max() < 0.1), bool(abs(speed - 1).max() > 0.01)
-    (True, True)
-    """
-    t = as_array("t", t, ("n",))
-    points = as_array("points", points, (len(t), 2))
-    as_instance("curve", curve, Cubic)
-    s = np.array([curve.arc_length(value) for value in t])
-    s, points = np.append(s, curve.length), np.vstack([points, curve(curve.t1)])
-    s, points = np.insert(s, 0, 0.0), np.vstack([curve(curve.t0), points])
-    return fit_cubic(s, points, start=points[0], end=points[-1])
+    def distance(self, point: Array) -> float:
+        """How far a point is from the last one (m)."""
+        return float(np.hypot(*(point - self.points[-1])))
 
 
 class PathMemory:
@@ -334,11 +133,7 @@ class PathMemory:
         self.n_points = 0
         self._spline = Spline()
         self._loops: list[Loop] = []
-        # The open segment: points, their polygon lengths t, how many; and its curve.
-        self._points, self._t = np.empty((max_points, 2)), np.empty(max_points)
-        self._n = 0
-        self._curve: Array | None = None
-        self._slope: Array | None = None
+        self._open = OpenSegment(np.empty((0, 2)), np.empty(0))
 
     def __repr__(self) -> str:
         """Return length, segments and tolerance."""
@@ -366,7 +161,7 @@ class PathMemory:
         PathMemory(1.00 m in 1 segments, 0 loops cut out, tolerance 0.05 m)
         """
         memory = cls(tolerance, variant, **options)
-        for point in _metres("points", points, ("n", 2)):
+        for point in as_metres("points", points, ("n", 2)):
             memory.add(point)
         memory.close()
         return memory
@@ -379,36 +174,36 @@ class PathMemory:
         ValueError
             If it is no finite point (2,) or a jump of more than `max_step`. What was stored stays.
         """
-        point = _metres("point", point, (2,))
-        if self._n == 0:
+        point = as_metres("point", point, (2,))
+        before = self._open
+        if len(before.points) == 0:
             # 1.1: the place where everything begins.
-            self._points[0], self._t[0], self._n = point, 0.0, 1
-            self.n_points = 1
+            self._open, self.n_points = OpenSegment(point[None]), 1
             return
-        step = self._step_to(point)
+        step = before.distance(point)
         if step > self.max_step:
             wanted = f"a step of at most {self.max_step:g} m"
             raise ValueError(f"point: expected {wanted}, got a jump of {step:.3g} m")
         if step <= self.min_step:
             return
+        # 1.2 to 1.4: the curve through this point too, and how far a point is from it.
+        longer, gap = self._fitted(before, point, step)
         self.n_points += 1
-        curve, deviation = self._fit_with(point, step)
-        # 1.4, 1.5: too far, so the curve without the newest point becomes a segment ...
-        if deviation > self.tolerance - self.min_step and self._n > 2:
-            self._n -= 1
-            self.close()
-            # ... and the newest point, which is retained, opens the next one.
-            step = self._step_to(point)
-            if step > 0.0:
-                self._curve, _ = self._fit_with(point, step)
-        else:
-            self._curve = curve
-            if self._n == self.max_points:
+        if gap <= self.tolerance - self.min_step or len(before.points) < 2:
+            self._open = longer
+            if len(longer.points) == self.max_points:
                 self.close()
+            return
+        # 1.5: too far, so the curve without the newest point becomes a segment ...
+        self.close()
+        # ... and the newest point, which is retained, opens the next one.
+        step = self._open.distance(point)
+        if step > 0.0:
+            self._open, _ = self._fitted(self._open, point, step)
 
     def close(self) -> None:
         """Make a segment of the points since the last knot, and cut out the loops it closes."""
-        curve = self._curve
+        curve, slope = self._open.curve, self._open.slope
         if curve is None:
             return
         # 1.5, 1.7: the open curve becomes a segment, loops go, its end is the next knot.
@@ -417,31 +212,30 @@ class PathMemory:
         else:
             self._loops += self._spline.append_without_loops(curve, self.loop_accuracy)
         if self.variant.endswith("derivative"):
-            self._slope = (curve[1] + 2 * curve[2] + 3 * curve[3]) / self._t[self._n - 1]
-        self._points[0], self._t[0], self._n = curve.sum(0), 0.0, 1
-        self._curve = None
+            slope = (curve[1] + 2 * curve[2] + 3 * curve[3]) / self._open.t[-1]
+        self._open = OpenSegment(curve.sum(0)[None], slope=slope)
 
-    def _step_to(self, point: Array) -> float:
-        last = self._points[self._n - 1]
-        return float(np.hypot(point[0] - last[0], point[1] - last[1]))
-
-    def _fit_with(self, point: Array, step: float) -> tuple[Array, float]:
-        """1.3: t_i = t_(i-1) + |d_i - d_(i-1)|, and the curve; 1.4: how far a point is from it."""
-        n = self._n
-        self._points[n], self._t[n], self._n = point, self._t[n - 1] + step, n + 1
-        points, width = self._points[: n + 1], self._t[n]
-        tau = self._t[: n + 1] / width
-        slope = [0.0, 0.0] if self._slope is None else (self._slope * width).tolist()
+    def _fitted(
+        self, segment: OpenSegment, point: Array, step: float
+    ) -> tuple[OpenSegment, float]:
+        """Fit a point more, P3 steps 1.3 and 1.4; how far a point lies from the curve (m)."""
+        points = np.concatenate([segment.points, point[None]])
+        # 1.3: t_i = t_(i-1) + |d_i - d_(i-1)|
+        t = np.concatenate([segment.t, segment.t[-1:] + step])
+        tau, slope = t / t[-1], (0.0, 0.0)
+        if segment.slope is not None:
+            slope = (segment.slope * t[-1]).tolist()
         has_end = self.variant.startswith("two-points")
-        curve = fit(tau, points, has_end, self._slope is not None, *slope)
-        return curve, deviation(curve, tau, points, self.check_between)
+        curve = fit(tau, points, has_end, segment.slope is not None, *slope)
+        gap = deviation(curve, tau, points, self.check_between)
+        return OpenSegment(points, t, curve, segment.slope), gap
 
     def _path(self) -> Spline:
         """Return the path as it stands: what is stored and, at its end, the open curve."""
-        if self._curve is None:
+        if self._open.curve is None:
             return self._spline
         whole = self._spline.copy()
-        whole.append(self._curve)
+        whole.append(self._open.curve)
         return whole
 
     # Asking.
@@ -452,10 +246,10 @@ class PathMemory:
         return tuple(self._loops)
 
     def meeting(self) -> float | None:
-        """Look where the open segment meets the stored path, and change nothing.
+        """Search where the open segment meets the stored path, and change nothing.
 
-        `add` looks when a segment closes, which is enough to cut the loops out; P3 looks at every
-        point. For a robot that wants to know at once that it has come back to its own way.
+        `add` searches when a segment closes, which is enough to cut the loops out; P3 does so at
+        every point. For a robot that wants to know at once that it has come back to its own way.
 
         Returns
         -------
@@ -465,13 +259,13 @@ class PathMemory:
         Raises
         ------
         ValueError
-            If `loop_accuracy` is None: loops are not looked for.
+            If `loop_accuracy` is None: loops are not searched for.
         """
         if self.loop_accuracy is None:
             raise ValueError("loop_accuracy: expected a length to look for loops, got None")
-        if self._curve is None:
+        if self._open.curve is None:
             return None
-        found = self._spline.meeting(self._curve, self.loop_accuracy)
+        found = self._spline.meeting(self._open.curve, self.loop_accuracy)
         return None if found is None else self._spline.arc_length(found[1], found[2])
 
     @property
@@ -504,7 +298,7 @@ class PathMemory:
     @property
     def nbytes(self) -> int:
         """Memory that the segments and the open points need (bytes)."""
-        numbers = self.n_segments * (8 + _loops.PIECES + 1 + 1 + 2 * 4) + self._n * 3
+        numbers = self.n_segments * (8 + PIECES + 1 + 1 + 2 * 4) + len(self._open.points) * 3
         return 8 * numbers
 
     def point_at(self, s: ArrayLike) -> Array:
@@ -525,13 +319,13 @@ class PathMemory:
         path = self._path()
         s = self._arc_lengths("s", s, path.length)
         if path.n == 0:
-            single = [1.0, 0.0] if derivative else self._points[0]
+            single = [1.0, 0.0] if derivative else self._open.points[0]
             return np.broadcast_to(single, (*s.shape, 2)).copy()
         return path.points(s.reshape(-1), derivative).reshape(*s.shape, 2)
 
     def _arc_lengths(self, name: str, s: ArrayLike, length: float) -> Array:
         s = as_array(name, s)
-        if self._n == 0:
+        if len(self._open.points) == 0:
             raise ValueError("add: expected at least one point in the memory, got none yet")
         room = 1e-9 * (1.0 + length)
         if s.size and not (s.min() >= -room and s.max() <= length + room):
@@ -547,7 +341,7 @@ class PathMemory:
         Parameters
         ----------
         point : array_like, shape (..., 2)
-            Where to look from (m).
+            Places of the plane (m).
         low, high : array_like, shape (...)
             Ends of the window (m), low <= high; the whole path without them. Where a path comes
             near itself the window says which of its branches is meant.
@@ -574,7 +368,7 @@ class PathMemory:
             raise ValueError("low: expected a window with low <= high, got low above high")
         flat = np.broadcast_to(point, (*shape, 2)).reshape(-1, 2).astype(np.float64)
         if path.n == 0:
-            s, distance = np.zeros(len(flat)), np.hypot(*(flat - self._points[0]).T)
+            s, distance = np.zeros(len(flat)), np.hypot(*(flat - self._open.points[0]).T)
         else:
             s, distance = path.nearest(np.ascontiguousarray(flat), low, high)
         return s.reshape(shape)[()], distance.reshape(shape)[()]
@@ -583,7 +377,7 @@ class PathMemory:
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write everything, the open segment included, to an npz file (no pickle)."""
-        n, accuracy = self._spline.n, self.loop_accuracy
+        n, accuracy, last = self._spline.n, self.loop_accuracy, self._open
         loops = [(loop.s, loop.length, *loop.place) for loop in self._loops]
         np.savez(
             file,
@@ -594,10 +388,10 @@ class PathMemory:
             counts=[self.check_between, self.max_points, self.n_points, self.box_tests],
             coefficients=self._spline.coefficients[:n],
             loops=np.array(loops).reshape(-1, 4),
-            points=self._points[: self._n],
-            t=self._t[: self._n],
-            slope=np.zeros((0, 2)) if self._slope is None else self._slope[None],
-            curve=np.zeros((0, 4, 2)) if self._curve is None else self._curve[None],
+            points=last.points,
+            t=last.t,
+            slope=np.zeros((0, 2)) if last.slope is None else last.slope[None],
+            curve=np.zeros((0, 4, 2)) if last.curve is None else last.curve[None],
         )
 
     @classmethod
@@ -635,22 +429,20 @@ class PathMemory:
             max_step=max_step,
             max_points=max_points,
         )
-        for c in _metres("coefficients", kept["coefficients"], ("n", 4, 2)):
+        for c in as_metres("coefficients", kept["coefficients"], ("n", 4, 2)):
             memory._spline.append(c)
         memory._spline.box_tests = box_tests
-        loops = _metres("loops", kept["loops"], ("n", 4)).tolist()
+        loops = as_metres("loops", kept["loops"], ("n", 4)).tolist()
         memory._loops = [Loop(s, length, (x, y)) for s, length, x, y in loops]
-        memory._n, memory.n_points = len(kept["t"]), n_points
-        memory._points[: memory._n] = _metres("points", kept["points"], (memory._n, 2))
+        memory.n_points = n_points
         t = as_array("t", kept["t"], ("n",))
         if (t[:1] != 0.0).any() or (np.diff(t) <= 0.0).any():
             raise ValueError("t: expected arc lengths that grow from 0, got others")
-        memory._t[: memory._n] = t
-        slopes = _metres("slope", kept["slope"], ("n", 2))
-        curves = _metres("curve", kept["curve"], ("n", 4, 2))
-        if len(slopes) > 1 or len(curves) > (memory._n > 1):
-            got = f"{len(slopes)} and {len(curves)} for {memory._n} points"
+        points = as_metres("points", kept["points"], (len(t), 2))
+        slopes = as_metres("slope", kept["slope"], ("n", 2))
+        curves = as_metres("curve", kept["curve"], ("n", 4, 2))
+        if len(slopes) > 1 or len(curves) > (len(t) > 1):
+            got = f"{len(slopes)} and {len(curves)} for {len(t)} points"
             raise ValueError(f"slope, curve: expected at most one each, got {got}")
-        memory._slope = next(iter(slopes), None)
-        memory._curve = next(iter(curves), None)
+        memory._open = OpenSegment(points, t, next(iter(curves), None), next(iter(slopes), None))
         return memory

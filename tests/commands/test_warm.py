@@ -32,8 +32,8 @@ def test_warm_runs_the_loops_that_lessons_call():
     )
     words = [line.split() for line in done.stdout.splitlines() if line.startswith("warm")]
     warm = {name: int(count) for _, name, count in words}
-    asked = "hashed iterate thinned lines_through stamp branch_and_bound set_boxes"
-    asked += " length_between points nearest wavefront unknown_area"
+    asked = "hashed iterate thinned lines_through stamp branch_and_bound search"
+    asked += " arc_length points_at nearest wavefront unknown_area"
     asked += " cast_segments grid_clearance"
     assert set(asked.split()) <= set(warm)
     # Fields of points hold single precision, maps double: a loop for each.

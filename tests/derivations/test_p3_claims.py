@@ -6,13 +6,13 @@ import pytest
 from slamlab.filters import kalman
 from slamlab.gaussian import Gaussian
 from slamlab.geometry import compose
-from slamlab.kernels.boxes import TESTS, search
 from slamlab.localization import DeadReckoning
 from slamlab.navigation import PathFollower, PathMemory, ReturnLaw
-from slamlab.navigation._spline import Spline
+from slamlab.navigation.spline import Spline
 from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer
 from slamlab.simulation import record
+from tests.derivations.p3_search import search_as_printed
 
 DT = 0.1
 
@@ -104,8 +104,7 @@ def boxes_for_a_return_beside(n, accuracy=1e-4):
     back[0, 1] += 1.5 * accuracy
     spline = Spline()
     spline.append(out)
-    arrays = spline.coefficients, spline.boxes
-    return search(back, 0.0, 1.0, *arrays, 1, 1.0, accuracy, True)[TESTS]
+    return search_as_printed(back, spline, accuracy)[0]
 
 
 def boxes_for_passing_many(m, accuracy=1e-3):
@@ -114,8 +113,7 @@ def boxes_for_passing_many(m, accuracy=1e-3):
     for k in range(m):
         spline.append(np.array([[k, k], [1, 0], [0, 1], [0, 0.0]]))
     beside = np.array([[m, m + 0.05], [-m, -m], [0, 0], [0, 0.0]])
-    arrays = spline.coefficients, spline.boxes
-    return search(beside, 0.0, 1.0, *arrays, m, 1.0, accuracy, True)[TESTS]
+    return search_as_printed(beside, spline, accuracy)[0]
 
 
 def test_the_search_for_loops_is_at_worst_linear_in_n_and_in_m():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from slamlab.navigation.path_memory import fit_cubic
+from slamlab.navigation.cubic import fit_cubic
 
 T, X0, X1, D0 = sp.symbols("t0 x0 x1 d0")
 T1, TI, XI = sp.symbols("t1 t_i x_i")

@@ -7,7 +7,7 @@ import pytest
 
 from slamlab.exercises import ch17_the_way_home as ch
 from slamlab.navigation import fit_cubic
-from slamlab.navigation.path_memory import Cubic
+from slamlab.navigation.cubic import Cubic
 
 
 def by_library(t, points):

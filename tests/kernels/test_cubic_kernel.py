@@ -6,7 +6,7 @@ import pytest
 from slamlab.kernels import TWINS
 from slamlab.navigation import VARIANTS, PathMemory
 from slamlab.navigation import path_memory as memory_file
-from slamlab.navigation.path_memory import fit
+from slamlab.navigation.cubic import fit
 
 
 def fits_of(path, variant, tolerance, monkeypatch):

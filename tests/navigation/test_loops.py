@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from slamlab.kernels import boxes as _boxes
-from slamlab.navigation._spline import Spline
-from slamlab.navigation.path_memory import VARIANTS, Cubic, PathMemory
+from slamlab.navigation.cubic import Cubic
+from slamlab.navigation.path_memory import VARIANTS, PathMemory
+from slamlab.navigation.spline import Spline
+from tests.derivations.p3_search import search_as_printed
 
 PER_SEGMENT = 24
 
@@ -314,8 +315,7 @@ def box_tests(n, accuracy=1e-4):
     back[0, 1] += 1.5 * accuracy
     spline = Spline()
     spline.append(out)
-    arrays = spline.coefficients, spline.boxes
-    return _boxes.search(back, 0.0, 1.0, *arrays, 1, 1.0, accuracy, True)[_boxes.TESTS]
+    return search_as_printed(back, spline, accuracy)[0]
 
 
 def test_worst_case_of_the_papers_search_is_linear_not_logarithmic_squared():
@@ -335,10 +335,9 @@ def test_a_plain_crossing_costs_the_search_a_logarithm():
         tests = []
         for y in heights:
             across = np.array([[0, y], [1, -0.9 * y], [0, 0], [0, 0]])
-            arrays = spline.coefficients, spline.boxes
-            found = _boxes.search(across, 0.0, 1.0, *arrays, 1, 1.0, 1.0 / n, True)
-            assert found[_boxes.TOUCH_T] > 0
-            tests.append(found[_boxes.TESTS])
+            boxes, met = search_as_printed(across, spline, 1.0 / n)
+            assert met > 0
+            tests.append(boxes)
         counts.append(np.mean(tests))
     growth = np.diff(counts)
     assert growth.max() < 20

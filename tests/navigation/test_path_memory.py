@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
-from slamlab.navigation.path_memory import (
+from slamlab.navigation import (
     VARIANTS,
     Cubic,
     PathMemory,
