@@ -8,6 +8,7 @@ chapter 18.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,6 +28,85 @@ CollisionGuard = Callable[[Array, float], bool]
 _NEAR = 0.1  # a drive that must end this close to its point (m) has reached it
 _THERE = 0.02  # a point this near (m) is not driven to
 _ASTRAY = 0.05  # heading error (rad) after a stride at which the robot aims anew
+
+
+@dataclass
+class Plan:
+    """What the strategy chose, and how far the robot is with it.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k, 2)
+        Points still to be driven through (m).
+    begun : bool
+        Whether the guard let any drive of it begin.
+    attempts : int
+        Turns to the next point that the guard refused.
+    came_from : float or None
+        Direction in the world (rad) from the last point reached to where the robot came from.
+    """
+
+    points: Array = field(default_factory=lambda: np.empty((0, 2)))
+    begun: bool = True
+    attempts: int = 0
+    came_from: float | None = None
+
+
+@dataclass
+class _Budget:
+    """What is left of the choices, and of the way (m)."""
+
+    choices: int
+    metres: float
+
+
+class _Guard:
+    """What the robot may do, by its newest scan."""
+
+    def __init__(
+        self, robot: SquareRobot, kind: str | CollisionGuard, margin: float, stride: float
+    ) -> None:
+        self.robot, self._kind = robot, kind
+        self._margin, self._stride = margin, stride
+
+    def see(self, points: Array) -> None:
+        """Take the points of a scan (n, 2) in the frame of the body (m); lost ones are NaN."""
+        self._points = points[np.isfinite(points[:, 0])]
+
+    def turn_is_free(self, angle: float) -> bool:
+        """Whether the robot may turn on the spot (rad)."""
+        swept = self._kind == "swept"
+        return not (swept and self.robot.turn_hits(self._points, angle, 0.5 * self._margin))
+
+    def step_aside(self, angle: float) -> float | None:
+        """Few centimetres back, or else ahead, to where the turn is free; None without such."""
+        steps = 0.25 * self.robot.side * np.arange(1, 6)
+        for step in np.concatenate([-steps, steps]).tolist():
+            if self.robot.drive_hits(self._points, step, 0.5 * self._margin):
+                continue
+            if not self.robot.turn_hits(self._points - [step, 0.0], angle, self._margin):
+                return float(step)
+        return None
+
+    def free_drive(self, ranges: Array, left: float) -> float | None:
+        """How far the robot may drive now of what is left (m), one stride at most; None: not."""
+        wanted = go = min(left, self._stride)
+        if callable(self._kind):
+            go = wanted if self._kind(ranges, wanted) else 0.0
+        elif self._kind == "swept":
+            free = min(left, float(self.robot.free_distance(self._points, self._margin)))
+            go = min(wanted, self._turnable(free))
+        return go if go >= 0.99 * min(wanted, 0.02) else None
+
+    def _turnable(self, free: float) -> float:
+        """Find the farthest end, up to `free` (m), at which figure 14's circle is empty."""
+        radius = self.robot.circumradius + self._margin
+        points = self._points[np.abs(self._points[:, 1]) < radius]
+        chord = np.sqrt(radius**2 - points[:, 1] ** 2)
+        low, high = points[:, 0] - chord, points[:, 0] + chord
+        ends = np.concatenate([[free], low[(low > 0) & (low < free)]])
+        excluded = (ends[:, None] > low + 1e-12) & (ends[:, None] < high - 1e-12)
+        return float(ends[~excluded.any(axis=1)].max(initial=0.0))
 
 
 class Explorer:
@@ -59,13 +139,16 @@ class Explorer:
     resolution : float, default 0.05
         Cell of the map that the robot keeps (m).
     bounds : array_like, shape (4,), optional
-        Left, bottom, right, top (m) of the sheet, beyond which nothing is looked for. Without it
-        the sheet grows as the robot sees more.
+        Left, bottom, right, top (m) of the floor, beyond which nothing is explored. Without it
+        the floor grows as the robot sees more.
 
     Attributes
     ----------
     floor : ExplorationGrid
         What the robot knows of the floor, where it believes it to be, from its first scan on.
+    mode : str
+        "choose", "turn" to the next point, "drive" to it; "finished", or "over" where choices or
+        metres ran out.
     refused : int
         Choices that the guard did not let begin.
     finished : bool
@@ -110,135 +193,122 @@ class Explorer:
         bounds: tuple[float, float, float, float] | None = None,
     ) -> None:
         as_instance("strategy", strategy, Strategy, "one with choose(situation, rng)")
-        self._robot, self._lidar, self._strategy = robot, lidar, strategy
-        self._rng = as_rng("rng", rng)
-        self._guard = guard if callable(guard) else as_choice("guard", guard, GUARDS)
-        self._margin = as_scalar("margin", margin, 0.0, 1e3)
-        self._stride = as_scalar("stride", stride, float(np.finfo(float).tiny))
-        self._moves_left = as_count("max_moves", max_moves)
-        self._path_left = as_scalar("max_path", max_path, 0.0)
+        self._lidar, self._strategy, self._rng = lidar, strategy, as_rng("rng", rng)
+        kind = guard if callable(guard) else as_choice("guard", guard, GUARDS)
+        margin = as_scalar("margin", margin, 0.0, 1e3)
+        stride = as_scalar("stride", stride, float(np.finfo(float).tiny))
+        self._guard = _Guard(robot, kind, margin, stride)
+        self._left = _Budget(
+            as_count("max_moves", max_moves), as_scalar("max_path", max_path, 0.0)
+        )
         self._stop_at_hit = bool(stop_at_hit)
-        self._resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
-        self._sheet = None if bounds is None else Grid.over(bounds, self._resolution).bounds
-        self.refused, self.finished = 0, False
-        self._way: list[Array] = []
-        self._begun, self._aimed, self._tries = True, False, 0
-        self._came_from: float | None = None
+        resolution = as_scalar("resolution", resolution, 1e-6, 1e6)
+        whole = None if bounds is None else Grid.over(bounds, resolution).bounds
+        self._grid = whole, resolution
+        self._plan, self.mode, self.refused = Plan(), "choose", 0
         self._before: Array | None = None
 
     def __repr__(self) -> str:
         """Return the strategy."""
         return f"Explorer({type(self._strategy).__name__})"
 
+    @property
+    def finished(self) -> bool:
+        """Whether the strategy found nothing left to do."""
+        return self.mode == "finished"
+
     def command(self, view: View) -> Array | None:
         """Return the next control (v, omega), None when the exploration is over."""
         self._see(as_instance("view", view, View))
         if view.hit:
-            self._way = []
+            self.mode = "choose"
             if self._stop_at_hit:
                 return None
-        while True:
-            u = self._follow(view)
-            if u is not None:
-                return u / view.dt
-            self.refused += not self._begun
-            if self._moves_left == 0 or self._path_left <= 0:
-                return None
-            points = self._strategy.choose(self._situation(view), self._rng)
-            if points is None:
-                self.finished = True
-                return None
-            self._moves_left -= 1
-            self._way = list(as_array("strategy's points", points, ("k", 2)))
-            self._begun, self._aimed, self._tries = False, False, 0
+        modes = {"choose": self._choose, "turn": self._turn, "drive": self._drive}
+        while self.mode in modes:
+            motion = modes[self.mode](view)
+            if motion is not None:
+                return motion / view.dt
+        return None
 
     def _see(self, view: View) -> None:
         """Add the newest scan to the floor, and the way here to what was driven."""
         if self._before is None:
+            whole, resolution = self._grid
             around = np.tile(view.pose[:2], 2) + [-2.0, -2.0, 2.0, 2.0]
-            sheet = around if self._sheet is None else self._sheet
-            self.floor = ExplorationGrid(sheet, self._resolution, grow=self._sheet is None)
+            bounds = around if whole is None else whole
+            self.floor = ExplorationGrid(bounds, resolution, grow=whole is None)
         else:
-            self._path_left -= float(np.hypot(*(view.pose - self._before)[:2]))
+            self._left.metres -= float(np.hypot(*(view.pose - self._before)[:2]))
         self._before = view.pose
         self.floor.insert(view.pose, view.measurement, self._lidar)
-        points = self._lidar.points(view.measurement)
-        self._points = points[np.isfinite(points[:, 0])]
+        self._guard.see(self._lidar.points(view.measurement))
 
-    def _situation(self, view: View) -> Situation:
-        robot, refused = self._robot, not self._begun
+    # One method a mode; each returns a motion (m, rad), or leaves another mode.
+
+    def _choose(self, view: View) -> None:
+        """Let the strategy choose points: "turn" to the first, "finished" without any."""
+        refused, robot = not self._plan.begun, self._guard.robot
+        self.refused += refused
+        if self._left.choices == 0 or self._left.metres <= 0:
+            self.mode = "over"
+            return
+        seen = view.pose, view.measurement, self._lidar, self.floor
         body = robot.side, robot.circumradius + 0.02
-        seen = (view.pose, view.measurement, self._lidar, self.floor)
-        return Situation(*seen, *body, refused, self._came_from)
+        situation = Situation(*seen, *body, refused, self._plan.came_from)
+        points = self._strategy.choose(situation, self._rng)
+        if points is None:
+            self.mode = "finished"
+            return
+        points = as_array("strategy's points", points, ("k", 2))
+        self._left.choices -= 1
+        self._plan = Plan(points, begun=False, came_from=self._plan.came_from)
+        self.mode = "turn" if len(points) else "choose"
 
-    def _follow(self, view: View) -> Array | None:
-        """Turn (rad) or drive (m) towards the next point; None without one, or if refused."""
-        while self._way:
-            x, y = inverse_transform(view.pose, self._way[0])
-            length = float(np.hypot(x, y))
-            if length < _THERE:
-                self._next_point(view)
-                continue
-            if not self._aimed:
-                motion = self._turn(view, float(np.arctan2(y, x)))
-                self._way = [] if motion is None else self._way
-                return motion
-            go = self._allowed(view, length)
-            if go >= 0.99 * min(length, self._stride, 0.02):
-                self._begun = True
-                # After the stride the point lies there: does the robot still look at it?
-                self._aimed = length - go < _NEAR or abs(np.arctan2(y, x - go)) < _ASTRAY
-                return np.array([go, 0.0])
-            if length >= _NEAR:
-                self._way = []
-                return None
+    def _turn(self, view: View) -> Array | None:
+        """Turn to the next point, or make room for that; "choose" if the guard refuses."""
+        x, y = inverse_transform(view.pose, self._plan.points[0])
+        if np.hypot(x, y) < _THERE:
             self._next_point(view)
-        return None
-
-    def _next_point(self, view: View) -> None:
-        self._way, self._aimed, self._tries = self._way[1:], False, 0
-        if self._begun:
-            self._came_from = float(wrap_angle(view.pose[2] + np.pi))
-
-    def _turn(self, view: View, angle: float) -> Array | None:
-        """Turn towards the point; or make room for that; None if the guard objects for good."""
-        margin = 0.5 * self._margin
-        if self._guard != "swept" or not self._robot.turn_hits(self._points, angle, margin):
-            self._aimed = True
+            return None
+        angle = float(np.arctan2(y, x))
+        if self._guard.turn_is_free(angle):
+            self.mode = "drive"
             return np.array([0.0, angle])
         # The new scan may show what the old one had between two beams: it will ask again.
-        self._tries += 1
-        return self._make_room(view, angle) if self._tries <= 3 else None
+        self._plan.attempts += 1
+        step = self._guard.step_aside(angle) if self._plan.attempts <= 3 else None
+        if step is None:
+            self.mode = "choose"
+            return None
+        # The point moves along, so that the turn stays the one that was chosen.
+        heading = np.array([np.cos(view.pose[2]), np.sin(view.pose[2])])
+        self._plan.points = np.vstack(
+            [self._plan.points[0] + step * heading, self._plan.points[1:]]
+        )
+        return np.array([step, 0.0])
 
-    def _make_room(self, view: View, angle: float) -> Array | None:
-        """Drive back, or else ahead, a few centimetres, to where the turn is free."""
-        steps = 0.25 * self._robot.side * np.arange(1, 6)
-        for way in np.concatenate([-steps, steps]):
-            if self._robot.drive_hits(self._points, way, 0.5 * self._margin):
-                continue
-            if not self._robot.turn_hits(self._points - [way, 0.0], angle, self._margin):
-                # The point moves along, so that the turn stays the one that was chosen.
-                heading = np.array([np.cos(view.pose[2]), np.sin(view.pose[2])])
-                self._way[0] = self._way[0] + way * heading
-                return np.array([way, 0.0])
-        return None
+    def _drive(self, view: View) -> Array | None:
+        """Drive a stride to the next point; near it the next one, far from it "choose"."""
+        x, y = inverse_transform(view.pose, self._plan.points[0])
+        length = float(np.hypot(x, y))
+        go = None if length < _THERE else self._guard.free_drive(view.measurement, length)
+        if go is None and length < _NEAR:
+            self._next_point(view)
+            return None
+        if go is None:
+            self.mode = "choose"
+            return None
+        self._plan.begun = True
+        # After the stride the point is at (x - go, y): does the robot still head for it?
+        aimed = length - go < _NEAR or abs(np.arctan2(y, x - go)) < _ASTRAY
+        self.mode = "drive" if aimed else "turn"
+        return np.array([go, 0.0])
 
-    def _allowed(self, view: View, left: float) -> float:
-        """How far the guard lets the robot drive now (m), one stride at most."""
-        wanted = min(left, self._stride)
-        if self._guard == "none":
-            return wanted
-        if callable(self._guard):
-            return wanted if self._guard(view.measurement, wanted) else 0.0
-        free = min(left, float(self._robot.free_distance(self._points, self._margin)))
-        return min(wanted, self._turnable(free))
-
-    def _turnable(self, free: float) -> float:
-        """Find the farthest end, up to `free` (m), at which figure 14's circle is empty."""
-        radius = self._robot.circumradius + self._margin
-        points = self._points[np.abs(self._points[:, 1]) < radius]
-        chord = np.sqrt(radius**2 - points[:, 1] ** 2)
-        low, high = points[:, 0] - chord, points[:, 0] + chord
-        ends = np.concatenate([[free], low[(low > 0) & (low < free)]])
-        shut = (ends[:, None] > low + 1e-12) & (ends[:, None] < high - 1e-12)
-        return float(ends[~shut.any(axis=1)].max(initial=0.0))
+    def _next_point(self, view: View) -> None:
+        """Leave the point reached behind: "turn" to the next one, "choose" without one."""
+        plan = self._plan
+        plan.points, plan.attempts = plan.points[1:], 0
+        if plan.begun:
+            plan.came_from = float(wrap_angle(view.pose[2] + np.pi))
+        self.mode = "turn" if len(plan.points) else "choose"

@@ -1,4 +1,4 @@
-"""Where to look next: strategies of exploration behind one protocol.
+"""Where to go next: strategies of exploration behind one protocol.
 
 P5's three (longest beam, random fraction of it, four quadrants), the nearest frontier of Yamauchi
 (1997) and the expected information of Gonzalez-Banos and Latombe (2002). Chapter 18.
@@ -64,7 +64,7 @@ class Situation:
     def beams(self) -> tuple[Array, Array]:
         """Directions in the world (rad) and lengths (m) of the beams; a lost one has length 0.
 
-        A beam that met nothing is as long as the lidar sees, or as the sheet is wide.
+        A beam that met nothing is as long as the lidar sees, or as the floor is wide.
         """
         left, right, bottom, top = self.floor.extent
         longest = min(self.lidar.max_range, float(np.hypot(right - left, top - bottom)))
@@ -119,7 +119,7 @@ class LongestBeam:
     def choose(self, now: Situation, rng: np.random.Generator) -> Array:
         """See `Strategy`; after a refusal a random direction is tried."""
         directions, lengths = now.beams
-        beam = _any_open(now, lengths, rng) if now.refused else int(np.argmax(lengths))
+        beam = _longest(now, lengths, rng)
         return now.ahead(directions[beam], self.fraction * lengths[beam])
 
 
@@ -148,7 +148,7 @@ class RandomFraction:
     def choose(self, now: Situation, rng: np.random.Generator) -> Array:
         """See `Strategy`; after a refusal a random direction is tried."""
         directions, lengths = now.beams
-        beam = _any_open(now, lengths, rng) if now.refused else int(np.argmax(lengths))
+        beam = _longest(now, lengths, rng)
         return now.ahead(directions[beam], _part(lengths[beam], self.as_printed, rng))
 
 
@@ -228,13 +228,13 @@ class NearestFrontier:
     def choose(self, now: Situation, rng: np.random.Generator) -> Array | None:
         """See `Strategy`; None when no frontier can be reached any more."""
         floor, radius = now.floor, now.body_radius
-        _shut_stale(now)
+        _blacklist_stale(now)
         frontier = _large_parts(floor.frontier(), self.smallest)
         ways = floor.shortest_paths(now.pose[:2], radius)
         reachable = np.isfinite(ways.lengths)
         if not frontier.any() or not reachable.any():
             return None
-        # A sheet that grew is larger than what matters here.
+        # A floor that grew is larger than what matters here.
         box = box_of(frontier | reachable)
         frontier, reachable, lengths = frontier[box], reachable[box], ways.lengths[box]
         # For every frontier cell the nearest cell where the robot can stand.
@@ -284,7 +284,7 @@ class InformationGain:
     def choose(self, now: Situation, rng: np.random.Generator) -> Array | None:
         """See `Strategy`; None when no place would show enough."""
         floor, radius = now.floor, now.body_radius
-        _shut_stale(now)
+        _blacklist_stale(now)
         ways = floor.shortest_paths(now.pose[:2], radius)
         lengths = ways.lengths
         # Candidates: every fourth reachable cell that has frontier around it.
@@ -311,6 +311,11 @@ def _part(length: float, as_printed: bool, rng: np.random.Generator) -> float:
     return length / rng.uniform(0.1, 2.0) if as_printed else length * rng.uniform(0.5, 1.0)
 
 
+def _longest(now: Situation, lengths: Array, rng: np.random.Generator) -> int:
+    """Choose the longest beam, after a refusal any that is open."""
+    return _any_open(now, lengths, rng) if now.refused else int(np.argmax(lengths))
+
+
 def _any_open(now: Situation, lengths: Array, rng: np.random.Generator) -> int:
     """Draw a beam longer than the robot, or any beam if there is none."""
     open_beams = np.flatnonzero(lengths > now.body_length)
@@ -326,6 +331,6 @@ def _large_parts(mask: NDArray[np.bool_], smallest: int) -> NDArray[np.bool_]:
     return keep[labels]
 
 
-def _shut_stale(now: Situation) -> None:
+def _blacklist_stale(now: Situation) -> None:
     """Leave alone what a scan from right here has not cleared up."""
     now.floor.blacklist_frontier(now.pose[:2], now.body_radius + 3 * now.floor.resolution)

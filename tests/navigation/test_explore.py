@@ -5,10 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.spatial import KDTree
 
 from slamlab.evaluation.tours import collisions, coverage, path_length, revisits
 from slamlab.geometry import compose
+from slamlab.models import View
 from slamlab.navigation import (
     ExplorationGrid,
     Explorer,
@@ -300,6 +302,38 @@ def test_any_object_with_choose_is_a_strategy_and_can_come_home():
     run = explore(ROOM, ROBOT, LIDAR, ThereAndBack(), [0.6, 0.6, 0.0], np.random.default_rng(0))
     assert run.path_length[-1] > 4
     assert np.hypot(*(run.poses[-1, :2] - [0.6, 0.6])) < 0.1
+
+
+def test_a_pilot_turns_then_drives_and_says_why_it_ended():
+    class Once:
+        """One point ahead and to the left, then nothing."""
+
+        points = np.array([[1.0, 1.0]])
+
+        def choose(self, now, rng):
+            points, self.points = self.points, None
+            return points
+
+    def view(pose):
+        pose = np.asarray(pose, float)
+        return View(0.0, 1.0, pose, np.eye(3), np.full(120, 9.0), np.False_)
+
+    pilots = [
+        Explorer(ROBOT, LIDAR, Once(), np.random.default_rng(0), max_moves=n) for n in (9, 1)
+    ]
+    for pilot, end in zip(pilots, ("finished", "over"), strict=True):
+        assert pilot.mode == "choose"
+        assert_allclose(pilot.command(view([0, 0, 0])), [0, np.pi / 4])
+        assert pilot.mode == "drive"
+        assert_allclose(pilot.command(view([0, 0, np.pi / 4])), [0.5, 0])
+        # Pushed aside it aims anew, which it does not while it heads for the point.
+        assert pilot.mode == "drive"
+        assert_allclose(pilot.command(view([0.3, 0.3, np.pi / 2]))[1], 0)
+        assert pilot.mode == "turn"
+        assert pilot.command(view([1.0, 1.0, 0.0])) is None
+        assert (pilot.mode, pilot.finished) == (end, end == "finished")
+        assert pilot.command(view([1.0, 1.0, 0.0])) is None
+        assert pilot.refused == 0
 
 
 def test_the_map_grows_with_what_is_seen_and_gives_the_same_tour():
