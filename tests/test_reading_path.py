@@ -15,9 +15,10 @@ import pytest
 import slamlab
 from slamlab import _checks
 from slamlab.filters.particle import ParticleFilter
-from slamlab.localization import MonteCarloLocalization
-from slamlab.navigation import PathMemory
-from slamlab.robots import YOUBOT
+from slamlab.localization import MonteCarloLocalization, SignatureMap
+from slamlab.models import View
+from slamlab.navigation import Explorer, LongestBeam, PathMemory
+from slamlab.robots import YOUBOT, SquareRobot
 from slamlab.sensors import Lidar, RangeBearing, StereoRig
 from slamlab.slam import (
     CompressedEKFSlam,
@@ -245,6 +246,48 @@ def path_point():
     return step
 
 
+def path_segment():
+    """A point that closes a segment, which crosses the path: P3 steps 1.5 to 1.7."""
+    memory = PathMemory(0.02)
+    out, up = np.linspace(0.0, 1.0, 21), np.linspace(0.0, 0.5, 11)
+    way = [(x, 0.0) for x in out] + [(1.0, y) for y in up] + [(1.0 - x, 0.5) for x in up]
+    for point in [*way, *((0.5, 0.5 - y) for y in np.linspace(0.0, 0.7, 15))]:
+        memory.add(point)
+    assert not memory.loops
+
+    def step():
+        for point in ((0.55, -0.25), (0.6, -0.25)):
+            memory.add(point)
+        assert len(memory.loops) == 1
+
+    return step
+
+
+def explorer():
+    """A choice of the strategy, the turn to it and a stride: a floor that nothing was seen of."""
+    rng, lidar = np.random.default_rng(0), Lidar(120, max_range=8.0)
+    pilot = Explorer(SquareRobot(0.3), lidar, LongestBeam(), rng)
+    ranges = np.full(120, 2.0)
+    ranges[30] = 5.0
+
+    def step():
+        for heading, seen in ((0.0, ranges), (np.pi / 2, np.roll(ranges, -30))):
+            pose = np.array([1.0, 2.0, heading])
+            u = pilot.command(View(0.0, 1.0, pose, 0.01 * np.eye(3), seen, np.False_))
+        assert u[0] > 0.0
+
+    return step
+
+
+def signatures():
+    """One scan with a missed return, found again in a map of a room."""
+    lidar = Lidar(36, max_range=8.0)
+    atlas = SignatureMap.build(rooms.thesis_room(), lidar, 16)
+    scan = lidar.scan(rooms.thesis_room(), [1.0, 1.0, 0.3])
+    scan[5] = np.nan
+    return lambda: atlas.locate(scan)
+
+
 # A system: its step, its own files, and the most lines of them that the step may read.
 SYSTEMS = {
     "EKF-SLAM": (ekf_slam, ("slam/ekf.py", "slam/linearisation.py"), OWN),
@@ -270,10 +313,17 @@ SYSTEMS = {
     ),
     "pose graph, incremental": (incremental_graph, ("slam/incremental.py",), OWN),
     "path memory, a point": (path_point, ("navigation/path_memory.py",), OWN),
+    "path memory, a segment": (path_segment, ("navigation/path_memory.py",), OWN),
+    "signatures": (signatures, ("localization/signature.py",), OWN + 16),
+    "exploration": (explorer, ("navigation/explore.py", "navigation/strategies.py"), OWN),
 }
 # Beyond `ALL`: weights and resampling (57 to 95 lines), maps that copies share (landmarks: 52;
-# tiles: 63 to 74). Without these each step has at most 251 lines.
+# tiles: 63 to 74), where a path meets itself (`search` of spline.py and what it calls there: 113),
+# a floor drawn from scans that grows (133).
+# Without these each step has at most 251 lines.
 MORE = {
+    "path memory, a segment": 355,
+    "exploration": 335,
     "FastSLAM 1": 345,
     "FastSLAM 2": 370,
     "Monte Carlo, injection": 270,
