@@ -30,7 +30,23 @@ CHAPTERS = [
 SECOND = [path for path in CHAPTERS if re.match(r"\d\db_", path.stem)]
 CHAPTERS = [path for path in CHAPTERS if path not in SECOND]
 # Chapters whose lesson shows its algorithm whole, in cells of this tag.
-LESSONS = {"01", "02", "03", "04", "05", "06", "07", "08", "09", "11", "12"}
+LESSONS = {
+    "00",
+    "01",
+    "02",
+    "03",
+    "04",
+    "05",
+    "06",
+    "07",
+    "08",
+    "09",
+    "10",
+    "11",
+    "12",
+    "18",
+    "19",
+}
 NOTEBOOKS = sorted((ROOT / "notebooks").rglob("*.ipynb"))
 NOTEBOOKS = [path for path in NOTEBOOKS if ".ipynb_checkpoints" not in path.parts]
 BONES = (

@@ -35,7 +35,7 @@ __all__ = [
 # # Solutions 00: SLAM in ten minutes
 #
 # The exercises are in [Exercises 00](../exercises/00_slam_in_ten_minutes.ipynb). Try them first:
-# a check that has told you your own slip teaches more than this page.
+# a check that finds your own slip teaches more than this page.
 
 # %% active="ipynb" tags=["imports"]
 # import numpy as np
