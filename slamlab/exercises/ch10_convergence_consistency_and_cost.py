@@ -96,6 +96,19 @@ _RIGID = np.zeros((7, 7))
 _RIGID[3:, 3:] = np.tile(0.04 * np.eye(2), (2, 2))
 
 
+def _difference_cov_drawn(ax: Any, function: Any) -> None:
+    """Draw the difference of two landmarks with its ellipse, after 1, 10 and 100 observations."""
+    from slamlab import plots
+
+    for K in (1, 10, 100):
+        P = np.eye(7)
+        P[3:, 3:] = np.kron(0.04 * np.ones((2, 2)) + 0.09 / K * np.eye(2), np.eye(2))
+        plots.ellipse(ax, [2.0, 1.0], np.asarray(function(P), float))
+    ax.plot(2.0, 1.0, "+", color=plots.COLOURS["estimate"], markersize=9)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x of m1 - m2 (m)", ylabel="y of m1 - m2 (m)")
+
+
 check_difference_cov = Check(
     difference_cov,
     "cov",
@@ -106,6 +119,7 @@ check_difference_cov = Check(
         "a rigid pair, known only together": (_RIGID,),
         "a general map": lambda rng: (a_covariance(rng, 7),),
     },
+    picture=_difference_cov_drawn,
 )
 
 
@@ -138,7 +152,7 @@ check_difference_cov.mistakes = {
 #
 # The difference is a linear map of the state, so its covariance is the map from both sides.
 # Written out, that is two variances less the two cross blocks: what two landmarks have in common,
-# the doubt of the robot that saw both, does not count.
+# the uncertainty of the robot that saw both, does not count.
 
 # %% [markdown] tags=["solution"]
 # Leave the cross blocks out and the rigid pair of the check, whose difference is known exactly,
@@ -200,6 +214,23 @@ def _drive(rng: np.random.Generator, landmarks: int, noise: float = 1.0) -> Any:
     return a_covariance(rng, 3 + 2 * landmarks), F, noise * a_covariance(rng, 3, 0.3)
 
 
+def _predict_cov_drawn(ax: Any, function: Any) -> None:
+    """Draw the correlations of pose and three landmarks after twenty steps on a curve."""
+    places = np.array([[2.0, 1.0], [1.0, -2.0], [-1.0, 2.0]])
+    across = np.column_stack([-places[:, 1], places[:, 0]])
+    turn = np.concatenate([[0.0, 0.0, 1.0], across.ravel()])
+    shift = np.tile(np.eye(2), (4, 1))
+    shared = np.column_stack([np.insert(shift, 2, 0.0, axis=0), 0.3 * turn])
+    P = 0.04 * shared @ shared.T + 0.004 * np.eye(9)
+    F, Q = np.array([[1, 0, -0.1], [0, 1, 0.3], [0, 0, 1]]), np.diag([0.0005, 0.0005, 0.0002])
+    for _ in range(20):
+        P = np.asarray(function(P, F, Q), float)
+    sigma = np.sqrt(np.abs(np.diag(P))) + 1e-12
+    ax.imshow(np.abs(P / np.outer(sigma, sigma)), cmap="Blues", vmin=0, vmax=1)
+    ax.grid(visible=False)
+    ax.set(xlabel="x, y, heading, landmarks", xticks=[], yticks=[])
+
+
 check_predict_cov = Check(
     predict_cov,
     "P",
@@ -214,6 +245,7 @@ check_predict_cov = Check(
             a_covariance(rng, 3),
         ),
     },
+    picture=_predict_cov_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -332,6 +364,33 @@ def _region(rng: np.random.Generator, fresh: bool) -> Any:
     return (*start, H, S, rng.standard_normal(m), P @ H.T @ np.linalg.inv(S))
 
 
+def _accounts_drawn(ax: Any, function: Any) -> None:
+    """Draw a landmark outside the region before (grey) and after thirty updates inside it."""
+    from slamlab import plots
+
+    rng, a = np.random.default_rng(6), 5
+    P, truth = a_covariance(rng, a + 2, 0.5), np.array([4.0, 3.0])
+    error = np.linalg.cholesky(P) @ rng.standard_normal(a + 2)
+    P_a, x = P[:a, :a].copy(), np.zeros(a)
+    Phi, Psi, theta = np.eye(a), np.zeros((a, a)), np.zeros(a)
+    for _ in range(30):
+        H = rng.standard_normal((2, a))
+        v = H @ (error[:a] - x) + rng.normal(0, 0.3, 2)
+        S = H @ P_a @ H.T + 0.09 * np.eye(2)
+        K = P_a @ H.T @ np.linalg.inv(S)
+        Phi, Psi, theta = (np.asarray(one, float) for one in function(Phi, Psi, theta, H, S, v, K))
+        x, P_a = x + K @ v, P_a - K @ S @ K.T
+    place = truth - error[a:]
+    plots.landmarks(ax, truth[None])
+    plots.ellipse(ax, place, P[a:, a:], "wall")
+    P_ba = P[a:, :a]
+    after = place + P_ba @ theta
+    plots.ellipse(ax, after, P[a:, a:] - P_ba @ Psi @ P_ba.T)
+    ax.plot(*after, "x", color=plots.COLOURS["estimate"])
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
 check_accounts = Check(
     accounts,
     "Phi, Psi, theta",
@@ -340,6 +399,7 @@ check_accounts = Check(
         "an update later on": _region(fresh=False),
     },
     tolerance=1e-8,
+    picture=_accounts_drawn,
 )
 
 
@@ -366,6 +426,9 @@ check_accounts.mistakes = {
     "Phi has the wrong sign: (I - K H) Phi": "Phi - K @ G => Phi + K @ G",
     "S must be inverted": "np.linalg.inv(S) => S",
     "S is missing: its inverse weighs the measurement": "np.linalg.inv(S) => np.eye(len(S))",
+    "Psi lacks Phi: H Phi speaks of the region as entered": (
+        "Psi + G.T @ W @ G => Psi + H.T @ W @ H"
+    ),
     "Psi is a sum over all updates: the old Psi is missing": "Psi + G => G",
     "Psi has the wrong sign: information adds up": "Psi + G => Psi - G",
     "theta is a sum over all updates: the old theta is missing": "theta + G => G",
@@ -381,13 +444,14 @@ check_accounts.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 3: the accounts of a region
 #
-# $\Phi$ carries the state of the region as it was when the region was entered to now. A look now,
-# with $H$, is therefore a look with $H\Phi$ at the region as entered, and only through that do
-# the landmarks outside share an error with it. What they have to be told later is the information
-# of that look, $\Phi^\top H^\top S^{-1} H \Phi$, and its news, $\Phi^\top H^\top S^{-1} v$.
+# $\Phi$ carries the state of the region as it was when the region was entered to now. An
+# observation now, with $H$, is therefore an observation with $H\Phi$ of the region as entered, and
+# only through that do the landmarks outside share an error with it. What they need later is the
+# information of that observation, $\Phi^\top H^\top S^{-1} H \Phi$, and its correction,
+# $\Phi^\top H^\top S^{-1} v$.
 
 # %% [markdown] tags=["solution"]
-# The order matters. Whoever updates $\Phi$ first books a look that has already been used:
+# The order matters. If $\Phi$ is updated first, an observation is booked that has been used:
 
 # %% active="ipynb" tags=["solution"]
 # def phi_first(Phi, Psi, theta, H, S, v, K):
@@ -494,6 +558,29 @@ def _in_a_map(
     return mean, a_covariance(rng, len(mean), 0.05), first, z, i, a_covariance(rng, 2, 0.02)
 
 
+def _update_drawn(ax: Any, function: Any) -> None:
+    """Draw the reported sigma of the heading of a robot that stands still: 10 degrees remain."""
+    from slamlab import plots
+
+    rng, stones = np.random.default_rng(3), np.array([[3.0, 1.0], [4.0, -2.0], [-2.0, 1.5]])
+    sigma, R = np.deg2rad(10), np.diag([0.05, 0.02]) ** 2
+    seen = stones @ np.array([[np.cos(0.2), np.sin(0.2)], [-np.sin(0.2), np.cos(0.2)]])
+    seen += rng.normal(0, 0.1, (3, 2))
+    mean = np.concatenate([[0, 0, 0.2], seen.ravel()])
+    t = np.concatenate([[0, 0, 1.0], np.column_stack([-seen[:, 1], seen[:, 0]]).ravel()])
+    P = sigma**2 * np.outer(t, t) + np.diag([0.0] * 3 + [0.01] * 6)
+    first, reported = mean.copy(), [10.0]
+    for k in range(90):
+        x, y = stones[k % 3]
+        z = np.array([np.hypot(x, y), np.arctan2(y, x)]) + rng.standard_normal(2) * [0.05, 0.02]
+        first[:3] = mean[:3]
+        mean, P = (np.asarray(one, float) for one in function(mean, P, first, z, k % 3, R))
+        reported.append(float(np.rad2deg(np.sqrt(max(P[2, 2], 0.0)))))
+    ax.plot(reported, color=plots.COLOURS["estimate"])
+    ax.axhline(10, color=plots.COLOURS["dead_reckoning"], linestyle="--", linewidth=1)
+    ax.set(xlabel="observation", ylabel="σ of the heading (°)", ylim=(0, 12))
+
+
 check_update = Check(
     update,
     "mean, P",
@@ -519,8 +606,25 @@ check_update = Check(
             0,
             0.01 * np.eye(2),
         ),
+        "an innovation across half a turn, both bearings in (-pi, pi]": (
+            [0.0, 0.0, 0.0, -5.0, 0.2],
+            np.diag([0.01, 0.01, 0.01, 0.05, 0.05]),
+            [0.1, 0.0, 0.05, -5.1, 0.3],
+            [5.1, -3.1],
+            0,
+            0.01 * np.eye(2),
+        ),
+        "a range that is off by more than pi": (
+            [0.0, 0.0, 0.0, 9.0, 1.0],
+            np.diag([1.0, 1.0, 0.01, 4.0, 4.0]),
+            [0.1, 0.1, 0.05, 8.8, 1.1],
+            [5.2, 0.2],
+            0,
+            0.01 * np.eye(2),
+        ),
     },
     tolerance=1e-6,
+    picture=_update_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -555,6 +659,7 @@ check_update.mistakes = {
     "the innovation is not wrapped": "wrap_angle(v[1]) => v[1]",
     "the heading is not wrapped after the correction": ("wrap_angle(new[2]) => new[2]"),
     "R is missing in S": "H @ P @ H.T + R => H @ P @ H.T",
+    "R was added twice in S": "H @ P @ H.T + R => H @ P @ H.T + 2 * R",
     "the covariance did not shrink: expected (I - K H) P": (
         "(np.eye(len(mean)) - K @ H) @ P => P.copy()"
     ),
@@ -590,7 +695,7 @@ check_update.mistakes = {
 #
 # Assemble it. As in [Exercises 09](09_ekf_slam.ipynb) a unicycle moves by $v\,dt$ along the
 # heading it had before, then turns by $\omega\,dt$; after each step it may see one landmark, with
-# a name. The start is in doubt this time: the state begins at zero with the covariance $P_0$.
+# a name. The start is uncertain this time: the state begins at zero with the covariance $P_0$.
 #
 # In the motion, $F$ is the identity but for its third column, where a turn of the heading swings
 # the way: $(-\Delta y, \Delta x)$. The usual EKF takes the way from the corrected pose to the new
@@ -675,6 +780,31 @@ def slam(
 _in_the_room = partial(in_the_room, dt=0.4, doubt=0.02)
 
 
+def _slam_drawn(ax: Any, function: Any) -> None:
+    """Draw the heading error of a drive in a circle in the tube of two reported sigmas."""
+    from slamlab import plots
+
+    rng, stones = np.random.default_rng(8), np.array([[4.0, 2.0], [3.0, -4.0], [-4.0, 3.0]])
+    P0, R = np.diag([1e-6, 1e-6, np.deg2rad(10) ** 2]), np.diag([0.05, 0.03]) ** 2
+    V, u = 0.03**2 * np.eye(2), np.tile([0.5, 0.4], (60, 1))
+    pose, z, ids, headings = np.array([0, 0, 0.2]), [], np.arange(60) % 3, []
+    for name, (v, omega) in zip(ids, u + rng.normal(0, 0.03, u.shape), strict=True):
+        pose = pose + 0.5 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+        d = stones[name] - pose[:2]
+        z.append([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])])
+        headings.append(pose[2])
+    seen, steps = np.array(z) + rng.standard_normal((60, 2)) * [0.05, 0.03], np.arange(4, 61, 4)
+    error, sigma = [], []
+    for k in steps:
+        mean, P = function(P0, u[:k], 0.5, V, seen[:k], ids[:k], R)
+        error.append(np.rad2deg(wrap_angle(float(np.asarray(mean)[2]) - headings[k - 1])))
+        sigma.append(np.rad2deg(np.sqrt(max(float(np.asarray(P)[2, 2]), 0.0))))
+    ax.plot(steps, error, color=plots.COLOURS["truth"])
+    for sign in (-2, 2):
+        ax.plot(steps, sign * np.array(sigma), color=plots.COLOURS["estimate"])
+    ax.set(xlabel="step", ylabel="heading error, ±2σ (°)", ylim=(-30, 30))
+
+
 check_slam = Check(
     slam,
     "mean, P",
@@ -705,6 +835,7 @@ check_slam = Check(
         ),
     },
     tolerance=1e-6,
+    picture=_slam_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -728,7 +859,7 @@ check_slam.mistakes = {
     "the noise of the motion is missing: add G V G^T to the block of the pose": (
         "G @ V @ G.T) => np.zeros((3, 3)))"
     ),
-    "nothing was predicted: the robot moves before it looks": (
+    "nothing was predicted: the robot moves before it observes": (
         "mean[:2] += v * dt * np.array([c, s]) => mean[:2] += 0.0"
     ),
     "F is the identity here: uncertainty of the heading becomes one of the position": (
@@ -788,11 +919,11 @@ check_slam.mistakes = {
 # check_slam(usual)
 
 # %% [markdown] tags=["solution"]
-# Which of the two may be believed? Sixty robots, each with 10° of doubt about its heading and no
-# compass, look at four stones in turn: once they stand still, once they drive in a circle.
-# Nothing they see tells them where north is, so they should still doubt it by 10° at the end. The
-# squared error of the heading in units of the variance that the filter claims has the mean 1; the
-# band says how far the mean of sixty may be from it.
+# Which of the two is consistent? Sixty robots, each with 10° (σ) of heading and no compass,
+# observe four stones in turn: once they stand still, once they drive in a circle. Nothing that
+# they observe depends on north, so 10° should remain at the end. The squared error of the heading
+# in units of the variance that the filter reports has the mean 1; the band says how far the mean
+# of sixty may be from it.
 
 # %% active="ipynb" tags=["solution"]
 # def drive(rng, u):
@@ -824,14 +955,14 @@ check_slam.mistakes = {
 # for name, u in speeds.items():
 #     for filter_ in (usual, slam):
 #         claimed, squared = heading(filter_, u)
-#         print(f"{name:9s} {filter_.__name__:6s} claims {claimed:4.1f} deg, "
+#         print(f"{name:9s} {filter_.__name__:6s} reports {claimed:4.1f} deg, "
 #               f"NEES {squared:5.2f}")
 
 # %% [markdown] tags=["solution"]
-# The usual EKF claims less than a third of its doubt, and errs by more than three times what it
-# claims. It has learned a heading that nobody measured, from the differences between its own
-# Jacobians. With one vector that stays where it was put, the doubt stays at what it is, and the
-# band holds the error.
+# The usual EKF reports less than a third of the uncertainty, and errs by more than three times
+# what it reports. It has learned a heading that nothing measured, from the differences between
+# its own Jacobians. With one vector that stays where it was put, the 10° remain, and the band
+# holds the error.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 10](../solutions/10_convergence_consistency_and_cost.ipynb).

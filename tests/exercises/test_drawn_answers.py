@@ -15,6 +15,7 @@ from slamlab.exercises import ch06_lidar_simulation as ch06
 from slamlab.exercises import ch07_walls_from_points as ch07
 from slamlab.exercises import ch08_occupancy_maps as ch08
 from slamlab.exercises import ch09_ekf_slam as ch
+from slamlab.exercises import ch10_convergence_consistency_and_cost as ch10
 from slamlab.exercises import ch11_data_association as ch11
 from slamlab.exercises import ch12_fastslam as ch12
 from slamlab.exercises import ch17_the_way_home as ch17
@@ -22,7 +23,7 @@ from slamlab.exercises import ch18_exploration as ch18
 from slamlab.exercises import ch19_autocorrelation_localization as ch19
 from slamlab.exercises._report import Check
 
-MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch11, ch12, ch17, ch18, ch19)
+MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch10, ch11, ch12, ch17, ch18, ch19)
 PICTURES = [
     (module, name)
     for module in MODULES
@@ -107,6 +108,11 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch.check_add_landmark, lambda *a: np.diag(np.diag(ch.add_landmark(*a)))),
         (ch.check_wall, lambda p, w, L: np.abs(ch.observe_wall(p, w, L))),
         (ch.check_update, lambda m, P, z, i, R: (m, P)),
+        (ch10.check_difference_cov, lambda P: P[3:5, 3:5] + P[5:7, 5:7]),
+        (ch10.check_predict_cov, lambda P, F, Q: np.diag(np.diag(ch10.predict_cov(P, F, Q)))),
+        (ch10.check_accounts, lambda Phi, Psi, *rest: (Phi, *ch10.accounts(Phi, Psi, *rest)[1:])),
+        (ch10.check_update, lambda m, P, first, *seen: ch10.update(m, P, m, *seen)),
+        (ch10.check_slam, lambda P0, *given: ch10.slam(0.01 * P0, *given)),
         (ch11.check_gate, lambda share, pairs: ch11.gate_for(share, 1)),
         (ch11.check_nearest, lambda y, S, gate: ch11.nearest(y, S, np.inf)),
         (ch11.check_joint, lambda y, S: ch11.joint_distance(y, np.diag(np.diag(S)))),
