@@ -582,7 +582,7 @@ check_refined.mistakes = {
 #
 # Where the largest value stands at an end of the list, the old version takes it for its own
 # neighbour: a parabola through two equal values has its top half-way between them, so a robot
-# that has not turned is told that it turned by half a beam. `R[-1]` is right already; the other
+# that has not turned seems to have turned by half a beam. `R[-1]` is right already; the other
 # end needs the remainder.
 
 # %% [markdown] tags=["solution"]
@@ -602,7 +602,7 @@ check_refined.mistakes = {
 # ## Exercise 5: the second-best place
 #
 # A map has proposed places, and each has been given a misfit. Report the best one, the best one
-# *elsewhere*, and how much worse it fits. A robot that is told a small margin knows that it does
+# *elsewhere*, and how much worse it fits. A robot that gets a small margin knows that it does
 # not know.
 
 

@@ -233,7 +233,10 @@ def homometric_pairs(N, occupied):
     ]
 
 
-def test_the_smallest_homometric_pair_has_eight_beams():
+def test_homometric_scans_have_three_beams_or_eight_if_there_are_two_ranges():
+    a, b = np.array([1, 5, 6]), np.array([2, 3, 7])
+    assert by_definition(a.tolist()) == by_definition(b.tolist()) == [62, 41, 41]
+    assert not congruent(a, b)
     assert not any(homometric_pairs(N, k) for N in range(2, 8) for k in range(1, N))
     pairs = homometric_pairs(8, 4)
     assert pairs
