@@ -334,8 +334,9 @@ def _information_drawn(ax: Any, function: Any) -> None:
         z = np.array([1.0, 0.0, angle])
         cov = np.linalg.inv(np.asarray(function(np.diag([0.09, 0.01, 0.01]), 0.3, z), float))
         turn = rotation(0.3 + angle)
-        plots.ellipse(ax, [2.0 * k, 0.0], turn @ cov[:2, :2] @ turn.T)
-        ax.text(2.0 * k, -1.2, f"{np.rad2deg(angle):.0f}°", ha="center")
+        at = np.array([2.0 * (k % 2), 2.0 * (k // 2)])
+        plots.ellipse(ax, at, turn @ cov[:2, :2] @ turn.T)
+        ax.text(*at - [0, 1], f"{np.rad2deg(angle):.0f}°", ha="center")
     ax.set_aspect("equal")
     ax.set(xlabel="x of the world (m); turn of the measurement", ylabel="y of the world (m)")
 
