@@ -338,7 +338,7 @@ def _information_drawn(ax: Any, function: Any) -> None:
         plots.ellipse(ax, at, turn @ cov[:2, :2] @ turn.T)
         ax.text(*at - [0, 1], f"{np.rad2deg(angle):.0f}°", ha="center")
     ax.set_aspect("equal")
-    ax.set(xlabel="x of the world (m); turn of the measurement", ylabel="y of the world (m)")
+    ax.set(xlabel="x (m), y (m); turn of z", ylabel="", xlim=(-1, 3), ylim=(-1.3, 3))
 
 
 check_information = Check(
