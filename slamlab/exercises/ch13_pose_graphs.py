@@ -1,6 +1,6 @@
 """Exercises, chapter 13: a graph on a line, the blocks of an edge, frames, kernels, a whole graph.
 
-Formulas (A), (B), (E) and (F) of the chapter; Grisetti et al. 2010, Agarwal et al. 2013.
+Formulas (A), (C), (E) and (F) of the lesson; Grisetti et al. 2010, Agarwal et al. 2013.
 """
 
 # mypy: disable-error-code="return-value"
@@ -39,7 +39,7 @@ __all__ = [
 # # Solutions 13: Pose graphs
 #
 # The exercises are in [Exercises 13](../exercises/13_pose_graphs.ipynb). Try them first: a check
-# that has told you your own slip teaches more than this page.
+# that has named your own slip teaches more than this page.
 
 # %% active="ipynb" tags=["imports"]
 # import numpy as np
@@ -94,6 +94,18 @@ def _some_line(rng: np.random.Generator) -> Any:
     return np.round(rng.uniform(0.5, 3.0, 3), 2), np.round(rng.uniform(0.5, 4.0, 3), 1)
 
 
+def _line_drawn(ax: Any, function: Any) -> None:
+    """Draw the three poses for three weights of the closure: steps give way to a certain one."""
+    from slamlab import plots
+
+    for row, w in enumerate((0.1, 1.0, 9.0)):
+        x = np.asarray(function(np.array([1.0, 1.0, 2.3]), np.array([1.0, 1.0, w])), float)
+        ax.plot(np.r_[0.0, x], np.full(3, row), "o-", color=plots.COLOURS["estimate"])
+    ax.axvline(2.3, color="0.5", ls="--", lw=1)
+    ax.set(xlabel="x (m)", ylabel="weight of the closure")
+    ax.set_yticks(range(3), ["0.1", "1", "9"])
+
+
 check_line = Check(
     line,
     "positions",
@@ -103,6 +115,8 @@ check_line = Check(
         "a sure closure is kept, the steps give way": ([1.0, 1.0, 2.3], [1.0, 1.0, 9.0]),
         "anything": _some_line,
     },
+    tolerance=1e-6,
+    picture=_line_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -143,7 +157,8 @@ check_line.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: what one edge adds
 #
-# Formula (A) of the chapter: five products.
+# The four blocks of the drawing in [the lesson](../13_pose_graphs.ipynb), below its formula (C),
+# and the two pieces of the gradient: five products.
 
 
 # %% tags=["exercise"]
@@ -186,6 +201,18 @@ def _an_edge(rng: np.random.Generator) -> Any:
     return A, B, a_covariance(rng, 3), np.round(rng.normal(size=3), 2)
 
 
+def _blocks_drawn(ax: Any, function: Any) -> None:
+    """Draw the blocks of H and g of one edge as a picture of numbers."""
+    A = np.array([[-1.0, 0.0, 2.0], [0.0, -1.0, -3.0], [0.0, 0.0, -1.0]])
+    e, Omega = np.array([0.5, -0.4, 0.6]), np.array([[4.0, 1, 0], [1, 2, 0], [0, 0, 9]])
+    ii, ij, jj, gi, gj = (np.asarray(m, float) for m in function(A, np.eye(3), Omega, e))
+    H = np.block([[ii, ij], [ij.T, jj]])
+    ax.imshow(np.c_[H, np.zeros(6), np.r_[gi, gj]], cmap="PuOr", vmin=-20, vmax=20)
+    ax.axhline(2.5, color="0.5", lw=0.8)
+    ax.axvline(2.5, color="0.5", lw=0.8)
+    ax.set(xlabel="columns of i and j; right: g", ylabel="rows of i and j")
+
+
 check_blocks = Check(
     blocks,
     "H_ii, H_ij, H_jj, g_i, g_j",
@@ -205,6 +232,7 @@ check_blocks = Check(
         "any edge": _an_edge,
     },
     tolerance=1e-8,
+    picture=_blocks_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -295,6 +323,22 @@ def _a_match(rng: np.random.Generator) -> Any:
 
 
 _LONG = np.diag([0.09, 0.0004, 0.0001])
+_CORRELATED = np.array([[0.09, 0.01, 0.006], [0.01, 0.04, -0.004], [0.006, -0.004, 0.01]])
+
+
+def _information_drawn(ax: Any, function: Any) -> None:
+    """Draw the ellipse that the information allows, turned back into the world, for four turns."""
+    from slamlab import plots
+
+    for k, angle in enumerate((0.0, 0.5, 1.0, 1.5)):
+        z = np.array([1.0, 0.0, angle])
+        cov = np.linalg.inv(np.asarray(function(np.diag([0.09, 0.01, 0.01]), 0.3, z), float))
+        turn = rotation(0.3 + angle)
+        at = np.array([2.0 * (k % 2), 2.0 * (k // 2)])
+        plots.ellipse(ax, at, turn @ cov[:2, :2] @ turn.T)
+        ax.text(*at - [0, 1], f"{np.rad2deg(angle):.0f}°", ha="center")
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m), y (m); turn of z", ylabel="", xlim=(-1, 3), ylim=(-1.3, 3))
 
 
 check_information = Check(
@@ -305,8 +349,10 @@ check_information = Check(
         "a quarter turn exchanges along and across": (_LONG, np.pi / 2, [1.0, 0.0, 0.0]),
         "the turn of the measurement counts too": (_LONG, 0.0, [1.0, 0.0, np.pi / 2]),
         "any match": _a_match,
+        "position and heading are correlated": (_CORRELATED, 0.7, [1.0, 0.2, -0.4]),
     },
     tolerance=1e-6,
+    picture=_information_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -349,7 +395,8 @@ check_information.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: the weight of a kernel
 #
-# Formula (E): the weight $s^2$ of dynamic covariance scaling.
+# Formula (F) of the lesson: the weight $w$ of dynamic covariance scaling, with $x = \mathbf e^\top
+# \Omega\,\mathbf e$.
 
 
 # %% tags=["exercise"]
@@ -361,7 +408,7 @@ def weight(x: float, width: float) -> float:
     x : float
         e^T Omega e of the edge.
     width : float
-        Mahalanobis distance from which the kernel begins to doubt.
+        Mahalanobis distance from which the kernel down-weights.
 
     Returns
     -------
@@ -376,12 +423,25 @@ def weight(x: float, width: float) -> float:
 # weight(12.0, 2.0)
 
 # %% [markdown] tags=["hint"]
-# $\Phi$ is the square of the width, because $x$ is a squared distance.
+# It is the square of the width that counts, because $x$ is a squared distance.
 
 # %% [markdown] tags=["hint"]
-# At $x = \Phi$ the fraction is exactly 1. Below it the weight must not grow further.
+# At $x = k^2$ the fraction is exactly 1. Below it the weight must not grow further.
+
 
 # %% tags=["cases"]
+def _weight_drawn(ax: Any, function: Any) -> None:
+    """Draw the weight over the distance, for three widths."""
+    from slamlab import plots
+
+    distance = np.linspace(0, 12, 61)
+    for k in (1.0, 3.0, 6.0):
+        weights = [float(function(d**2, k)) for d in distance]
+        ax.plot(distance, weights, color=plots.COLOURS["estimate"], lw=0.6 + k / 4)
+        ax.text(1.6 * k, np.interp(1.6 * k, distance, weights), f" {k:.0f}", va="bottom")
+    ax.set(xlabel="Mahalanobis distance of the edge", ylabel="weight")
+
+
 check_weight = Check(
     weight,
     "weight",
@@ -393,6 +453,7 @@ check_weight = Check(
         "a wider kernel is more patient": (4000.0, 50.0),
         "any error": lambda rng: (round(rng.uniform(0, 60), 2), round(rng.uniform(0.5, 9), 2)),
     },
+    picture=_weight_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -400,8 +461,8 @@ check_weight.mistakes = {
     "the square is missing: s scales the error, so the square of the error gets s^2": (
         " ** 2\n => \n"
     ),
-    "Phi is the square of the width": "width**2 => width",
-    "the 2 before Phi is missing: then even a perfect edge is doubted": (
+    "the width must be squared: x is a squared distance": "width**2 => width",
+    "the 2 before the squared width is missing: then small errors are down-weighted, too": (
         "2 * phi / (phi => phi / (phi"
     ),
     "the weight must never exceed 1: min(1, ...)": (
@@ -416,7 +477,8 @@ check_weight.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 4: the weight of a kernel
 #
-# The error is scaled by $s$, so its square, which is what the cost counts, is scaled by $s^2$.
+# In DCS the error is scaled by $s = \min(1, 2k^2/(k^2 + x))$, so its square, which is what the
+# cost counts, is scaled by $s^2$.
 
 # %% [markdown] tags=["solution"]
 # A hard gate decides too early: it has no way back.
@@ -427,8 +489,8 @@ check_weight.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: a kernel to tune
 #
-# Two towns, each with six lies among its closures and a start that has drifted. Find widths with
-# which DCS rejects no true closure and believes no lie, in both towns. The same widths for both;
+# Towns with six false closures each and a start that has drifted. Find widths with which DCS
+# rejects no true closure and believes no false one, in every town. The same widths for all;
 # begin with one width and look at what the check counts.
 
 
@@ -453,7 +515,7 @@ def widths(town: int) -> tuple[float, ...]:
 
 # %% [markdown] tags=["hint"]
 # Return `(2.8,)` and `(300.0,)` and compare the two numbers: the first counts true closures that
-# were rejected, the second lies that were believed.
+# were rejected, the second false closures that were believed.
 
 # %% [markdown] tags=["hint"]
 # Begin wide enough for the drift, and end near three standard deviations. `graph, false =
@@ -462,7 +524,7 @@ def widths(town: int) -> tuple[float, ...]:
 
 # %% tags=["cases"]
 def _outcome(function: Function, town: int) -> Any:
-    """Count the true closures that were rejected and the lies that were believed."""
+    """Count the true closures that were rejected and the false ones that were believed."""
     graph, false = town_with_false_closures(town)
     width = np.atleast_1d(np.asarray(function(town), dtype=float)).tolist()
     result = graph.optimize(kernel="dcs", kernel_width=width, max_iterations=60)
@@ -470,27 +532,45 @@ def _outcome(function: Function, town: int) -> Any:
     return int((rejected & graph.closures & ~false).sum()), int((~rejected & false).sum())
 
 
+def _widths_drawn(ax: Any, function: Any) -> None:
+    """Draw the map of town 3 with these widths; rejected closures are dotted."""
+    from slamlab import plots
+
+    graph, _ = town_with_false_closures(3)
+    width = np.atleast_1d(np.asarray(function(3), dtype=float)).tolist()
+    result = graph.optimize(kernel="dcs", kernel_width=width, max_iterations=60)
+    plots.path(ax, result.poses, "estimate")
+    for i, j in graph.edges[(result.weights < 0.1) & graph.closures]:
+        ax.plot(*result.poses[[i, j], :2].T, ":", color=plots.COLOURS["wrong"], lw=1)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
 check_widths = Check(
     widths,
-    "rejected_true, believed_lies",
-    {"town 3: no true closure rejected, no lie believed": (3,), "town 9 with the same": (9,)},
+    "rejected_true, believed_false",
+    {
+        "town 3: no true closure rejected, no false one believed": (3,),
+        "town 9 with the same": (9,),
+    },
     use=_outcome,
+    picture=_widths_drawn,
 )
 
 # %% tags=["mistakes"]
 check_widths.mistakes = {
-    "too strict from the start: true closures look like lies while the map is drifted": (
+    "too narrow from the start: true closures look false while the map has drifted": (
         lambda town: (1.0,)
     ),
-    "the usual width of 2.8 at once is still too strict for a drifted start": (
+    "the usual width of 2.8 at once is still too narrow for a drifted start": (
         lambda town: (2.7955,)
     ),
-    "too wide at the end: lies are still believed": lambda town: (30.0,),
-    "a kernel that wide is no kernel: every lie is believed": lambda town: (1000.0,),
-    "too wide at the start: the lies bend the map before they are doubted": (
+    "too wide at the end: false closures are still believed": lambda town: (30.0,),
+    "a kernel that wide is no kernel: every false closure is believed": lambda town: (1000.0,),
+    "too wide at the start: false closures bend the map before they are down-weighted": (
         lambda town: (300.0, 100.0, 30.0, 10.0, 3.0)
     ),
-    "too strict at the end: honest noise is rejected": lambda town: (30.0, 1.0),
+    "too narrow at the end: ordinary noise is rejected": lambda town: (30.0, 1.0),
 }
 
 # %% [markdown] tags=["solution"]
@@ -499,7 +579,7 @@ check_widths.mistakes = {
 # Wide enough for the drift at first, three sigmas at the end, something in between.
 
 # %% [markdown] tags=["solution"]
-# The usual width at once is too strict for this start; beginning too wide believes lies.
+# The usual width at once is too narrow for this start; beginning too wide believes false closures.
 
 # %% active="ipynb" tags=["solution"]
 # check_widths(lambda town: (2.7955,))
@@ -508,12 +588,13 @@ check_widths.mistakes = {
 # check_widths(lambda town: (300.0, 100.0, 30.0, 10.0, 3.0))
 
 # %% [markdown] tags=["solution"]
-# Where do the lies go? Their weights at the end, beside the smallest weight of a true closure:
+# Where do the false closures go? Their weights at the end, beside the smallest weight of a true
+# closure:
 
 # %% active="ipynb" tags=["solution"]
 # graph, false = town_with_false_closures(3)
 # result = graph.optimize(kernel="dcs", kernel_width=(30, 10, 3))
-# print("heaviest lie below a thousandth:", result.weights[false].max() < 1e-3)
+# print("heaviest false closure below a thousandth:", result.weights[false].max() < 1e-3)
 # true = graph.closures & ~false
 # print("lightest true closure above a half:", result.weights[true].min() > 0.5)
 
@@ -583,6 +664,24 @@ def _a_walk(rng: np.random.Generator) -> Any:
     return np.round(odometry, 3), np.column_stack([pairs, np.round(z, 3)]), sigma
 
 
+def _map_drawn(ax: Any, function: Any) -> None:
+    """Draw dead reckoning and the map of one walk round some blocks, with its closures."""
+    from slamlab import plots
+
+    odometry, closures, sigma = _a_walk(np.random.default_rng(3))
+    odometry = odometry + [0.0, 0.0, 0.06]
+    start = [np.zeros(3)]
+    for motion in odometry:
+        start.append(compose(start[-1], motion))
+    plots.path(ax, np.array(start), "dead_reckoning")
+    poses = np.asarray(function(odometry, closures, sigma), float)
+    plots.path(ax, poses, "estimate")
+    for i, j in closures[:, :2].astype(int):
+        ax.plot(*poses[[i, j], :2].T, ":", color="0.5", lw=1)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x (m)", ylabel="y (m)")
+
+
 check_map = Check(
     map_of,
     "poses",
@@ -601,6 +700,7 @@ check_map = Check(
     },
     tolerance=1e-5,
     draws=3,
+    picture=_map_drawn,
 )
 
 # %% tags=["mistakes"]

@@ -18,12 +18,30 @@ from slamlab.exercises import ch09_ekf_slam as ch
 from slamlab.exercises import ch10_convergence_consistency_and_cost as ch10
 from slamlab.exercises import ch11_data_association as ch11
 from slamlab.exercises import ch12_fastslam as ch12
+from slamlab.exercises import ch13_pose_graphs as ch13
 from slamlab.exercises import ch17_the_way_home as ch17
 from slamlab.exercises import ch18_exploration as ch18
 from slamlab.exercises import ch19_autocorrelation_localization as ch19
 from slamlab.exercises._report import Check
 
-MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch10, ch11, ch12, ch17, ch18, ch19)
+MODULES = (
+    ch01,
+    ch02,
+    ch03,
+    ch04,
+    ch05,
+    ch06,
+    ch07,
+    ch08,
+    ch,
+    ch10,
+    ch11,
+    ch12,
+    ch13,
+    ch17,
+    ch18,
+    ch19,
+)
 PICTURES = [
     (module, name)
     for module in MODULES
@@ -124,6 +142,12 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch12.check_copies, lambda maps, chosen: [maps[i] for i in chosen]),
         (ch12.check_ancestors, lambda parents: [len(set(one)) for one in parents.tolist()]),
         (ch12.check_observe_landmark, lambda p, w, *rest: (w, *rest[:2])),
+        (ch13.check_line, lambda z, w: np.array([z[0], z[2]])),
+        (ch13.check_blocks, lambda A, B, Omega, e: ch13.blocks(A.T, B.T, Omega, e)),
+        (ch13.check_information, lambda cov, theta, z: ch13.information(cov, theta, 0 * z)),
+        (ch13.check_weight, lambda x, width: ch13.weight(x, width) ** 0.5),
+        (ch13.check_widths, lambda town: (300.0, 100.0, 30.0, 10.0, 3.0)),
+        (ch13.check_map, lambda odometry, c, sigma: ch13.map_of(odometry, c[:0], sigma)),
         (ch17.check_fit, lambda t, p: np.polynomial.polynomial.polyfit((t - t[0]) / 4, p, 3)),
         (ch17.check_loop, lambda c: (0.2, 0.8)),
         (ch17.check_steer, lambda pose, *a: ch17.steer(pose * [1, 1, -1], *a)),
@@ -188,6 +212,8 @@ def test_a_number_is_told_where_an_array_is_expected(check):
         ch11.check_nearest,
         ch11.check_joint,
         ch12.check_weight,
+        ch13.check_weight,
+        ch13.check_widths,
     )
     told = [t for t in texts(check.draw(lambda *arguments: 7)) if t.startswith("cannot be drawn")]
     assert len(told) == (check not in numbers)
