@@ -18,12 +18,30 @@ from slamlab.exercises import ch09_ekf_slam as ch
 from slamlab.exercises import ch10_convergence_consistency_and_cost as ch10
 from slamlab.exercises import ch11_data_association as ch11
 from slamlab.exercises import ch12_fastslam as ch12
+from slamlab.exercises import ch14_scan_matching_and_hector as ch14
 from slamlab.exercises import ch17_the_way_home as ch17
 from slamlab.exercises import ch18_exploration as ch18
 from slamlab.exercises import ch19_autocorrelation_localization as ch19
 from slamlab.exercises._report import Check
 
-MODULES = (ch01, ch02, ch03, ch04, ch05, ch06, ch07, ch08, ch, ch10, ch11, ch12, ch17, ch18, ch19)
+MODULES = (
+    ch01,
+    ch02,
+    ch03,
+    ch04,
+    ch05,
+    ch06,
+    ch07,
+    ch08,
+    ch,
+    ch10,
+    ch11,
+    ch12,
+    ch14,
+    ch17,
+    ch18,
+    ch19,
+)
 PICTURES = [
     (module, name)
     for module in MODULES
@@ -124,6 +142,11 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch12.check_copies, lambda maps, chosen: [maps[i] for i in chosen]),
         (ch12.check_ancestors, lambda parents: [len(set(one)) for one in parents.tolist()]),
         (ch12.check_observe_landmark, lambda p, w, *rest: (w, *rest[:2])),
+        (ch14.check_line_jacobian, lambda p, s, n: ch14.line_jacobian(p * [1, 1, 0], s, n)),
+        (ch14.check_weight, lambda e, k: ch14.weight(e, k) ** 2),
+        (ch14.check_slope, lambda cells, x, y: ch14.slope(cells, x, y)[::-1]),
+        (ch14.check_block_bound, lambda cells, width: ch14.block_bound(cells, 1)),
+        (ch14.check_icp, lambda reference, normals, points, guess: guess),
         (ch17.check_fit, lambda t, p: np.polynomial.polynomial.polyfit((t - t[0]) / 4, p, 3)),
         (ch17.check_loop, lambda c: (0.2, 0.8)),
         (ch17.check_steer, lambda pose, *a: ch17.steer(pose * [1, 1, -1], *a)),
