@@ -35,7 +35,7 @@ __all__ = [
 # import numpy as np
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 1: the lever, with a pencil
+# ## Exercise 1: the lever arm, with a pencil
 #
 # Derive it on paper first: how does the distance of a point across a wall change when the scan is
 # shifted a little, and when it is turned a little?
@@ -82,6 +82,22 @@ def _unit(rng: np.random.Generator) -> Array:
     return np.array([np.cos(angle), np.sin(angle)])
 
 
+def _jacobian_drawn(ax: Any, function: Any) -> None:
+    """Draw the error over a shift in x and a turn, and the tangents that the row promises."""
+    from slamlab import plots
+
+    pose, s, n = np.array([1.0, 2.0, 0.9]), np.array([3.0, 0.5]), np.array([0.6, 0.8])
+    J, step = np.asarray(function(pose, s, n), float), np.linspace(-0.5, 0.5, 41)
+    for k, name in ((0, "shift in x (m)"), (1, "shift in y (m)"), (2, "turn (rad)")):
+        c, d = np.cos(pose[2] + (k == 2) * step), np.sin(pose[2] + (k == 2) * step)
+        e = n[0] * (c * s[0] - d * s[1]) + n[1] * (d * s[0] + c * s[1])
+        e = e - e[20] + (n[k] * step if k < 2 else 0.0)
+        ax.plot(step, e, color=plots.COLOURS["truth"], lw=1)
+        ax.plot(step, J[k] * step, "--", color=plots.COLOURS["estimate"])
+        ax.text(0.5, e[-1], name, ha="right", va="bottom")
+    ax.set(xlabel="change of the pose", ylabel="error across the wall (m)")
+
+
 check_line_jacobian = Check(
     line_jacobian,
     "row",
@@ -90,6 +106,7 @@ check_line_jacobian = Check(
         "half a turn": ([1.0, 2.0, np.pi], [3.0, 0.5], [0.6, 0.8]),
         "any pose, any wall": lambda rng: (a_pose(rng), rng.normal(size=2), _unit(rng)),
     },
+    picture=_jacobian_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -105,20 +122,23 @@ check_line_jacobian.mistakes = {
     ),
     "the lever is missing: a turn moves every point": "normal[1] * x - normal[0] * y => 0.0",
     "the scan was turned backwards": "np.sin(pose[2]) => -np.sin(pose[2])",
+    "the entries are in the wrong order: x, y, heading": lambda p, s, n: line_jacobian(p, s, n)[
+        [2, 0, 1]
+    ],
     "the lever begins at the robot: p falls out of the derivative": (
         "normal[1] * x - normal[0] * y => normal[1] * (x + pose[0]) - normal[0] * (y + pose[1])"
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 1: the lever, with a pencil
+# ## Solution 1: the lever arm, with a pencil
 #
 # Shifted by $dx$, the point moves by $dx$, and across the wall by $n_x\,dx$: the first two
 # entries are the normal itself. Turned by $d\psi$, the point $R\mathbf s = (x, y)$ moves by $(-y,
 # x)\,d\psi$, and across the wall by $(n_y x - n_x y)\,d\psi$.
 
 # %% [markdown] tags=["solution"]
-# Whoever forgets to turn the point has a Jacobian that is right at heading zero, the pose of many
+# Without turning the point you have a Jacobian that is right at heading zero, the pose of many
 # a first test:
 
 # %% active="ipynb" tags=["solution"]
@@ -156,7 +176,19 @@ def weight(error: Array, width: float) -> Array:
 # %% active="ipynb" tags=["try"]
 # weight(np.array([0.0, 0.05, 0.5]), 0.05)
 
+
 # %% tags=["cases"]
+def _weight_drawn(ax: Any, function: Any) -> None:
+    """Draw the weight over the error, for two widths."""
+    from slamlab import plots
+
+    e = np.linspace(-1.0, 1.0, 81)
+    for width in (0.1, 0.4):
+        ax.plot(e, function(e, width), color=plots.COLOURS["estimate"])
+        ax.text(width, 0.27, f" k = {width} m")
+    ax.set(xlabel="error of a pair (m)", ylabel="weight")
+
+
 check_weight = Check(
     weight,
     "weight",
@@ -168,6 +200,7 @@ check_weight = Check(
             np.round(rng.uniform(0.02, 2), 2),
         ),
     },
+    picture=_weight_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -196,7 +229,7 @@ check_weight.mistakes = {
 # ## Exercise 3: a bug to find
 #
 # This function should give the slope of a field between the centres of its cells, (5) and (6) of
-# the chapter. It has the slip of Hector's released program, and its author never noticed. Compare
+# the chapter. It has the mistake of Hector's released program. Compare
 # it with finite differences, then mend it.
 
 
@@ -209,7 +242,7 @@ def slope(cells: Array, x: float, y: float) -> Array:
     cells : ndarray, shape (rows, columns)
         Values at the centres of the cells; row 0 at the bottom.
     x, y : float
-        A place at least half a cell inside the sheet.
+        A place at least half a cell inside the grid.
 
     Returns
     -------
@@ -243,6 +276,20 @@ def _cells(rng: np.random.Generator) -> Any:
     return np.round(rng.random((6, 8)), 2), *np.round(rng.uniform([0.6, 0.6], [7.4, 5.4]), 2)
 
 
+def _slope_drawn(ax: Any, function: Any) -> None:
+    """Draw a field, and its slopes as strokes from dots."""
+    from slamlab import plots
+
+    cells = np.round(np.random.default_rng(1).random((4, 5)), 2)
+    ax.imshow(cells, origin="lower", extent=(0, 5, 0, 4), cmap="Greys", vmin=-1, vmax=2)
+    for x in np.arange(0.75, 4.5, 0.5):
+        for y in np.arange(0.75, 3.5, 0.5):
+            dx, dy = function(cells, x, y)
+            ax.plot([x, x + 0.5 * dx], [y, y + 0.5 * dy], color=plots.COLOURS["estimate"], lw=1.5)
+            ax.plot(x, y, ".", ms=3, color=plots.COLOURS["truth"])
+    ax.set(xlabel="x (cells)", ylabel="y (cells)")
+
+
 check_slope = Check(
     slope,
     "slope",
@@ -252,6 +299,7 @@ check_slope = Check(
         "any cells, any place": _cells,
     },
     draws=12,
+    picture=_slope_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -312,7 +360,7 @@ def block_bound(cells: Array, width: int) -> Array:
     -------
     ndarray, shape (rows, columns)
         Entry [r, c] belongs to the block of the rows r to r + width - 1 and the columns
-        c to c + width - 1; what lies beyond the sheet does not count.
+        c to c + width - 1; what lies beyond the grid does not count.
     """
     rows, columns = cells.shape
     out = np.zeros((rows, columns))
@@ -332,6 +380,17 @@ def _grid(rng: np.random.Generator) -> Any:
     return np.round(rng.random(shape), 2), int(rng.integers(1, 5))
 
 
+def _bound_drawn(ax: Any, function: Any) -> None:
+    """Draw the bounds of blocks of two by two cells; small figures are the cells' own values."""
+    cells = np.round(np.random.default_rng(2).random((4, 5)), 1)
+    bounds = np.asarray(function(cells, 2), float)
+    ax.imshow(bounds, origin="lower", cmap="Blues", vmin=0, vmax=1.5)
+    for (row, column), bound in np.ndenumerate(bounds):
+        ax.text(column, row, f"{bound:.1f}", ha="center", va="bottom", fontsize=11)
+        ax.text(column, row, f"{cells[row, column]:.1f}", ha="center", va="top", fontsize=8)
+    ax.set(xlabel="column", ylabel="row")
+
+
 check_block_bound = Check(
     block_bound,
     "bound",
@@ -342,11 +401,13 @@ check_block_bound = Check(
         "any cells, any width": _grid,
     },
     draws=10,
+    picture=_bound_drawn,
 )
 
 # %% tags=["mistakes"]
 check_block_bound.mistakes = {
     "a mean is no bound: one good cell may still win": "max() => mean()",
+    "a sum promises more than any shift can score: take the best": "max() => sum()",
     "this is the worst of the block: the best is what it can promise": "max() => min()",
     "the block begins in its cell: this one ends there": lambda m, w: block_bound(
         m[::-1, ::-1], w
@@ -388,7 +449,7 @@ check_block_bound.mistakes = {
 #
 # A robot stands in a room of 5 m by 4 m with a pillar. It knows points on the walls and the
 # normals there, and a guess that is off by some centimetres and degrees. Bring its scan home. Two
-# points of the scan are on somebody who walks by far away.
+# points of the scan are on a person who walks by far away.
 
 
 # %% tags=["exercise"]
@@ -481,6 +542,21 @@ def _gap(
     return gap
 
 
+def _icp_drawn(ax: Any, function: Any) -> None:
+    """Draw the room, and the scan where the function places it."""
+    from slamlab import plots
+
+    true = np.array([1.2, 1.5, -2.0])
+    scan = _scan_of_the_room(true, np.random.default_rng(3))
+    x, y, heading = function(*_room(), scan, true + [0.12, 0.1, 0.1])
+    c, s = np.cos(heading), np.sin(heading)
+    ax.plot(*_room()[0].T, ".", ms=2, color=plots.COLOURS["wall"])
+    placed = scan[:-2] @ np.array([[c, s], [-s, c]]) + [x, y]
+    ax.plot(*placed.T, "x", ms=4, color=plots.COLOURS["estimate"])
+    ax.set(xlabel="x (m)", ylabel="y (m)", xlim=(-0.5, 5.5), ylim=(-0.5, 4.5))
+    ax.set_aspect("equal", adjustable="box")
+
+
 check_icp = Check(
     icp,
     "how far from its place the scan ended (m; m; rad)",
@@ -495,6 +571,7 @@ check_icp = Check(
     tolerance=2e-3,
     draws=3,
     use=_gap,
+    picture=_icp_drawn,
 )
 
 # %% tags=["mistakes"]

@@ -19,6 +19,7 @@ from slamlab.exercises import ch10_convergence_consistency_and_cost as ch10
 from slamlab.exercises import ch11_data_association as ch11
 from slamlab.exercises import ch12_fastslam as ch12
 from slamlab.exercises import ch13_pose_graphs as ch13
+from slamlab.exercises import ch14_scan_matching_and_hector as ch14
 from slamlab.exercises import ch17_the_way_home as ch17
 from slamlab.exercises import ch18_exploration as ch18
 from slamlab.exercises import ch19_autocorrelation_localization as ch19
@@ -38,6 +39,7 @@ MODULES = (
     ch11,
     ch12,
     ch13,
+    ch14,
     ch17,
     ch18,
     ch19,
@@ -148,6 +150,11 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch13.check_weight, lambda x, width: ch13.weight(x, width) ** 0.5),
         (ch13.check_widths, lambda town: (300.0, 100.0, 30.0, 10.0, 3.0)),
         (ch13.check_map, lambda odometry, c, sigma: ch13.map_of(odometry, c[:0], sigma)),
+        (ch14.check_line_jacobian, lambda p, s, n: ch14.line_jacobian(p * [1, 1, 0], s, n)),
+        (ch14.check_weight, lambda e, k: ch14.weight(e, k) ** 2),
+        (ch14.check_slope, lambda cells, x, y: ch14.slope(cells, x, y)[::-1]),
+        (ch14.check_block_bound, lambda cells, width: ch14.block_bound(cells, 1)),
+        (ch14.check_icp, lambda reference, normals, points, guess: guess),
         (ch17.check_fit, lambda t, p: np.polynomial.polynomial.polyfit((t - t[0]) / 4, p, 3)),
         (ch17.check_loop, lambda c: (0.2, 0.8)),
         (ch17.check_steer, lambda pose, *a: ch17.steer(pose * [1, 1, -1], *a)),

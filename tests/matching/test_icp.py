@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from slamlab.geometry import between, compose, inverse, rotation, transform
+from slamlab.geometry import compose, inverse, rotation, transform
 from slamlab.kernels.icp import _pairs, hashed, icp_equations
 from slamlab.matching import PointsWithNormals, estimate_normals, match_icp, voxel_downsample
 from slamlab.sensors import Lidar
@@ -119,7 +119,7 @@ def nees_of(room, lidar, pose, motion, n_runs=150):
     for _ in range(n_runs):
         a, b = scan(pose, rng, lidar, room), scan(compose(pose, motion), rng, lidar, room)
         match = match_icp(a, b, motion)
-        error = between(motion, match.pose)
+        error = match.pose - motion  # in the frame of the reference, as the covariance
         found.append(error @ np.linalg.solve(match.cov, error))
         weakest.append(match.weakest_direction)
     return np.array(found), np.array(weakest)
