@@ -248,7 +248,7 @@ check_next_range.mistakes = {
 # ## Exercise 3: a bug to find
 #
 # These five lines book an update in the accounts of a region. With them the compressed filter's
-# map is wrong after two updates, though never by much after one. Compare them with the chapter,
+# map is wrong from the first update on. Compare them with the chapter,
 # line by line, then mend them.
 
 
