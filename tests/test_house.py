@@ -1,0 +1,175 @@
+"""Sizes that keep the library readable: arguments, attributes, exports, users of kernels.
+
+A number above the limit stands here with its reason, and falls when the code gets plainer.
+"""
+
+import ast
+import json
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+LIBRARY = ROOT / "slamlab"
+SOURCES = {
+    path.relative_to(LIBRARY).as_posix(): path.read_text()
+    for path in sorted(LIBRARY.rglob("*.py"))
+}
+LIMIT = 12
+PARAMETERS = {
+    "slam/grid_fast.py GridFastSlam.__init__": (13, "the map's own six, the cloud's and noise"),
+    "widgets/replay.py Replay.__init__": (25, "one for each layer of the figure, all optional"),
+}
+ATTRIBUTES = {
+    "exercises/_report.py Check": (13, "what one exercise is judged by"),
+    "localization/global_localization.py GlobalLocalization": (17, "a search, then a tracker"),
+    "localization/monte_carlo.py MonteCarloLocalization": (14, "two kinds of map, two averages"),
+    "logs.py Log": (13, "the columns of a log"),
+    "slam/compressed.py CompressedEKFSlam": (14, "the filter, and three accounts of a region"),
+    "slam/fast.py FastSlam": (16, "a cloud, its maps, and the two kinds of association"),
+    "slam/g2o.py _Parser": (13, "one for each kind of line"),
+    "slam/scan_graph.py ScanGraphSlam": (20, "a front end, a graph and the search for closures"),
+}
+
+
+def parameters(source: str) -> dict[str, int]:
+    """Number of parameters by "Class.method" or "function", self and cls left out."""
+    found = {}
+
+    def visit(node: ast.AST, prefix: str) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.FunctionDef):
+                a = child.args
+                names = [one.arg for one in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
+                found[prefix + child.name] = len([n for n in names if n not in ("self", "cls")])
+            if isinstance(child, ast.ClassDef):
+                visit(child, f"{prefix}{child.name}.")
+
+    visit(ast.parse(source), "")
+    return found
+
+
+def attributes(source: str) -> dict[str, int]:
+    """Number of attributes by class: fields, and what methods store in `self`."""
+    found = {}
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ClassDef):
+            fields = {one.target.id for one in node.body if isinstance(one, ast.AnnAssign)}
+            stored = {
+                one.attr
+                for one in ast.walk(node)
+                if isinstance(one, ast.Attribute)
+                and isinstance(one.ctx, ast.Store)
+                and isinstance(one.value, ast.Name)
+                and one.value.id == "self"
+            }
+            found[node.name] = len(fields | stored)
+    return found
+
+
+def over_the_limit(count, allowed):
+    """Names whose count differs from what is allowed, as {name: count}."""
+    counts = {
+        f"{path} {name}": n
+        for path, source in SOURCES.items()
+        for name, n in count(source).items()
+    }
+    return {name: n for name, n in counts.items() if n > allowed.get(name, (LIMIT, ""))[0]} | {
+        name: counts.get(name) for name, (n, _) in allowed.items() if counts.get(name) != n
+    }
+
+
+def test_no_function_takes_more_than_twelve_arguments():
+    assert over_the_limit(parameters, PARAMETERS) == {}
+
+
+def test_no_class_keeps_more_than_twelve_attributes():
+    assert over_the_limit(attributes, ATTRIBUTES) == {}
+
+
+def test_one_too_many_would_be_found():
+    names = [f"a{i}" for i in range(13)]
+    stored = "\n".join(f"        self.{name} = 0" for name in names)
+    source = f"class A:\n    def f(self, {', '.join(names)}):\n{stored}\n"
+    assert parameters(source) == {"A.f": 13}
+    assert attributes(source) == {"A": 13}
+
+
+# What a subpackage exports is used outside of it, or is the type of something that is.
+
+NOT_FOR_NOTEBOOKS = {"commands", "exercises", "kernels", "printed"}
+# For logs, trajectories and drives of one's own, which no page has.
+DOORS = {"read_landmark_log", "read_tum", "Script"}
+ROOMS = sorted(
+    path.parent.name
+    for path in LIBRARY.glob("*/__init__.py")
+    if path.parent.name not in NOT_FOR_NOTEBOOKS
+)
+
+
+def exported(source: str) -> list[str]:
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
+            return ast.literal_eval(node.value)
+    return []
+
+
+def words(texts) -> set[str]:
+    return {word for text in texts for word in re.findall(r"\w+", text)}
+
+
+@cache
+def words_of_pages() -> set[str]:
+    """Words of notebooks, book, README and examples."""
+    notebooks = [
+        "".join(cell["source"])
+        for path in (ROOT / "notebooks").rglob("*.ipynb")
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]
+    ]
+    others = [
+        *(ROOT / "book").rglob("*.md"),
+        ROOT / "README.md",
+        *(ROOT / "examples").glob("*.py"),
+    ]
+    return words(notebooks + [path.read_text(encoding="utf-8") for path in others])
+
+
+def unused(room: str, names: list[str]) -> list[str]:
+    """Names that neither pages nor other rooms have, and that are the type of no result."""
+    own = [text for path, text in SOURCES.items() if path.startswith(f"{room}/")]
+    others = words(text for path, text in SOURCES.items() if not path.startswith(f"{room}/"))
+    types = words(hint for text in own for hint in re.findall(r"(?:->|: )[^:=\n]*", text))
+    return [name for name in names if name not in words_of_pages() | others | types]
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_export_is_used_elsewhere_or_the_type_of_a_result(room):
+    names = exported(SOURCES[f"{room}/__init__.py"])
+    assert names
+    assert [name for name in unused(room, names) if name not in DOORS] == []
+
+
+def test_an_export_that_nobody_uses_would_be_found():
+    nobody = "".join(["No", "body", "Slam"])
+    assert unused("slam", [nobody]) == [nobody]
+
+
+# Who calls compiled code.
+
+USERS = {
+    *("mapping/occupancy", "matching/correlative", "matching/field", "matching/icp"),
+    *("navigation/cubic", "navigation/exploration_grid", "navigation/spline", "sensors/stereo"),
+    *("slam/gamma", "slam/grid_fast", "worlds/bitmap", "worlds/rooms", "worlds/walls"),
+}
+
+
+def test_these_files_and_no_others_import_kernels():
+    users = {
+        path.removesuffix(".py")
+        for path, source in SOURCES.items()
+        if re.search(r"from slamlab(\.kernels| import kernels)", source)
+        and not path.startswith("kernels/")
+    }
+    assert users == USERS
