@@ -201,6 +201,9 @@ class PaperLines(SphinxDirective):
         tally = ", ".join(
             f"{counts[verdict]} {verdict}" for verdict in VERDICTS if counts[verdict]
         )
+        restored = sum(line["read"] == "restored" for line in data["lines"])
+        if restored:
+            tally += f"; {restored} of them judge formulas that we restored"
         head = self.markdown(
             f"*Authors*: {data['authors']}. *Title*: {data['title']}. *Year*: {data['year']}. "
             f"*Where to find it*: {data['find']}. "
@@ -223,6 +226,8 @@ class PaperCounts(SphinxDirective):
         rows = [plain_row(["verdict", *names, "all"])]
         rows += [plain_row([verdict, *(each[verdict] for each in counts)]) for verdict in VERDICTS]
         rows.append(plain_row(["lines", *(each.total() for each in counts)]))
+        restored = [sum(line["read"] == "restored" for line in paper(p)["lines"]) for p in names]
+        rows.append(plain_row(["of them restored by us", *restored, sum(restored)]))
         return [table("paper-counts", [1] * (len(counts) + 1), rows)]
 
 

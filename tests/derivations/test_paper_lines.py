@@ -5,6 +5,7 @@ there.
 """
 
 import itertools
+import json
 import re
 import time
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from slamlab import datasets
 from slamlab.filters import kalman
 from slamlab.filters.particle import effective_sample_size, systematic_resample
 from slamlab.gaussian import Gaussian
@@ -209,6 +211,52 @@ def test_p3_the_polygon_parameter_keeps_the_order_and_is_the_length_only_without
     assert ratio[2] > 4
 
 
+def test_p3_a_fit_filters_noise_of_points_and_not_what_was_added_up():
+    """P3: "the approximation is one more filter". A bend of 60 points, 10 mm of noise."""
+    rng, s = np.random.default_rng(0), np.linspace(0, 1, 60)
+    bend = np.stack([0.5 * s, 0.12 * s**2 - 0.1 * s**3], 1)
+
+    def left(points):
+        fit = np.stack([np.polyval(np.polyfit(s, x, 3), s) for x in points.T], 1)
+        return np.sqrt(np.mean((fit - bend) ** 2) / np.mean((points - bend) ** 2))
+
+    each = [left(bend + rng.normal(0, 0.01, bend.shape)) for _ in range(40)]
+    added = [left(bend + np.cumsum(rng.normal(0, 0.01, bend.shape), 0)) for _ in range(40)]
+    assert np.mean(each) == pytest.approx(np.sqrt(4 / 60), rel=0.1), "of 60 numbers 4 are left"
+    assert np.mean(added) > 0.9, "a walk looks like a bend"
+
+
+def test_p3_a_held_last_point_keeps_its_noise():
+    """P3: hold the last point too "if the data have no noise"."""
+    rng, t = np.random.default_rng(0), np.linspace(0, 0.5, 60)
+    bend = np.stack([t, 0.5 * t**2 - 0.6 * t**3], 1)
+
+    def end_errors(sigma):
+        p = bend + rng.normal(0, sigma, bend.shape)
+        p[0] = bend[0]
+        held, free = (fit_cubic(t, p, p[0], end)(t[-1]) for end in (p[-1], None))
+        return np.hypot(*(held - bend[-1])), np.hypot(*(free - bend[-1]))
+
+    held, free = np.sqrt(np.mean(np.square([end_errors(0.01) for _ in range(200)]), 0))
+    assert held == pytest.approx(0.01 * np.sqrt(2), rel=0.15), "the noise of one point"
+    assert free < 0.7 * held
+    assert max(end_errors(0.0)) < 1e-12, "without noise a cubic is found either way"
+
+
+def test_p3_the_grid_of_a_robot_that_stands_has_no_length():
+    """P3: (t_0 - t_1)^2 >> 0 "is guaranteed by the grid of the input data"."""
+
+    def length(points):
+        return np.hypot(*np.diff(points, axis=0).T).sum()
+
+    moves = np.stack([0.007 * np.arange(20), np.zeros(20)], 1)
+    stands = np.tile([0.3, 0.2], (20, 1))
+    assert length(moves) ** 2 > 0.01
+    assert length(stands) ** 2 == 0
+    with pytest.raises(ValueError, match="t: "):
+        fit_cubic(np.zeros(20), stands, stands[0], stands[-1], [1.0, 0.0])
+
+
 def test_p3_seven_legs_of_half_a_metre_cannot_end_at_F():
     """505 points at 10 Hz, legs of 0.5 m, right angles; F = (-500, 500) mm."""
     ends = set()
@@ -314,3 +362,17 @@ def test_p5_1_2_without_a_sensor_the_doubt_only_grows_and_no_map_is_made():
     assert (np.diff(doubts["blind"]) > 0).all()
     assert doubts["seeing"][-1] < 0.5 * doubts["blind"][-1]
     assert (blind.n_landmarks, seeing.n_landmarks) == (0, 2)
+
+
+def test_p5_a_step_of_slam_costs_more_than_one_of_odometry():
+    """P5 3.2.6: methods of SLAM cost more. The league's seconds a step, on every log."""
+    league = json.loads((Path(datasets.__file__).parent / "data" / "league.json").read_text())
+    timed = {
+        name: {system: row["seconds"] for system, row in systems.items() if row["seconds"]}
+        for name, systems in league.items()
+    }
+    timed = {name: row for name, row in timed.items() if "dead reckoning" in row}
+    assert len(timed) >= 5
+    for name, seconds in timed.items():
+        odometry = seconds.pop("dead reckoning")
+        assert odometry < min(seconds.values()), name
