@@ -4,6 +4,8 @@
     python tools/exercises.py 02 09      these
     python tools/exercises.py --run 02   run them even where the code is the same
     python tools/exercises.py --check    write nothing; tell which notebooks are not what it says
+    python tools/exercises.py --variant 2027 FOLDER [09 ...]
+                                         other bugs to find, into a folder of its own, not run
 
 The source is `slamlab/exercises/chNN_*.py`, in the percent format that jupytext, JupyterLab and
 most editors know as cells. A cell's tag says what it is:
@@ -30,14 +32,20 @@ from __future__ import annotations
 import ast
 import re
 import sys
+import textwrap
 from collections import defaultdict
 from collections.abc import Iterator
+from importlib import import_module
+from itertools import combinations
 from pathlib import Path
 
 import jupytext
 import nbformat
+import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from slamlab.exercises import Check
+from slamlab.exercises._report import _without_docstring
 from tools.notebooks import METADATA, run, slim
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -96,9 +104,14 @@ def unwrapped(text: str) -> str:
     return "\n".join(lines)
 
 
-def notebooks(source: Path) -> tuple[list[Cell], list[Cell]]:
-    """Return the cells of the exercise notebook and of the solution notebook."""
+def notebooks(source: Path, year: int | None = None) -> tuple[list[Cell], list[Cell]]:
+    """Return the cells of the exercise notebook and of the solution notebook.
+
+    With a year the programs with bugs have other bugs, chosen among the mistakes that are known.
+    """
     cells = cells_of(source)
+    if year is not None:
+        cells = with_other_bugs(cells, source, year)
     checks = dict(_checks(cells))
     drawn = dict(_pictures(cells))
     tasks: list[Cell] = []
@@ -150,6 +163,69 @@ def notebooks(source: Path) -> tuple[list[Cell], list[Cell]]:
         for k, cell in enumerate(of):
             cell.id = f"{letter}{source.name[2:4]}-{k:02d}"
     return tasks, answers
+
+
+def with_other_bugs(cells: list[Cell], source: Path, year: int) -> list[Cell]:
+    """Return the cells of a source with other bugs in each program that is handed out.
+
+    The hints of such an exercise fall, for they lead to the bugs of the source; its statement and
+    its solution say what is handed out instead.
+    """
+    module = import_module(f"slamlab.exercises.{source.stem}")
+    checks = {c.name: c for c in vars(module).values() if isinstance(c, Check)}
+    found: list[Cell] = []
+    statement, function, bugs, pending = None, None, (), False
+    for cell in map(nbformat.from_dict, cells):
+        tags = set(cell.metadata.tags) & TAGS
+        if tags == {"statement"} and cell.cell_type == "markdown":
+            statement, bugs = cell, ()
+        elif tags == {"exercise"}:
+            function = cell
+        elif tags == {"stub"} and "bug" in statement.source:
+            check = checks[_function(function.source).name]
+            number = 2 if "two bugs" in statement.source else 1
+            bugs, cell.source = _bugs(check, function.source, cell.source, number, year)
+            one = "one bug, another" if number == 1 else "two bugs, others"
+            if bugs:
+                statement.source += f"\n\n**Variant {year}**: this program has {one} than above."
+                pending = True
+        if bugs and tags == {"hint"}:
+            continue
+        found.append(cell)
+        if pending and tags == {"solution"} and cell.cell_type == "markdown":
+            lines = "\n".join(f"- {bug}" for bug in bugs)
+            found.append(_text(f"Handed out in variant {year}:\n\n{lines}"))
+            found[-1].metadata = nbformat.from_dict({"tags": ["solution"]})
+            pending = False
+    return found
+
+
+def _bugs(
+    check: Check, code: str, stub: str, number: int, year: int
+) -> tuple[tuple[str, ...], str]:
+    """Choose mistakes by the year; return their names and the body of the program with them.
+
+    Each alone is refused by the check, and so are all together. Where no others than those of the
+    stub go together, it is returned as it is, without a name.
+    """
+    solution = _without_docstring(code)
+    edits = {
+        message: (wrong,) if isinstance(wrong, str) else wrong
+        for message, wrong in check.mistakes.items()
+        if not callable(wrong)
+    }
+    rng = np.random.default_rng([year, *check.name.encode()])
+    choices = list(combinations(edits, number))
+    for k in rng.permutation(len(choices)):
+        together = tuple(edit for message in choices[k] for edit in edits[message])
+        program = solution
+        for edit in together:
+            old, new = edit.split(" => ")
+            program = program.replace(old, new) if program.count(old) == 1 else ""
+        body = textwrap.indent(textwrap.dedent(program.partition(":\n")[2]), "    ").rstrip()
+        if body and body != stub.rstrip() and not check.passes(check.mistaken(together)):
+            return choices[k], body
+    return (), stub
 
 
 def _checks(cells: list[Cell]) -> Iterator[tuple[str, str]]:
@@ -278,7 +354,20 @@ def differences(path: Path, cells: list[Cell]) -> list[str]:
     return found
 
 
+def write_variant(year: int, folder: Path, chapters: list[str]) -> None:
+    """Write exercises and solutions with other bugs, without outputs."""
+    for source in sources(chapters):
+        for path, cells in zip(notebook_paths(source), notebooks(source, year), strict=True):
+            notebook = nbformat.v4.new_notebook(cells=cells, metadata=nbformat.from_dict(METADATA))
+            to = folder / path.parent.name / path.name
+            to.parent.mkdir(parents=True, exist_ok=True)
+            nbformat.write(notebook, to)
+
+
 def main(words: list[str]) -> int:
+    if words[:1] == ["--variant"]:
+        write_variant(int(words[1]), Path(words[2]), words[3:])
+        return 0
     wrong: list[str] = []
     for source in sources([word for word in words if not word.startswith("-")]):
         for path, cells in zip(notebook_paths(source), notebooks(source), strict=True):

@@ -19,8 +19,11 @@ from slamlab.exercises import Check, Report
 __all__ = ["Mark", "checks_of", "marked"]
 
 
-def checks_of(chapter: str) -> dict[str, Check]:
-    """Return the checks of a chapter, by the name of the function that each one tries."""
+def checks_of(chapter: str, variant: int | None = None) -> dict[str, Check]:
+    """Return the checks of a chapter, by the name of the function that each one tries.
+
+    With a `variant` they draw inputs that the notebooks do not have.
+    """
     names = [module.name for module in iter_modules(slamlab.exercises.__path__)]
     found = [name for name in names if name.startswith(f"ch{chapter}_")]
     if not found:
@@ -28,6 +31,8 @@ def checks_of(chapter: str) -> dict[str, Check]:
         raise ValueError(f"chapter: expected one of {have}, got {chapter}")
     module = import_module(f"slamlab.exercises.{found[0]}")
     checks = [value for value in vars(module).values() if isinstance(value, Check)]
+    if variant is not None:
+        checks = [check.of_variant(variant) for check in checks]
     return {check.name: check for check in checks}
 
 

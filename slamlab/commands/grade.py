@@ -13,6 +13,7 @@ as to whoever runs the command: strangers' code belongs into a container or a th
 
     python -m slamlab grade hand-ins --chapter 02
     python -m slamlab grade hand-ins --chapter 02,09 --roster class.csv -o marks.csv
+    python -m slamlab grade hand-ins --chapter 09 --variant 2027
 """
 
 from __future__ import annotations
@@ -50,6 +51,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="class list (.csv) of Moodle or Canvas; a gradebook is written beside the table",
     )
+    parser.add_argument(
+        "--variant",
+        type=int,
+        metavar="YEAR",
+        help="draw more inputs: an answer fitted to those of the notebooks fails",
+    )
     parser.add_argument("--seconds", type=float, default=10.0, help="for each cell and exercise")
     parser.add_argument("--megabytes", type=int, default=2048, help="memory of a submission")
     parser.add_argument("--jobs", type=int, default=2, help="how many run at a time")
@@ -61,7 +68,7 @@ def run(options: argparse.Namespace) -> None:
     as_count("megabytes", options.megabytes, 1)
     as_count("jobs", options.jobs, 1)
     chapters = [chapter.strip() for chapter in options.chapter.split(",")]
-    checks = {chapter: checks_of(chapter) for chapter in chapters}
+    checks = {chapter: checks_of(chapter, options.variant) for chapter in chapters}
     roster = None if options.roster is None else read_roster(options.roster)
     paths = sorted(path for path in options.folder.rglob("*") if path.suffix in _KINDS)
     paths = [path for path in paths if ".ipynb_checkpoints" not in path.parts]

@@ -45,6 +45,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slamlab._checks import as_count
 from slamlab.exercises._general import NEARLY, general_mistakes
 from slamlab.exercises._pictures import Picture, side_by_side
 from slamlab.exercises._values import agree, difference, overlap, places, plain, same, show
@@ -211,6 +212,7 @@ class Check:
         self._use, self._properties, self._draws = use, properties, draws
         self._edges = frozenset(edges)
         self._picture = picture
+        self._years: tuple[int, ...] = ()
         # What a mistake gives on an input: asked of many wrong answers, worked out once.
         self._told: dict[tuple[int, int], Observation] = {}
         signature = inspect.signature(reference, eval_str=True)
@@ -246,6 +248,25 @@ class Check:
             raise ValueError(f"draw: expected an exercise with a picture, got {self!r}")
         return side_by_side(self._picture, student, self.reference)
 
+    def of_variant(self, year: int) -> Check:
+        """Return the same check with more drawn inputs, those of a year.
+
+        Parameters
+        ----------
+        year : int
+            Any number from 0.
+
+        Raises
+        ------
+        ValueError
+            If it is no such number.
+        """
+        other = copy.copy(self)
+        for known in ("inputs", "due", "_suspects"):
+            other.__dict__.pop(known, None)
+        other._years, other._told = (as_count("year", year),), {}
+        return other
+
     @property
     def parameters(self) -> list[inspect.Parameter]:
         """Parameters of the function that is checked."""
@@ -257,7 +278,9 @@ class Check:
         pairs = []
         for name, given in self._properties.items():
             seed = zlib.crc32(name.encode())
-            rngs = [np.random.default_rng((seed, k)) for k in range(self._draws)]
+            seeds: list[tuple[int, ...]] = [(seed, k) for k in range(self._draws)]
+            seeds += [(seed, k, year) for year in self._years for k in range(self._draws)]
+            rngs = [np.random.default_rng(one) for one in seeds]
             for arguments in [given(rng) for rng in rngs] if callable(given) else [given]:
                 pairs.append((name, self._typed(arguments)))
         return pairs

@@ -4,6 +4,7 @@ import importlib
 import pkgutil
 import re
 
+import numpy as np
 import pytest
 
 import slamlab.exercises
@@ -59,3 +60,26 @@ def test_messages_are_plain_english():
     said += [message for message, *_ in general_mistakes(abs, ["x", "y"], ["p", "q"])]
     assert [message for message in said if words.search(message)] == []
     assert words.search("-2 came, 4 is due")
+
+
+@pytest.mark.parametrize("name", CHECKS)
+def test_the_reference_passes_in_a_variant_too(name):
+    variant = CHECKS[name].of_variant(2027)
+    assert variant.passes(variant.reference)
+
+
+def test_an_answer_fitted_to_the_inputs_of_a_notebook_fails_in_a_variant():
+    check = CHECKS["ch09.check_jacobian"]
+    pairs = zip(check.inputs, check.due, strict=True)
+    known = {str(arguments): due for (_, arguments), due in pairs}
+
+    def fitted(*arguments):
+        return np.array(known.get(str(arguments), np.zeros((2, 3))))
+
+    assert check.passes(fitted)
+    variant = check.of_variant(2027)
+    assert not variant.passes(fitted)
+    assert len(variant.inputs) > len(check.inputs)
+    assert check.passes(fitted), "the check itself stays as it was"
+    with pytest.raises(ValueError, match="year: "):
+        check.of_variant(-1)

@@ -1,9 +1,13 @@
 """One source an exercise: both notebooks are what `tools/exercises.py` writes of it."""
 
+import ast
+import importlib
 import sys
 from pathlib import Path
 
 import pytest
+
+from slamlab.exercises import Check
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
@@ -24,6 +28,40 @@ def test_every_cell_of_a_source_has_one_kind(source):
     for cell in tool.cells_of(source):
         kinds = set(cell.metadata.tags) & tool.TAGS
         assert len(kinds) == 1 or kinds in pairs, cell.source
+
+
+@pytest.mark.parametrize("year", [2027, 2028])
+def test_a_variant_hands_out_other_bugs_that_the_check_refuses(year):
+    """Its program is no stub of the source and no solution; solutions name what is wrong."""
+    found = 0
+    for source in SOURCES:
+        plain, _ = tool.notebooks(source)
+        tasks, answers = tool.notebooks(source, year)
+        module = importlib.import_module(f"slamlab.exercises.{source.stem}")
+        checks = {c.name: c for c in vars(module).values() if isinstance(c, Check)}
+        told = [cell.source for cell in tasks if f"**Variant {year}**" in cell.source]
+        named = [cell.source for cell in answers if f"variant {year}" in cell.source]
+        assert len(told) == len(named)
+        old = {cell.source for cell in plain}
+        new = [c for c in tasks if c.cell_type == "code" and c.source not in old]
+        assert len(new) == len(told)
+        for cell in new:
+            (function,) = (
+                n for n in ast.parse(cell.source).body if isinstance(n, ast.FunctionDef)
+            )
+            scope = dict(vars(module))
+            exec(ast.unparse(function), scope)
+            assert not checks[function.name].passes(scope[function.name])
+        found += len(new)
+    assert found >= 12
+
+
+def test_two_years_differ_and_a_year_comes_back():
+    (source,) = tool.sources(["09"])
+    one, again, other = (
+        [cell.source for cell in tool.notebooks(source, year)[0]] for year in (2027, 2027, 2028)
+    )
+    assert one == again != other
 
 
 def test_a_notebook_edited_by_hand_is_seen():
