@@ -154,6 +154,10 @@ class Process:
         self._clock.daemon = True
         self._clock.start()
 
+    def stop_clock(self) -> None:
+        """Let nothing count: the submission is not at work."""
+        self._clock.cancel()
+
     def _ring(self) -> None:
         self._late = True
         self._kill()

@@ -9,14 +9,19 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from threading import Lock
 from types import CodeType
 from typing import Any
 
 import slamlab.exercises
+from slamlab.commands._page import png_of
 from slamlab.commands._process import Gone, Process, RemoteFunction, printable
 from slamlab.exercises import Check, Report
 
 __all__ = ["Mark", "checks_of", "marked"]
+
+_DRAWING = Lock()
+_SECONDS_TO_DRAW = 30.0  # of the teacher's process, beside those of the submission
 
 
 def checks_of(chapter: str, variant: int | None = None) -> dict[str, Check]:
@@ -44,11 +49,12 @@ class Mark:
     chapter: str
     reports: dict[str, Report] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    pictures: dict[str, bytes] = field(default_factory=dict)
 
     def share(self, name: str) -> float:
-        """Share of the properties of one exercise that hold."""
+        """Give what one exercise is worth, 0 to 1."""
         report = self.reports.get(name)
-        return 0.0 if report is None else report.held / report.total
+        return 0.0 if report is None else report.share
 
     @property
     def points(self) -> float:
@@ -63,6 +69,7 @@ def marked(
     seconds: float,
     megabytes: int,
     folders: Sequence[Path],
+    pictures: bool = False,
 ) -> Mark:
     """Run one submission and judge it; whatever it does, the mark comes back, a note says why.
 
@@ -85,6 +92,8 @@ def marked(
             try:
                 seen = checks[name].observe(RemoteFunction(process, name))
                 mark.reports[name] = checks[name].judge(seen)
+                if pictures and checks[name].has_picture:
+                    mark.pictures[name] = _drawn(checks[name], process, seconds)
             except Gone as error:
                 mark.notes.append(f"{name}: {str(error).removeprefix('call: ')}")
                 process.__exit__()
@@ -99,6 +108,19 @@ def marked(
             process.__exit__()
     mark.notes = [printable(note) for note in mark.notes]
     return mark
+
+
+def _drawn(check: Check, process: Process, seconds: float) -> bytes:
+    """Return what `check.draw` shows, as PNG. One at a time: matplotlib knows no threads."""
+    process.stop_clock()
+    with _DRAWING:
+        process.start_clock(seconds + _SECONDS_TO_DRAW)
+        try:
+            figure = check.draw(RemoteFunction(process, check.name))
+        except Gone as error:
+            raise Gone("call: its picture could not be finished") from error
+        process.stop_clock()
+        return png_of(figure)
 
 
 def _judge_again(

@@ -1,10 +1,12 @@
 """Grade a folder of submissions (.ipynb and .py), each in a process of its own.
 
 Every function is tried on the inputs of its check; each exercise gives as much of a point as the
-share of its properties that hold. A mistake counts once: a function that fails and calls others
-of the chapter that fail is tried again with the right ones in their place. A table goes into a
-CSV file and a page for each student into the folder `feedback` beside it; with --roster the lines
-of a class list come back with the points in columns of their own, which Moodle and Canvas import.
+share of its properties that hold, and where one fails but most numbers of the result are right,
+half of their share. A mistake counts once: a function that fails and calls others of the chapter
+that fail is tried again with the right ones in their place. Functions that several students have
+handed in alike are named, and cost nothing. A table goes into a CSV file and a page for each
+student, with pictures, into the folder `feedback` beside it; with --roster the lines of a class
+list come back with the points in columns of their own, which Moodle and Canvas import.
 
 The process of a submission gets arguments and answers with numbers: references, checks and other
 submissions are not in it, it may start no process, and limits of time and memory hold. Whatever
@@ -20,7 +22,9 @@ from __future__ import annotations
 
 import argparse
 import csv
+import inspect
 import re
+import textwrap
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -28,6 +32,7 @@ from typing import Any
 import slamlab.exercises
 from slamlab._checks import as_count, as_positive
 from slamlab.commands import _page
+from slamlab.commands._copies import fingerprints, same_code
 from slamlab.commands._process import cells_of, printable
 from slamlab.commands._submission import Mark, checks_of, marked
 from slamlab.exercises import Check
@@ -57,6 +62,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="YEAR",
         help="draw more inputs: an answer fitted to those of the notebooks fails",
     )
+    parser.add_argument("--no-pictures", action="store_true", help="in the feedback; it is faster")
     parser.add_argument("--seconds", type=float, default=10.0, help="for each cell and exercise")
     parser.add_argument("--megabytes", type=int, default=2048, help="memory of a submission")
     parser.add_argument("--jobs", type=int, default=2, help="how many run at a time")
@@ -80,6 +86,7 @@ def run(options: argparse.Namespace) -> None:
     marks = [Mark(name, _chapter(path, chapters)) for name, path in zip(names, paths, strict=True)]
     files = [_read(path) for path in paths]
     folders = [Path(slamlab.exercises.__path__[0]), options.folder, options.output.parent]
+    pictures = not options.no_pictures and _can_draw()
 
     def judge(mark: Mark, cells: list[str] | str) -> Mark:
         if isinstance(cells, str):
@@ -89,13 +96,14 @@ def run(options: argparse.Namespace) -> None:
             mark.notes.append(f"which chapter? its name holds none of {', '.join(chapters)}")
             return mark
         limits = options.seconds, options.megabytes
-        return marked(mark, cells, checks[mark.chapter], *limits, folders)
+        return marked(mark, cells, checks[mark.chapter], *limits, folders, pictures)
 
     pool = ThreadPoolExecutor(options.jobs)
     try:
         marks = list(pool.map(judge, marks, files))
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+    _name_copies(marks, files, checks)
     write(marks, checks, options.output)
     for mark in marks:
         of, notes = len(checks.get(mark.chapter, ())), "; ".join(mark.notes)
@@ -106,6 +114,36 @@ def run(options: argparse.Namespace) -> None:
         owners = [_labels(path.relative_to(options.folder)) for path in paths]
         missing = write_gradebook(roster, owners, marks, checks, book)
         print(f"{'gradebook':30s} {book}, {missing} of {len(roster)} without a submission")
+
+
+def _can_draw() -> bool:
+    """Say whether matplotlib is installed: without it marks come without pictures."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def _name_copies(
+    marks: list[Mark], files: list[list[str] | str], checks: dict[str, dict[str, Check]]
+) -> None:
+    """Note whose functions others have handed in too; it costs nothing."""
+    for chapter, tried in checks.items():
+        solutions = [inspect.getsource(check.reference) for check in tried.values()]
+        known = list(
+            fingerprints(
+                map(textwrap.dedent, solutions),
+                [check.reference.__name__ for check in tried.values()],
+            ).values()
+        )
+        prints = {
+            mark.student: fingerprints(cells, tried)
+            for mark, cells in zip(marks, files, strict=True)
+            if mark.chapter == chapter and not isinstance(cells, str)
+        }
+        for student, notes in same_code(prints, known).items():
+            next(mark for mark in marks if mark.student == student).notes += notes
 
 
 def _chapter(path: Path, chapters: list[str]) -> str:
@@ -169,7 +207,15 @@ def feedback(mark: Mark, exercises: list[str]) -> str:
         report = mark.reports.get(name)
         missing = _page.paragraph(f"{name}: nothing was handed in, or it did not end")
         parts.append(report._repr_html_() if report else missing)
+        if report and 0 < report.right < 1 and not report.passed:
+            parts.append(_page.paragraph(_in_part(mark.share(name), report.right)))
+        if name in mark.pictures:
+            parts.append(_page.picture(mark.pictures[name], f"{name}: yours, as it should be"))
     return _page.page(mark.student, *parts)
+
+
+def _in_part(share: float, right: float) -> str:
+    return f"{share:.2f} of 1 point, since {100 * right:.0f} % of the numbers are right everywhere"
 
 
 # Class lists.

@@ -4,7 +4,8 @@ The file (.py or .ipynb) defines `make(setting)`, which returns an estimator; in
 estimator has `command(view)` too, in lab II the file defines `map_room(setting, log)`, in lab V
 `slam(ranges, beam_angles, odometry, covs)`. It runs in a process of its own, with limits of time
 and memory, and is told step by step what a robot is told. The drives are drawn from a seed that
-the sheet shows; the truth stays with the score.
+the sheet shows; the truth stays with the score. All files of a folder get the same drives, and
+their sheets end in a leaderboard.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ CLOSED = {
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare what the command takes."""
     parser.add_argument("lab", choices=LABS)
-    parser.add_argument("file", type=Path, help=".py or .ipynb")
+    parser.add_argument("file", type=Path, help=".py or .ipynb, or a folder of them")
     parser.add_argument("--seed", type=int, help="of the drives; drawn if left out")
     parser.add_argument("--seconds", type=float, default=120.0, help="for each drive")
     parser.add_argument("--megabytes", type=int, default=4096, help="memory of the file's process")
@@ -46,24 +47,54 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print the score sheet."""
+    """Print the score sheet, or those of a folder and a leaderboard."""
     as_positive("seconds", options.seconds, 1e6)
     as_positive("megabytes", options.megabytes, 1e6)
-    cells = cells_of(options.file)
+    files = _files(options.file)
     seed = secrets.randbits(32) if options.seed is None else options.seed
-    print(f"Lab {options.lab}: {options.file.name}, seed {seed}")
-    won = of = 0
-    for task in tasks(options.lab, np.random.default_rng((21, seed))):
-        bar = library_rows(options.lab, task, not options.alone)
-        good, asked = sheet(options.lab, task, _yours(options, task, cells), bar)
-        won, of = won + good, of + asked
-    print(f"\n{won} of {of} points")
+    drives = tasks(options.lab, np.random.default_rng((21, seed)))
+    bars = [library_rows(options.lab, task, not options.alone) for task in drives]
+    board = []
+    for file in files:
+        name = file.name if file == options.file else str(file.relative_to(options.file))
+        print(f"Lab {options.lab}: {name}, seed {seed}")
+        try:
+            cells = cells_of(file)
+        except ValueError as error:
+            if file == options.file:
+                raise
+            board.append((0, 0, name, str(error)))
+            print(f"\n{error}\n")
+            continue
+        won = of = 0
+        for task, bar in zip(drives, bars, strict=True):
+            good, asked = sheet(options.lab, task, _yours(options, task, cells), bar)
+            won, of = won + good, of + asked
+        print(f"\n{won} of {of} points")
+        board.append((won, of, name, ""))
+    if len(files) > 1:
+        print("\nLeaderboard")
+        for won, of, name, note in sorted(board, key=lambda line: (-line[0], line[2])):
+            print(f"  {won:3d} of {of:<3d} {name}{f'  ({note})' if note else ''}")
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the file, or those of a folder and the folders in it."""
+    if not path.is_dir():
+        return [path]
+    files = [file for file in sorted(path.rglob("*")) if file.suffix in (".py", ".ipynb")]
+    files = [file for file in files if ".ipynb_checkpoints" not in file.parts]
+    if not files:
+        raise ValueError(f"file: expected .ipynb or .py files in {path}, found none")
+    return files
 
 
 def _yours(options: argparse.Namespace, task: Task, cells: list[str]) -> Row:
     """Let the student's system do a drive in its own process."""
     closed = (*CLOSED[options.lab], "slamlab.commands")
     folders = [Path(exercises.__path__[0])]
+    if options.file.is_dir():  # nobody reads what others have handed in
+        folders.append(options.file)
     try:
         with Process(cells, options.seconds, options.megabytes, closed, folders) as process:
             if options.lab not in ("II", "V"):

@@ -48,7 +48,16 @@ from numpy.typing import NDArray
 from slamlab._checks import as_count
 from slamlab.exercises._general import NEARLY, general_mistakes
 from slamlab.exercises._pictures import Picture, side_by_side
-from slamlab.exercises._values import agree, difference, overlap, places, plain, same, show
+from slamlab.exercises._values import (
+    agree,
+    difference,
+    overlap,
+    places,
+    plain,
+    right_in_part,
+    same,
+    show,
+)
 
 __all__ = ["Array", "Check", "Function", "Ints", "Mask", "Observation", "Report"]
 
@@ -92,11 +101,14 @@ class Report:
         One a property.
     messages : tuple of str
         The mistakes that were recognised.
+    right : float
+        Share of the numbers of the result that are right on every input.
     """
 
     title: str
     rows: tuple[Row, ...]
     messages: tuple[str, ...] = ()
+    right: float = 0.0
 
     @property
     def held(self) -> int:
@@ -107,6 +119,16 @@ class Report:
     def total(self) -> int:
         """Number of properties."""
         return len(self.rows)
+
+    @property
+    def share(self) -> float:
+        """What the exercise is worth, 0 to 1: the share of its properties that hold.
+
+        Where not all numbers of a result are wrong, a property that fails counts as well: half of
+        the share that is right on every input.
+        """
+        failed = sum(not row.ok for row in self.rows if row.name != OWN)
+        return (self.held + 0.5 * self.right * failed) / self.total
 
     @property
     def passed(self) -> bool:
@@ -268,6 +290,11 @@ class Check:
         return other
 
     @property
+    def has_picture(self) -> bool:
+        """Say whether `draw` can draw something."""
+        return self._picture is not None
+
+    @property
     def parameters(self) -> list[inspect.Parameter]:
         """Parameters of the function that is checked."""
         return list(self._parameters)
@@ -330,7 +357,11 @@ class Check:
         if nothing and not any(held):
             stub = any(s.stub for s in observations)
             return Report(self.name, tuple(rows), (NOTHING_YET if stub else NO_RETURN,))
-        return Report(self.name, tuple(rows), self._named(observations, held))
+        right = 0.0
+        if not all(held) and self._use is None:
+            came, given = [s.came for s in observations], [list(a) for _, a in self.inputs]
+            right = right_in_part(came, self.due, given, self.tolerance)
+        return Report(self.name, tuple(rows), self._named(observations, held), right)
 
     def _typed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
         if len(self._parameters) != len(arguments):

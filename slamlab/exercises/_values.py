@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["agree", "difference", "overlap", "pairs", "places", "plain", "same", "show"]
+__all__ = [
+    "agree", "difference", "overlap", "pairs", "places", "plain", "right_in_part", "same", "show",
+]  # fmt: skip
 
 
 def plain(value: Any) -> Any:
@@ -59,6 +61,41 @@ def same(a: Any, b: Any) -> bool:
         and (_identical(x, y) or np.array_equal(x, y, equal_nan=x.dtype.kind == "f"))
         for x, y in zip(ours, theirs, strict=True)
     )
+
+
+def right_in_part(
+    came: Sequence[Any], due: Sequence[Any], arguments: Sequence[Any], tolerance: float
+) -> float:
+    """Share of the numbers of a result that are right on every input; 0 where they are not alike.
+
+    Only those numbers count that differ between inputs, and that no argument already holds.
+    """
+    ours, theirs = [_numbers(one) for one in came], [_numbers(one) for one in due]
+    shapes = {shape for shape, _ in ours + theirs}
+    if len(shapes) != 1 or None in shapes:
+        return 0.0
+    a, b = np.array([x for _, x in ours]), np.array([x for _, x in theirs])
+    given = [_numbers(one) for one in arguments]
+    known = len({shape for shape, _ in given}) == 1 and given[0][0] is not None
+    held = np.array([x for _, x in given]) if known else np.zeros((len(b), 0))
+    with np.errstate(invalid="ignore"):
+        counted = ~np.isclose(b, b[:1], equal_nan=True).all(0)
+        counted &= ~np.isclose(b[:, :, None], held[:, None], equal_nan=True).all(0).any(1)
+        right = np.isclose(a, b, rtol=tolerance, atol=tolerance, equal_nan=True).all(0)
+    return float((right & counted).sum() / counted.sum()) if counted.sum() > 1 else 0.0
+
+
+def _numbers(value: Any) -> tuple[Any, np.ndarray]:
+    """Return the nested shape of plain data and its numbers; None for a shape that has others."""
+    if isinstance(value, (tuple, list)):
+        parts = [_numbers(entry) for entry in value]
+        shapes = tuple(shape for shape, _ in parts)
+        numbers = [x for _, x in parts]
+        return None if None in shapes else shapes, np.concatenate([np.zeros(0), *numbers])
+    array = np.asarray(value)
+    if array.dtype.kind not in "biuf":
+        return None, np.zeros(0)
+    return array.shape, array.ravel().astype(float)
 
 
 def agree(came: Any, due: Any, tolerance: float) -> bool:

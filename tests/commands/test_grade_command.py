@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from slamlab.commands import main
+from slamlab.commands import _submission, main
 
 SOLUTION = Path(__file__).resolve().parents[2] / "notebooks/solutions/02_kalman_filter.ipynb"
 PREDICT = "def predict(mean, cov, F, Q):\n    return F @ mean, F @ cov @ F.T + Q\n"
@@ -308,3 +308,90 @@ def test_a_class_list_becomes_a_gradebook(tmp_path, capsys):
         rows = {row["student"]: row for row in csv.DictReader(file)}
     assert rows["ben_02"]["02.predict"] == "1.00"
     assert "which chapter?" in rows["ben"]["note"]
+
+
+TRACKER = """def track(z, dt, q, r):
+    # {comment}
+    F, H = np.array([[1.0, dt], [0.0, 1.0]]), np.array([[1.0, 0.0]])
+    Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    {mean}, cov, means, covs = np.zeros(2), np.eye(2), [], []
+    for reading in z:
+        {mean}, cov = predict({mean}, cov, F, Q)
+        if np.isfinite(reading):
+            {mean}, cov = update({mean}, cov, np.array([reading]), H, np.array([[r**2]]))
+        means.append({mean}.copy())
+        covs.append(1.0 * cov)
+    return np.array(means), np.array(covs)
+"""
+
+
+def test_copies_are_named_and_cost_nothing(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    rest = "def predict(mean, cov, F, Q):\n    return F @ mean, F @ cov @ F.T + Q\n"
+    for name, mean, q in (("ada", "mean", ""), ("ben", "state", ""), ("eve", "mean", "1.0 * ")):
+        code = TRACKER.format(mean=mean, comment=name).replace("q * np", f"{q}q * np")
+        (folder / f"{name}.py").write_text(START + rest + UPDATE + code)
+    rows = graded(folder, "--no-pictures")
+    assert rows["ada"]["note"] == "same code as ben: track"
+    assert rows["ben"]["note"] == "same code as ada: track"
+    assert rows["eve"]["note"] == ""
+    assert len({row["points"] for row in rows.values()}) == 1
+
+
+def test_what_a_notebook_asks_of_a_check_is_answered(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    asks = (
+        "report = check_predict(lambda *_: ...)\nassert report.passed, report.text\n"
+        "mark = report.held / report.total\nfigure = check_predict.draw(update)\n"
+        "figure.savefig('mine.png')\nlist(report.rows)\n"
+    )
+    (folder / "ada.ipynb").write_text(notebook(START + UPDATE + "\n" + asks))
+    (row,) = graded(folder, "--no-pictures").values()
+    assert (float(row["update"]), row["note"]) == (1, "")
+
+
+def test_the_published_solution_is_nobodys_copy(tmp_path):
+    folder = tmp_path / "in"
+    for name in ("ada", "ben"):
+        (folder / name).mkdir(parents=True)
+        shutil.copy(SOLUTION, folder / name / "02.ipynb")
+    assert {row["note"] for row in graded(folder, "--no-pictures").values()} == {""}
+
+
+def test_one_wrong_entry_of_six_is_not_nothing(tmp_path):
+    """The derivative by the heading of the range, E, has the wrong sign everywhere."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    source = SOLUTION.with_name("09_ekf_slam.ipynb").read_text(encoding="utf-8")
+    cells = [c for c in json.loads(source)["cells"] if c["cell_type"] == "code"]
+    (code,) = ("".join(c["source"]) for c in cells if "def jacobian(" in "".join(c["source"]))
+    right = "import numpy as np\n" + code.split("\n\ncheck_")[0] + "\n"
+    (folder / "right.py").write_text(right)
+    (folder / "one.py").write_text(right.replace("[[A, B, E]", "[[A, B, E + 1]"))
+    (folder / "all.py").write_text(right.replace("return np.array(", "return 1 + np.array("))
+    rows = graded(folder, "--chapter", "09")
+    share = {name: float(row["jacobian"]) for name, row in rows.items()}
+    assert share["right"] == 1
+    assert 0.35 < share["one"] < 0.5, "five of six numbers, counted half"
+    assert share["all"] == 0
+    page = (tmp_path / "out" / "feedback" / "one.html").read_text(encoding="utf-8")
+    assert "83 % of the numbers are right everywhere" in page
+    assert page.count("data:image/png") == 1
+
+
+def test_a_picture_of_a_function_that_never_ends_costs_nobody_anything(tmp_path, monkeypatch):
+    """The check is passed, the picture is not: the exercise counts, and the next one too."""
+    monkeypatch.setattr(_submission, "_SECONDS_TO_DRAW", 2.0)
+    folder = tmp_path / "in"
+    folder.mkdir()
+    tried = len(_submission.checks_of("02")["update"].inputs)
+    calls = "\ncalls = []\n\n\ndef update(*arguments):\n    calls.append(1)\n"
+    ends = f"    while len(calls) > {tried}:\n        pass\n    return right(*arguments)\n"
+    (folder / "ada.py").write_text(
+        START + UPDATE.replace("def update", "def right") + calls + ends
+    )
+    (row,) = graded(folder, "--seconds", "5").values()
+    assert float(row["update"]) == 1
+    assert row["note"] == "update: its picture could not be finished"

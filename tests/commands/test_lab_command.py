@@ -132,6 +132,27 @@ def test_a_notebook_is_taken_like_a_file_and_a_seed_gives_the_same_drives(tmp_pa
     assert errors(text) == errors(good)[:1]
 
 
+def test_a_folder_ends_in_a_leaderboard(tmp_path, only, capsys):
+    only(slice(1))
+    hand_ins = tmp_path / "hand-ins"
+    (hand_ins / "ben").mkdir(parents=True)
+    (hand_ins / "ada.py").write_text(GOOD.replace("@ control_cov @", "@ (0 * control_cov) @"))
+    (hand_ins / "ben" / "mine.py").write_text(GOOD)
+    (hand_ins / "eve.ipynb").write_text("{")
+    reads = f"open({str(hand_ins / 'ada.py')!r})\n{GOOD}"
+    (hand_ins / "thief.py").write_text(reads.replace("def make(setting):", "def other(setting):"))
+    assert main(["lab", "I", str(hand_ins), "--seed", "3", "--alone"]) == 0
+    said = capsys.readouterr().out
+    board = said.partition("Leaderboard\n")[2].splitlines()
+    assert board[0].split() == ["3", "of", "3", "ben/mine.py"]
+    assert "PermissionError" in said
+    assert any("eve.ipynb" in line and "expected a notebook" in line for line in board)
+    assert len(board) == 4
+    (tmp_path / "empty").mkdir()
+    assert main(["lab", "I", str(tmp_path / "empty")]) == 1
+    assert "file: expected .ipynb or .py files" in capsys.readouterr().err
+
+
 def test_a_tracker_that_believes_echoes_loses_points(tmp_path, only):
     only(slice(2, 3))
     assert points(sheet(tmp_path, "I", GOOD.replace("< 12.0", "< 1e9"))) == (2, 4)

@@ -43,7 +43,7 @@ def test_nbgrader_runs_the_recipe(kind, partial):
     utils = pytest.importorskip("nbgrader.utils", reason="nbgrader is not installed")
     test = CHECKED + "\n" + ASSERTED
     if partial:
-        test = test.rpartition("assert ")[0] + "report.held / report.total"
+        test = test.rpartition("assert ")[0] + "report.share"
     cells = [
         nbformat.v4.new_code_cell(ANSWER.replace(RIGHT, ANSWERS[kind])),
         nbformat.v4.new_code_cell(test),
