@@ -30,18 +30,19 @@ def fixed(metres):
 # Field: the share of trees felled on its right half, and the ranges to compare there. The fixed
 # range comes first; it sees as many trees on average as the law does.
 FIELDS = {
-    "clearing": (0.75, {"fixed, 20 m": fixed(20.0), "law, 5 wanted": LAW, "fixed, 40 m": fixed(40.0)}),
+    "clearing": (
+        0.75,
+        {"fixed, 20 m": fixed(20.0), "law, 5 wanted": LAW, "fixed, 40 m": fixed(40.0)},
+    ),
     "even": (0.0, {"fixed, 14 m": fixed(14.0), "law, 5 wanted": LAW}),
-}  # fmt: skip
+}
 
 
 def one(field, name, seed, n_runs=50):
     """Trees seen at once, position error (m) and NEES at the end, of flights over one field."""
     felled, ranges = FIELDS[field]
     flights = field_flights(n_runs, np.random.default_rng(seed), FAR, felled=felled)
-    filters = EKFSlamBatch(
-        Unicycle(), FAR, flights.truth[0], n_landmarks=len(flights.landmarks)
-    )
+    filters = EKFSlamBatch(Unicycle(), FAR, flights.truth[0], n_landmarks=len(flights.landmarks))
     result = run(AdaptiveRange(filters, **ranges[name]), flights, record=("n_seen",))
     off = (result.poses - result.truth)[..., :2]
     return {

@@ -143,9 +143,7 @@ check_level.mistakes = {
     "the sign of the roll: a right wing down turns what lies to the left up": lambda z, r, p: (
         _matrices(-r, p)[0] @ _matrices(-r, p)[1] @ z
     ),
-    "the signs of both angles": lambda z, r, p: (
-        _matrices(-r, -p)[0] @ _matrices(-r, -p)[1] @ z
-    ),
+    "the signs of both angles": lambda z, r, p: _matrices(-r, -p)[0] @ _matrices(-r, -p)[1] @ z,
     "angles are in radians already": lambda z, r, p: (
         _matrices(*np.deg2rad([r, p]))[0] @ _matrices(*np.deg2rad([r, p]))[1] @ z
     ),
@@ -217,6 +215,7 @@ def next_range(reach: float, n_seen: int, wanted: float, nearest: float, furthes
 # If nothing was seen, the range was too short, and nothing says by how much. What is the furthest
 # range?
 
+
 # %% tags=["cases"]
 def _next_range_drawn(ax: Any, function: Any) -> None:
     """Draw the range over a dense wood and a clearing, and that which sees as many as wanted."""
@@ -261,8 +260,8 @@ check_next_range.mistakes = {
         "wanted / n_seen => n_seen / wanted"
     ),
     "who sees nothing should look as far as it can": "return furthest => return nearest",
-    "none seen is not one seen: take the furthest range": lambda r, n, w, a, b: (
-        np.clip(r * np.sqrt(w / max(n, 1)), a, b)
+    "none seen is not one seen: take the furthest range": lambda r, n, w, a, b: np.clip(
+        r * np.sqrt(w / max(n, 1)), a, b
     ),
     "with nothing seen the range must grow": "return furthest => return reach",
     "the range must stay between nearest and furthest": "nearest, furthest) => 0.0, np.inf)",
@@ -457,9 +456,9 @@ check_note_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: the size of a region
 #
-# Write (A) of [page 16b](../16b_uav_local_range.ipynb#how-large-should-the-region-be) as a function
-# of many radii, and let it choose. With $N_a = 2\rho\pi R^2$ numbers in the region (never more than
-# the map's $N = 2n$), $m = 2\rho\pi r^2$ in an observation, $D = R - r$ and
+# Write (A) of [page 16b](../16b_uav_local_range.ipynb#how-large-should-the-region-be) as a
+# function of many radii, and let it choose. With $N_a = 2\rho\pi R^2$ numbers in the region
+# (never more than the map's $N = 2n$), $m = 2\rho\pi r^2$ in an observation, $D = R - r$ and
 # $k = 2\rho(2rD + \pi r^2)$ observed in a region (never more than $N_a$),
 #
 # $$
@@ -599,8 +598,8 @@ check_region_cost.mistakes = {
 # ## Solution 4: the size of a region
 
 # %% [markdown] tags=["solution"]
-# If a region lasts $R$ metres instead of $R - r$, the smallest region seems the best, and the filter
-# sees beyond its edge from the first metre on:
+# If a region lasts $R$ metres instead of $R - r$, the smallest region seems the best, and the
+# filter sees beyond its edge from the first metre on:
 
 # %% active="ipynb" tags=["solution"]
 # def lasts_too_long(R, n, density, reach, stride):
@@ -697,7 +696,8 @@ def _fundamental_drawn(ax: Any, function: Any) -> None:
     F = np.asarray(function(first, second), float)
     edge = np.array([0.0, 640.0])
     for a, b, c in (F @ np.append(point, 1.0) for point in first[:8]):
-        ax.plot(edge, np.clip(-(a * edge + c) / b, -200, 700), color=plots.COLOURS["estimate"], lw=1)
+        line = np.clip(-(a * edge + c) / b, -200, 700)
+        ax.plot(edge, line, color=plots.COLOURS["estimate"], lw=1)
     ax.plot(*second[:8].T, "o", mfc="none", color=plots.COLOURS["truth"])
     ax.set_aspect("equal")
     ax.set(xlim=(0, 640), ylim=(480, 0), xlabel="u (pixels)", ylabel="v (pixels)")
@@ -750,8 +750,8 @@ check_fundamental.mistakes = {
         "T_there.T @ U => np.linalg.inv(T_there).T @ U",
         "@ Vt @ T => @ Vt @ np.linalg.inv(T)",
     ),
-    "all pairs count, not the first eight alone": lambda first, second: (
-        fundamental(first[:8], second[:8])
+    "all pairs count, not the first eight alone": lambda first, second: fundamental(
+        first[:8], second[:8]
     ),
 }
 
