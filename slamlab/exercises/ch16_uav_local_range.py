@@ -1,4 +1,4 @@
-"""Exercises of 16: a look levelled, a range, accounts, the size of a region, eight points."""
+"""Exercises of 16: levelling, a range, records, the size of a region, eight points."""
 
 # mypy: disable-error-code="no-untyped-def"
 # A solution is written as a student writes it, without types inside.
@@ -25,8 +25,9 @@ __all__ = [
 # # Exercises 16: UAV SLAM with a local range
 #
 # Five functions on the way from a tilted camera to a filter that works in a part of its map; the
-# chapter is [UAV SLAM with a local range](../16_uav_local_range.ipynb). Replace each `...` and
-# run the check below it as often as you like.
+# chapter is [UAV SLAM with a local range](../16_uav_local_range.ipynb), and its second page is
+# [16b](../16b_uav_local_range.ipynb). Replace each `...` and run the check below it as often as
+# you like.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 16: UAV SLAM with a local range
@@ -37,7 +38,7 @@ __all__ = [
 # import numpy as np
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 1: a look, levelled, with a pencil
+# ## Exercise 1: a measurement levelled, with a pencil
 #
 # An aircraft has axes ahead, left and up. It is tilted: first rolled (right wing down is
 # positive), then pitched (nose down is positive). Work out on paper what a point at $z$ in the
@@ -90,6 +91,22 @@ def _any_attitude(rng: np.random.Generator) -> Any:
     return np.round(rng.normal(size=3) * 10, 1), *np.round(rng.uniform(-0.8, 0.8, 2), 2)
 
 
+def _level_drawn(ax: Any, function: Any) -> None:
+    """Draw tree tops seen from a banking, diving aircraft as they are and as levelled."""
+    from slamlab import plots
+
+    ahead = np.linspace(-24, 24, 9)
+    tops = np.column_stack([ahead, 3 * np.sin(ahead), -30 + 4 * np.cos(ahead) + 4])
+    R_pitch, R_roll = _matrices(0.3, 0.5)
+    levelled = [np.asarray(function(z, 0.3, 0.5), float) for z in tops @ R_pitch @ R_roll]
+    plots.landmarks(ax, tops[:, [0, 2]])
+    ax.plot(*np.array(levelled)[:, [0, 2]].T, "x", color=plots.COLOURS["estimate"], mew=1.5)
+    ax.plot(0, 0, "o", color=plots.COLOURS["truth"])
+    ax.plot(*np.array([[0.0, 0.0], [10 * np.cos(0.5), -10 * np.sin(0.5)]]).T, color="0.5")
+    ax.set_aspect("equal")
+    ax.set(xlabel="ahead (m)", ylabel="up (m)")
+
+
 check_level = Check(
     level,
     "levelled",
@@ -99,6 +116,7 @@ check_level = Check(
         "right wing down by 20 degrees": ([5.0, 4.0, -20.0], np.pi / 9, 0.0),
         "any attitude": _any_attitude,
     },
+    picture=_level_drawn,
 )
 
 
@@ -125,13 +143,17 @@ check_level.mistakes = {
     "the sign of the roll: a right wing down turns what lies to the left up": lambda z, r, p: (
         _matrices(-r, p)[0] @ _matrices(-r, p)[1] @ z
     ),
+    "the signs of both angles": lambda z, r, p: _matrices(-r, -p)[0] @ _matrices(-r, -p)[1] @ z,
+    "angles are in radians already": lambda z, r, p: (
+        _matrices(*np.deg2rad([r, p]))[0] @ _matrices(*np.deg2rad([r, p]))[1] @ z
+    ),
     "the height of the second turn must be that after the first": (
         "np.sin(pitch) * up => np.sin(pitch) * z[2]"
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 1: a look, levelled, with a pencil
+# ## Solution 1: a measurement levelled, with a pencil
 #
 # A pitch of $\beta$ takes a point straight ahead, $(1, 0, 0)$, to $(\cos\beta, 0, -\sin\beta)$:
 # down, since the nose is down. What was up, $(0, 0, 1)$, goes to $(\sin\beta, 0, \cos\beta)$. A
@@ -153,18 +175,19 @@ check_level.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: the law of the range
 #
-# `n_seen` landmarks were seen within `reach`; `wanted` are to be seen. How far should the next
-# look go, if the landmarks lie as densely as they did?
+# `n_seen` landmarks were seen within `reach`; `wanted` are to be seen. What should the next range
+# be, if the landmarks are as dense there as here? The law is (B) of
+# [page 16b](../16b_uav_local_range.ipynb#a-range-that-follows-the-field).
 
 
 # %% tags=["exercise"]
 def next_range(reach: float, n_seen: int, wanted: float, nearest: float, furthest: float) -> float:
-    """Range of the next look.
+    """Range of the next measurements.
 
     Parameters
     ----------
     reach : float
-        Range of the last look (m).
+        Range of the last measurements (m).
     n_seen : int
         Landmarks seen within it; may be 0.
     wanted : float
@@ -189,9 +212,25 @@ def next_range(reach: float, n_seen: int, wanted: float, nearest: float, furthes
 # How many landmarks lie within twice the range: twice as many?
 
 # %% [markdown] tags=["hint"]
-# Whoever has seen nothing knows only that the range was too short. How far can it look at most?
+# If nothing was seen, the range was too short, and nothing says by how much. What is the furthest
+# range?
+
 
 # %% tags=["cases"]
+def _next_range_drawn(ax: Any, function: Any) -> None:
+    """Draw the range over a dense wood and a clearing, and that which sees as many as wanted."""
+    from slamlab import plots
+
+    density = np.where((np.arange(40) > 12) & (np.arange(40) < 27), 0.004, 0.02)
+    reach, kept = 30.0, []
+    for rho in density:
+        reach = float(function(reach, int(rho * np.pi * reach**2), 8.0, 5.0, 40.0))
+        kept.append(reach)
+    ax.step(range(40), np.sqrt(8.0 / (np.pi * density)), where="post", **plots.line_style("truth"))
+    ax.plot(kept, ".-", color=plots.COLOURS["estimate"])
+    ax.set(xlabel="step", ylabel="range (m)")
+
+
 check_next_range = Check(
     next_range,
     "range",
@@ -209,6 +248,7 @@ check_next_range = Check(
             60.0,
         ),
     },
+    picture=_next_range_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -220,6 +260,10 @@ check_next_range.mistakes = {
         "wanted / n_seen => n_seen / wanted"
     ),
     "who sees nothing should look as far as it can": "return furthest => return nearest",
+    "none seen is not one seen: take the furthest range": lambda r, n, w, a, b: np.clip(
+        r * np.sqrt(w / max(n, 1)), a, b
+    ),
+    "with nothing seen the range must grow": "return furthest => return reach",
     "the range must stay between nearest and furthest": "nearest, furthest) => 0.0, np.inf)",
     "this law forgets how far it looked: the density is n / (pi r^2)": (
         lambda r, n, w, a, b: b if n == 0 else np.clip(np.sqrt(w / n) * b, a, b)
@@ -229,12 +273,12 @@ check_next_range.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 2: the law of the range
 #
-# $n = \rho\pi r^2$ at the last look and $n^* = \rho\pi r'^2$ at the next: divide, and $r' =
+# $n = \rho\pi r^2$ at the last range and $n^* = \rho\pi r'^2$ at the next: divide, and $r' =
 # r\sqrt{n^*/n}$. The density drops out.
 
 # %% [markdown] tags=["solution"]
-# Without the root the law overshoots: four times too many are seen, it looks a quarter as far,
-# and then sees a quarter of what it wants. It swings for ever.
+# Without the root the law overshoots: four times too many are seen, the range falls to a quarter,
+# and then a quarter of what is wanted is seen. It swings for ever.
 
 # %% active="ipynb" tags=["solution"]
 # def swings(reach, n_seen, wanted, nearest, furthest):
@@ -247,21 +291,22 @@ check_next_range.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: a bug to find
 #
-# These five lines book an update in the accounts of a region. With them the compressed filter's
-# map is wrong from the first update on. Compare them with the chapter,
-# line by line, then mend them.
+# These five lines keep the records of a region at an update. With them the compressed filter's
+# map is wrong from the first update on. Compare them with (B), (C) and (D) of
+# [the chapter](../16_uav_local_range.ipynb#the-algorithm-the-compressed-ekf), line by line, then
+# mend them.
 
 
 # %% tags=["exercise"]
 def note_update(
     Phi: Array, Psi: Array, theta: Array, H: Array, S: Array, v: Array, K: Array
 ) -> tuple[Array, Array, Array]:
-    """Book an update of the region for the rest of the map.
+    """Record an update of the region for the rest of the map.
 
     Parameters
     ----------
     Phi, Psi : ndarray, shape (n, n)
-        The accounts before the update.
+        The records before the update.
     theta : ndarray, shape (n,)
     H : ndarray, shape (m, n)
         Jacobian of the measurement by the region's state.
@@ -275,7 +320,7 @@ def note_update(
     Returns
     -------
     Phi, Psi, theta : tuple of ndarray
-        The accounts after it.
+        The records after it.
     """
     told = Phi.T @ H.T @ np.linalg.inv(S)
     Psi = Psi + told @ H @ Phi
@@ -297,7 +342,7 @@ def note_update(
 
 # %% [markdown] tags=["hint"]
 # By hand, with one number: $\Phi = 1$, $H = 1$, $S = 1.1$, $K = 1/1.1$. What does the chapter
-# book in $\Psi$?
+# add to $\Psi$?
 
 # %% [markdown] tags=["hint"]
 # $\Phi$ says how the region's state at the *entry* shows in its state *before* this update.
@@ -311,6 +356,36 @@ def _an_update(rng: np.random.Generator, n: int, m: int) -> Any:
     Phi, v = np.round(rng.normal(size=(n, n)), 2), np.round(rng.normal(size=m), 2)
     K = P @ H.T @ np.linalg.inv(S)
     return Phi, a_covariance(rng, n), np.round(rng.normal(size=n), 2), H, S, v, K
+
+
+def _note_update_drawn(ax: Any, function: Any) -> None:
+    """Draw a landmark outside the region, two standard deviations wide: at once, and delayed."""
+    from slamlab import plots
+
+    rng, n = np.random.default_rng(4), 3
+    P = a_covariance(rng, n + 1)
+    error = np.linalg.cholesky(P) @ rng.standard_normal(n + 1)
+    x, P_all, first = np.zeros(n + 1), P.copy(), P.copy()
+    Phi, Psi, theta = np.eye(n), np.zeros((n, n)), np.zeros(n)
+    at_once, delayed = [], []
+    for _ in range(12):
+        H = np.append(rng.standard_normal(n), 0.0)[None]
+        S = H @ P_all @ H.T + 0.09 * np.eye(1)
+        K, v = P_all @ H.T / S, H @ (error - x) + rng.normal(0, 0.3, 1)
+        came = function(Phi, Psi, theta, H[:, :n], S, v, K[:n])
+        Phi, Psi, theta = (np.asarray(one, float) for one in came)
+        x, P_all = x + K @ v, P_all - K @ H @ P_all
+        P_ba = first[n:, :n]
+        variance = (first[n:, n:] - P_ba @ Psi @ P_ba.T).item()
+        at_once.append([x[n], np.sqrt(P_all[n, n])])
+        delayed.append([(P_ba @ theta).item(), np.sqrt(max(variance, 0.0))])
+    for found, kind in ((at_once, "truth"), (delayed, "estimate")):
+        middle, sigma = np.array(found).T
+        ax.plot(middle, **plots.line_style(kind))
+        for side in (-2, 2):
+            ax.plot(middle + side * sigma, color=plots.COLOURS[kind], lw=0.8)
+    ax.axhline(error[n], color="0.5", ls=":")
+    ax.set(xlabel="observations in the region", ylabel="a landmark outside (m)")
 
 
 check_note_update = Check(
@@ -331,6 +406,7 @@ check_note_update = Check(
         "a region of five numbers": _an_update(5, 2),
     },
     tolerance=1e-8,
+    picture=_note_update_drawn,
 )
 
 
@@ -342,16 +418,16 @@ def _phi_first(
 
 
 check_note_update.mistakes = {
-    "Psi and theta need the Phi from before the update: book them first": lambda *a: (
+    "Psi and theta need the Phi from before the update: do these first": lambda *a: (
         a[0] - a[6] @ a[3] @ a[0],
         *_phi_first(*a),
     ),
-    "only theta was booked with the Phi from after the update": lambda *a: (
+    "only theta was summed with the Phi from after the update": lambda *a: (
         *note_update(*a)[:2],
         _phi_first(*a)[1],
     ),
-    "the information stands in the frame of the entry: Phi^T is missing": "Phi.T @ H.T => H.T",
-    "the accounts add up: what was booked before is gone": lambda *a: note_update(
+    "the information is about the state at the entry: Phi^T is missing": "Phi.T @ H.T => H.T",
+    "Psi and theta are sums: what was in them before is gone": lambda *a: note_update(
         a[0], 0 * a[1], 0 * a[2], *a[3:]
     ),
     "Phi <- (I - K H) Phi: here Phi stands on the other side": (
@@ -364,24 +440,29 @@ check_note_update.mistakes = {
     "Phi starts anew here: what happened before this update is lost": (
         "Phi = Phi - K @ H @ Phi => Phi = np.eye(len(Phi)) - K @ H"
     ),
+    "the Phi that came in is used nowhere: as if each update were the first": lambda *a: (
+        note_update(np.eye(len(a[0])), *a[1:])
+    ),
+    "Psi grows: what is observed adds information": "Psi + told @ H @ Phi => Psi - told @ H @ Phi",
 }
 
 # %% [markdown] tags=["solution"]
 # ## Solution 3: a bug to find
 #
-# $\Phi$ was moved on before it was used. What this update tells about the state at the entry goes
-# through the $\Phi$ of the moment *before* it. With one number: $\Psi$ must become $1/1.1 =
+# $\Phi$ was updated before it was used. What this update says about the state at the entry goes
+# through the $\Phi$ from *before* it. With one number: $\Psi$ must become $1/1.1 =
 # 0.91$; with $\Phi = 1 - 1/1.1$ it became 0.0075, as if next to nothing had been measured.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: the size of a region
 #
-# Write (A) of the chapter as a function of many radii, and let it choose. With $N_a = 2\rho\pi
-# R^2$ numbers in the region (never more than the map's $N = 2n$), $m = 2\rho\pi r^2$ told by a
-# look, $D = R - r$ and $k = 2\rho(2rD + \pi r^2)$ told by a region (never more than $N_a$),
+# Write (A) of [page 16b](../16b_uav_local_range.ipynb#how-large-should-the-region-be) as a
+# function of many radii, and let it choose. With $N_a = 2\rho\pi R^2$ numbers in the region
+# (never more than the map's $N = 2n$), $m = 2\rho\pi r^2$ in an observation, $D = R - r$ and
+# $k = 2\rho(2rD + \pi r^2)$ observed in a region (never more than $N_a$),
 #
 # $$
-# C(R) = 3 m N_a^2 + \Big(\tfrac12 k N^2 + N_a^2 N\Big)\frac{s}{D} .
+# C(R) = 2 m N_a^2 + \Big(\tfrac12 k N^2 + N_a^2 N\Big)\frac{s}{D} .
 # $$
 
 
@@ -415,7 +496,7 @@ def region_cost(
     inside = np.minimum(2 * density * np.pi * R**2, N)
     told = np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)
     settle = 0.5 * told * N**2 + inside**2 * N
-    cost = 3 * m * inside**2 + settle * stride / drive
+    cost = 2 * m * inside**2 + settle * stride / drive
     return cost, R[np.argmin(cost)]
 
 
@@ -441,6 +522,21 @@ def _radii(rng: np.random.Generator) -> Any:
     )
 
 
+def _region_cost_drawn(ax: Any, function: Any) -> None:
+    """Draw the products of three maps against the radius, full filter = 1, and the best radii."""
+    from slamlab import plots
+
+    R = np.linspace(21.0, 90.0, 70)
+    for n, style in ((196, ":"), (576, "-"), (1024, "--")):
+        cost, best = function(R, n, 0.01, 20.0, 2.0)
+        share = np.asarray(cost, float) / (0.5 * 8 * np.pi * (2 * n) ** 2)
+        ax.plot(R, np.minimum(share, 1.6), ls=style, color=plots.COLOURS["estimate"])
+        at = float(best)
+        ax.plot(at, np.interp(at, R, share), "o", color=plots.COLOURS["estimate"])
+    ax.axhline(1, **plots.line_style("truth"))
+    ax.set(xlabel="radius of the region (m)", ylabel="products, full filter = 1", ylim=(0, 1.6))
+
+
 check_region_cost = Check(
     region_cost,
     "cost, best",
@@ -451,6 +547,7 @@ check_region_cost = Check(
         "a slow aircraft over dense trees": ([12.0, 15.0, 19.0, 30.0], 900, 0.04, 10.0, 0.5),
         "any field": _radii,
     },
+    picture=_region_cost_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -458,27 +555,37 @@ check_region_cost.mistakes = {
     "a region is left after R - r, not after R": (
         "settle * stride / drive => settle * stride / R"
     ),
-    "a settlement comes every D / s steps: divide by D / s": (
+    "a region is left every D / s steps: divide by D / s": (
         "settle * stride / drive => settle * drive / stride"
     ),
-    "settlements are paid at every step here": "settle * stride / drive => settle",
+    "a region is left at every step here: divide by D / s": "settle * stride / drive => settle",
     "a landmark has two numbers": (
         "N, m, drive = 2 * n, 2 * density => N, m, drive = n, density",
         "np.minimum(2 * density * np.pi => np.minimum(density * np.pi",
         "np.minimum(2 * density * (2 => np.minimum(density * (2",
+    ),
+    "the map holds N = 2 n numbers": "N, m, drive = 2 * n, => N, m, drive = n,",
+    "of the symmetric P_bb one triangle is enough: k N^2 / 2": "0.5 * told => told",
+    "P_aa and Psi are symmetric, one triangle is enough of each: 2 m N_a^2": (
+        "2 * m * inside**2 => 3 * m * inside**2"
+    ),
+    "the area of a circle has a factor pi": (
+        "2 * density * np.pi * reach**2 => 2 * density * reach**2",
+        "2 * density * np.pi * R**2 => 2 * density * R**2",
+        "+ np.pi * reach**2 => + reach**2",
     ),
     "this is the most expensive radius": "argmin => argmax",
     "this is the place of the best radius in the list: expected the radius itself": (
         "R[np.argmin(cost)] => np.argmin(cost)"
     ),
     "this is the smallest cost: expected its radius": "R[np.argmin(cost)] => cost.min()",
-    "settling costs nothing here": (
+    "leaving a region costs nothing here": (
         "settle = 0.5 * told * N**2 + inside**2 * N => settle = 0 * told"
     ),
-    "only P_bb was settled: P_ab takes N_a^2 N": " + inside**2 * N => ",
-    "only P_ab was settled: P_bb takes k N^2 / 2": "0.5 * told * N**2 +  => ",
-    "a local step costs something too": "3 * m * inside**2 +  => ",
-    "a region tells of no more numbers than it holds": (
+    "only P_bb is brought up to date: P_ab takes N_a^2 N": " + inside**2 * N => ",
+    "only P_ab is brought up to date: P_bb takes k N^2 / 2": "0.5 * told * N**2 +  => ",
+    "a local step costs something too": "2 * m * inside**2 +  => ",
+    "in a region no more numbers are observed than it holds": (
         "np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)"
         " => 2 * density * (2 * reach * drive + np.pi * reach**2)"
     ),
@@ -491,8 +598,8 @@ check_region_cost.mistakes = {
 # ## Solution 4: the size of a region
 
 # %% [markdown] tags=["solution"]
-# Whoever lets a region last $R$ metres instead of $R - r$ finds the smallest region the best, and
-# has a filter that sees beyond its edge from the first metre on:
+# If a region lasts $R$ metres instead of $R - r$, the smallest region seems the best, and the
+# filter sees beyond its edge from the first metre on:
 
 # %% active="ipynb" tags=["solution"]
 # def lasts_too_long(R, n, density, reach, stride):
@@ -501,7 +608,7 @@ check_region_cost.mistakes = {
 #     ring = 2 * reach * (R - reach) + np.pi * reach**2
 #     told = np.minimum(2 * density * ring, inside)
 #     settle = 0.5 * told * N**2 + inside**2 * N
-#     cost = 3 * m * inside**2 + settle * stride / R
+#     cost = 2 * m * inside**2 + settle * stride / R
 #     return cost, R[np.argmin(cost)]
 #
 # check_region_cost(lasts_too_long)
@@ -581,6 +688,21 @@ def _of_unit_length(fundamental: Function, first: Array, second: Array) -> Any:
     return F * np.sign(F.flat[np.abs(F).argmax()])
 
 
+def _fundamental_drawn(ax: Any, function: Any) -> None:
+    """Draw the points of the second picture and the line on which each should be."""
+    from slamlab import plots
+
+    first, second = _two_pictures(40, 0.5)(np.random.default_rng(8))
+    F = np.asarray(function(first, second), float)
+    edge = np.array([0.0, 640.0])
+    for a, b, c in (F @ np.append(point, 1.0) for point in first[:8]):
+        line = np.clip(-(a * edge + c) / b, -200, 700)
+        ax.plot(edge, line, color=plots.COLOURS["estimate"], lw=1)
+    ax.plot(*second[:8].T, "o", mfc="none", color=plots.COLOURS["truth"])
+    ax.set_aspect("equal")
+    ax.set(xlim=(0, 640), ylim=(480, 0), xlabel="u (pixels)", ylabel="v (pixels)")
+
+
 check_fundamental = Check(
     fundamental,
     "F of unit length, pictures one wide",
@@ -593,6 +715,7 @@ check_fundamental = Check(
     tolerance=1e-6,
     draws=4,
     use=_of_unit_length,
+    picture=_fundamental_drawn,
 )
 
 
@@ -623,6 +746,13 @@ check_fundamental.mistakes = {
     ),
     "the smallest |A f| has the last singular vector, not the first": "[2][-1] => [2][0]",
     "a mean distance of sqrt 2, not of 2": "np.sqrt(2) => 2",
+    "T'^T F T: the transforms themselves, not their inverses": (
+        "T_there.T @ U => np.linalg.inv(T_there).T @ U",
+        "@ Vt @ T => @ Vt @ np.linalg.inv(T)",
+    ),
+    "all pairs count, not the first eight alone": lambda first, second: fundamental(
+        first[:8], second[:8]
+    ),
 }
 
 # %% [markdown] tags=["solution"]
@@ -630,7 +760,7 @@ check_fundamental.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Without step 3 the epipolar lines do not meet in one point, and no camera belongs to this $F$.
-# Without noise nobody notices:
+# Without noise it makes no difference:
 
 # %% active="ipynb" tags=["solution"]
 # def rank_three(first, second):

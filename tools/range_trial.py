@@ -1,0 +1,65 @@
+"""Ranges over twenty fields of trees: chapter 16b's stored trial.
+
+python tools/range_trial.py      (some minutes)
+
+Writes slamlab/datasets/data/range_trial.json, which `slamlab.datasets.range_trial_runs` reads.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from slamlab import datasets
+from slamlab.evaluation import nees, run
+from slamlab.robots import Unicycle
+from slamlab.sensors import PointSensor
+from slamlab.simulation import FIELD_SENSOR, field_flights
+from slamlab.slam import AdaptiveRange, EKFSlamBatch
+
+STORED = Path(datasets.__file__).parent / "data" / "range_trial.json"
+SEEDS = tuple(range(1, 21))
+FAR = PointSensor(FIELD_SENSOR.cov, max_range=40.0)
+LAW = {"n_target": 5, "min_range": 8.0, "max_range": 40.0}
+
+
+def fixed(metres):
+    return {"min_range": metres, "max_range": metres}
+
+
+# Field: the share of trees felled on its right half, and the ranges to compare there. The fixed
+# range comes first; it sees as many trees on average as the law does.
+FIELDS = {
+    "clearing": (
+        0.75,
+        {"fixed, 20 m": fixed(20.0), "law, 5 wanted": LAW, "fixed, 40 m": fixed(40.0)},
+    ),
+    "even": (0.0, {"fixed, 14 m": fixed(14.0), "law, 5 wanted": LAW}),
+}
+
+
+def one(field, name, seed, n_runs=50):
+    """Trees seen at once, position error (m) and NEES at the end, of flights over one field."""
+    felled, ranges = FIELDS[field]
+    flights = field_flights(n_runs, np.random.default_rng(seed), FAR, felled=felled)
+    filters = EKFSlamBatch(Unicycle(), FAR, flights.truth[0], n_landmarks=len(flights.landmarks))
+    result = run(AdaptiveRange(filters, **ranges[name]), flights, record=("n_seen",))
+    off = (result.poses - result.truth)[..., :2]
+    return {
+        "seen": round(float(np.mean(result.recorded["n_seen"])), 3),
+        "error": round(float(np.sqrt((off**2).sum(-1).mean())), 4),
+        "nees": round(float(nees(result)[-1].mean()), 3),
+    }
+
+
+def main():
+    found = {}
+    for field, (_, ranges) in FIELDS.items():
+        found[field] = {name: [one(field, name, seed) for seed in SEEDS] for name in ranges}
+        for name, rows in found[field].items():
+            print(field, name, {key: np.mean([row[key] for row in rows]) for key in rows[0]})
+    STORED.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
