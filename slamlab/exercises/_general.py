@@ -161,11 +161,13 @@ def _of_argument(reference: Function, k: int, wrong: Function) -> Function:
 
 
 def _turns(came: Any, due: Any) -> bool:
-    """Say whether all differences are full turns."""
+    """Say whether all differences are full turns, and one at least is a turn or more."""
     both = pairs(came, due)
     if isinstance(both, str) or any(a.shape != b.shape for a, b in both):
         return False
     with np.errstate(invalid="ignore"):  # inf less inf is no turn
+        if not any((np.abs(a - b) > np.pi).any() for a, b in both):
+            return False
         turns = [(a - b + np.pi) % (2 * np.pi) for a, b in both]
     return all(np.allclose(turn, np.pi, atol=1e-6) for turn in turns)
 
