@@ -68,7 +68,7 @@ def test_p5_2_2_the_likeliest_topology_is_found_by_one_run_from_a_fair_start():
     assert np.sort(costs)[1] > 10 * min(costs)
 
 
-def test_p5_2_2_from_a_drifted_start_the_likeliest_may_be_the_wrong_one():
+def test_p5_2_2_from_a_poor_start_the_choice_may_be_the_wrong_one():
     rng = np.random.default_rng(1)
     walk = manhattan_graph(200, 230, rng, sigma_heading=0.1).graph
     chosen = np.flatnonzero(walk.closures)[::3]

@@ -9,7 +9,6 @@ from slamlab.exercises import Check
 # Arguments that take fewer values, each with the number; the list may only become shorter.
 FEWER = {
     ("ch01.check_update", "sees_door"): 2,  # a door or a wall: there is no third
-    ("ch13.check_widths", "town"): 2,  # a town takes a second, and both are tried
 }
 
 
