@@ -46,6 +46,7 @@ LOOPS = [
     ((12.0, 8.0), "penetration", 200),
     ((24.0, 16.0), "matching", 10),
     ((24.0, 16.0), "matching", 30),
+    ((24.0, 16.0), "matching", 200),
     ((24.0, 16.0), "penetration", 30),
     ((24.0, 16.0), "penetration", 200),
     ((24.0, 16.0), "penetration", 1000),

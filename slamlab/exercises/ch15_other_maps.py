@@ -416,7 +416,8 @@ def _survivors_drawn(ax: Any, function: Any) -> None:
     y = np.array([0.0, 1, -1, 1.5, 0.5, -1, 2, 1.2, -1, 0.3])
     for node in range(1, len(parents)):
         ax.plot(x[[node, parents[node]]], y[[node, parents[node]]], color="0.6", zorder=0)
-    left = np.asarray(function(parents, particles), bool)
+    stays = function(parents, particles)
+    left = np.array([bool(stays[node]) for node in range(len(parents))])
     ax.plot(x, y, "o", mfc="white", mec="0.4", ms=11)
     ax.plot(x[left], y[left], "o", ms=11, label="stays")
     ax.plot(x[particles] + 0.25, y[particles], "k<", ms=6, label="particle")
