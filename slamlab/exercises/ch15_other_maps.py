@@ -517,7 +517,8 @@ def weights(alpha: Array, beta: Array, cells: Ints, heights: Array, width: float
             squares = np.sum((z - z.mean()) ** 2)
             log_weights[i] += math.lgamma(a + half) - math.lgamma(a) + a * np.log(b)
             log_weights[i] -= (a + half) * np.log(b + squares / 2)
-            log_weights[i] -= half * np.log(2 * np.pi) + np.log(len(z)) / 2 + np.log(width)
+            log_weights[i] -= half * np.log(2 * np.pi) + np.log(len(z)) / 2
+            log_weights[i] -= np.log(width)
     result = np.exp(log_weights - log_weights.max())
     return result / result.sum()
 
@@ -641,9 +642,9 @@ check_weights.mistakes = {
         " + np.log(len(z)) / 2 => "
     ),
     "each cell costs ln L: without it the weights change with the unit of length": (
-        " + np.log(width) => "
+        "log_weights[i] -= np.log(width) => pass"
     ),
-    "each cell lowers the logarithm by ln L": " + np.log(width) =>  - np.log(width)",
+    "each cell lowers the logarithm by ln L": "-= np.log(width) => += np.log(width)",
     "the normal density has 2 pi: - nu / 2 ln(2 pi) is missing, and nu differs": (
         "half * np.log(2 * np.pi) +  => "
     ),
