@@ -20,6 +20,7 @@ from slamlab.exercises import ch11_data_association as ch11
 from slamlab.exercises import ch12_fastslam as ch12
 from slamlab.exercises import ch13_pose_graphs as ch13
 from slamlab.exercises import ch14_scan_matching_and_hector as ch14
+from slamlab.exercises import ch15_other_maps as ch15
 from slamlab.exercises import ch17_the_way_home as ch17
 from slamlab.exercises import ch18_exploration as ch18
 from slamlab.exercises import ch19_autocorrelation_localization as ch19
@@ -40,6 +41,7 @@ MODULES = (
     ch12,
     ch13,
     ch14,
+    ch15,
     ch17,
     ch18,
     ch19,
@@ -155,6 +157,11 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch14.check_slope, lambda cells, x, y: ch14.slope(cells, x, y)[::-1]),
         (ch14.check_block_bound, lambda cells, width: ch14.block_bound(cells, 1)),
         (ch14.check_icp, lambda reference, normals, points, guess: guess),
+        (ch15.check_gamma_update, lambda a, b, z: ch15.gamma_update(a, b, np.append(z, 0.0))),
+        (ch15.check_beam_ends, lambda hits, metres, side: 1 - np.exp(-hits / metres * side)),
+        (ch15.check_look_up, lambda parents, entries, node, cell: entries[node, cell]),
+        (ch15.check_survivors, lambda parents, particles: parents >= 0),
+        (ch15.check_weights, lambda a, b, c, z, L: ch15.weights(a, b, c[::-1], z, L)),
         (ch17.check_fit, lambda t, p: np.polynomial.polynomial.polyfit((t - t[0]) / 4, p, 3)),
         (ch17.check_loop, lambda c: (0.2, 0.8)),
         (ch17.check_steer, lambda pose, *a: ch17.steer(pose * [1, 1, -1], *a)),
@@ -221,6 +228,7 @@ def test_a_number_is_told_where_an_array_is_expected(check):
         ch12.check_weight,
         ch13.check_weight,
         ch13.check_widths,
+        ch15.check_look_up,
     )
     told = [t for t in texts(check.draw(lambda *arguments: 7)) if t.startswith("cannot be drawn")]
     assert len(told) == (check not in numbers)
