@@ -1,7 +1,8 @@
-"""Measure grid FastSLAM on two real logs, ten drives each: the stored tables of chapter 15.
+"""Measure grid FastSLAM on two real logs and two corridors: the stored tables of chapter 15.
 
 SLAMLAB_DATA=FOLDER python tools/grid_table.py [SEEDS [ROW ...]]      (a minute a row; the folder
 holds the two "corrected" logs of the Radish archive, csail and freiburg-101; rows count from 0)
+python tools/grid_table.py loops [SEEDS [ROW ...]]      (half an hour; corridors, no folder)
 """
 
 import os
@@ -17,7 +18,7 @@ from slamlab.evaluation import ate, run
 from slamlab.filters.particle import lineage
 from slamlab.geometry import wrap_angle
 from slamlab.matching import LikelihoodGrid, match_correlative
-from slamlab.simulation import drifted
+from slamlab.simulation import drifted, ring_laps
 from slamlab.slam import GridFastSlam
 from slamlab.slam._grid_maps import EMPTY
 
@@ -36,6 +37,36 @@ ROWS = [
     ("csail", 30, 1.0, 0.0, True),
     ("freiburg-101", 30, 1.0, 0.0, False),
 ]
+
+# Corridors: size (m), model, particles.
+LOOPS = [
+    ((12.0, 8.0), "matching", 10),
+    ((12.0, 8.0), "matching", 30),
+    ((12.0, 8.0), "penetration", 30),
+    ((12.0, 8.0), "penetration", 200),
+    ((24.0, 16.0), "matching", 10),
+    ((24.0, 16.0), "matching", 30),
+    ((24.0, 16.0), "matching", 200),
+    ((24.0, 16.0), "penetration", 30),
+    ((24.0, 16.0), "penetration", 200),
+    ((24.0, 16.0), "penetration", 1000),
+]
+
+
+def loop(size, model, n, seed):
+    """Return how far off its place a drive ends, and its path error (m)."""
+    log = ring_laps(size, np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    result = run(GridFastSlam(log.scan, log.truth[0], n, model=model, rng=rng), log)
+    return np.hypot(*(result.poses[-1] - log.truth[-1])[:2]), ate(result).rmse
+
+
+def loops(seeds=10, *rows):
+    """Print both errors of every drive."""
+    for size, model, n in [LOOPS[row] for row in rows] or LOOPS:
+        for seed in range(1, seeds + 1):
+            end, path = loop(size, model, n, seed)
+            print(f"{size} {model} {n} seed {seed}: end {end:.3f}, path {path:.3f}", flush=True)
 
 
 def read(name):
@@ -114,4 +145,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == ["loops"]:
+        loops(*(int(word) for word in sys.argv[2:]))
+    else:
+        main()

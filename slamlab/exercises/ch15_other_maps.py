@@ -20,15 +20,14 @@ __all__ = [
 
 
 # %% [markdown] tags=["chapter"]
-# # Exercises 15: two other answers to "what is a map?"
+# # Exercises 15: two other maps
 #
 # Five functions, from a cell that learns how rough it is to particles that are weighed by the
-# ground under them; the chapter is [Two other answers to "what is a
-# map?"](../15_other_maps.ipynb). Replace each `...` and run the check below it as often as you
-# like.
+# ground under them; the chapter is [Two other maps](../15_other_maps.ipynb). Replace each `...`
+# and run the check below it as often as you like; each check draws what your function gives.
 
 # %% [markdown] tags=["solution"]
-# # Solutions 15: two other answers to "what is a map?"
+# # Solutions 15: two other maps
 #
 # The exercises are in [Exercises 15](../exercises/15_other_maps.ipynb).
 
@@ -79,7 +78,19 @@ def gamma_update(alpha: float, beta: float, heights: Array) -> Any:
 # $\tau^{\alpha - 1}\,\tau^{\nu/2}$ has the shape $\alpha + \nu/2$, and $e^{-\beta\tau}\,e^{-\tau
 # S/2}$ the rate $\beta + S/2$.
 
+
 # %% tags=["cases"]
+def _gamma_update_drawn(ax: Any, function: Any) -> None:
+    """Draw the belief about the precision after three heights, and after five from 5 m up."""
+    tau = np.linspace(0.5, 500.0, 200)  # 1/m^2
+    for heights, style in (([0.0, 0.1, 0.2], "-"), ([5.0, 5.1, 5.2, 5.1, 5.0], "--")):
+        alpha, beta = (float(number) for number in function(1.0, 0.001, np.array(heights)))
+        log_p = (alpha - 1) * np.log(tau) - beta * tau
+        ax.plot(tau, np.exp(log_p - log_p.max()), style, label=f"heights from {heights[0]:.0f} m")
+    ax.legend(fontsize=8)
+    ax.set(xlabel="precision (1/m²)", ylabel="density / largest")
+
+
 check_gamma_update = Check(
     gamma_update,
     "alpha, beta",
@@ -93,6 +104,7 @@ check_gamma_update = Check(
             np.round(rng.normal(0.4, 0.2, rng.integers(2, 9)), 2),
         ),
     },
+    picture=_gamma_update_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -104,6 +116,9 @@ check_gamma_update.mistakes = {
     "s^2 was taken over n, and nu is n - 1": "** 2) / 2 => ** 2) / 2 * nu / (nu + 1)",
     "heights scatter about their mean, not about zero": ("heights - heights.mean() => heights"),
     "the squares are missing": ") ** 2) / 2 => )) / 2",
+    "alpha grows by nu / 2 and beta by the squares / 2: both halves are missing": (
+        lambda alpha, beta, z: (alpha + len(z) - 1, beta + np.sum((z - z.mean()) ** 2))
+    ),
 }
 
 # %% [markdown] tags=["solution"]
@@ -115,7 +130,7 @@ check_gamma_update.mistakes = {
 # is a gamma density again.
 
 # %% [markdown] tags=["solution"]
-# Whoever takes the heights about zero has a map that knows how high the robot stood:
+# With heights about zero the map depends on how high the robot stood:
 
 # %% active="ipynb" tags=["solution"]
 # def about_zero(alpha, beta, heights):
@@ -126,7 +141,9 @@ check_gamma_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: where a beam ends
 #
-# A laser beam crosses a row of cells. Each stops it with the chance (B) of the chapter.
+# A laser beam crosses a row of cells. Each stops it with the chance (B) of the [second
+# page](../15b_other_maps.ipynb), $1 - e^{-(h/d)\,l}$: $h$ hits, $d$ metres travelled in the cell
+# so far, $l$ the way of this beam in it. In which cell does the beam end?
 
 
 # %% tags=["exercise"]
@@ -154,7 +171,18 @@ def beam_ends(hits: Array, metres: Array, side: float) -> Array:
 # %% active="ipynb" tags=["try"]
 # beam_ends(np.array([0.0, 3.0, 40.0]), np.array([2.0, 2.0, 2.0]), 0.1)
 
+
 # %% tags=["cases"]
+def _beam_ends_drawn(ax: Any, function: Any) -> None:
+    """Draw the chances of a beam that meets a bush, then a wall."""
+    hits, metres = np.array([0.0, 0, 3, 0, 0, 40, 40, 9]), np.array([2.0, 2, 2, 1, 3, 2, 1, 2])
+    ax.step(0.05 + 0.1 * np.arange(8), function(hits, metres, 0.1), where="mid")
+    ax.plot([0.25, 0.55], [0.0, 0.0], "ks", ms=5)
+    ax.annotate("bush", (0.25, 0.05), ha="center", fontsize=9)
+    ax.annotate("wall", (0.55, 0.05), ha="right", fontsize=9)
+    ax.set(xlabel="along the beam (m)", ylabel="chance to end here", ylim=(-0.05, 1))
+
+
 check_beam_ends = Check(
     beam_ends,
     "chance",
@@ -168,6 +196,7 @@ check_beam_ends = Check(
             np.round(rng.uniform(0.05, 0.5), 2),
         ),
     },
+    picture=_beam_ends_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -187,6 +216,9 @@ check_beam_ends.mistakes = {
     "1 - exp(-x), not x: a cell cannot stop more than all": (
         "1 - np.exp(-hits / metres * side) => hits / metres * side"
     ),
+    "the first cell is the nearest: the product runs from the first cell to the last": (
+        lambda hits, metres, side: beam_ends(hits[::-1], metres[::-1], side)[::-1]
+    ),
     "this is the chance to pass a cell: 1 minus it": (
         "stop = 1 - np.exp(-hits / metres * side) => stop = np.exp(-hits / metres * side)"
     ),
@@ -196,8 +228,8 @@ check_beam_ends.mistakes = {
 # ## Solution 2: where a beam ends
 
 # %% [markdown] tags=["solution"]
-# In front of the first cell stands nothing, so its factor is 1. Without the product every cell
-# would be lit as if the wall before it were air.
+# There is nothing in front of the first cell, so its factor is 1. Without the product every cell
+# is reached as if the wall before it were air.
 
 # %% [markdown] tags=["statement"]
 # <details><summary>Hint</summary>
@@ -209,7 +241,7 @@ check_beam_ends.mistakes = {
 #
 # ## Exercise 3: a bug to find
 #
-# This function asks a node, then its parent, and so on. It was used for a month before somebody
+# This function asks a node, then its parent, and so on. It was used for a month before it was
 # noticed that parts of the oldest map were missing. Find the mistake and mend it.
 
 
@@ -260,6 +292,21 @@ def _a_tree(rng: np.random.Generator) -> Any:
 _NONE = float("nan")
 
 
+def _look_up_drawn(ax: Any, function: Any) -> None:
+    """Draw what each node of a small tree reads in each cell; white is NaN."""
+    parents = np.array([-1, 0, 0, 1, 1, 2])
+    entries = np.full((6, 8), _NONE)
+    entries[0, :5], entries[1, 3:6], entries[2, 5:], entries[3, 0], entries[5, 6] = 1, 2, 3, 0, 4
+    seen = [[float(function(parents, entries, n, c)) for c in range(8)] for n in range(6)]
+    ax.imshow(np.array(seen), cmap="viridis", vmin=0, vmax=4, aspect="auto")
+    for node, row in enumerate(seen):
+        for cell, value in enumerate(row):
+            word = "" if np.isnan(value) else f"{value:.0f}"
+            ax.text(cell, node, word, color="white" if value < 3 else "black", ha="center")
+    ax.grid(False)
+    ax.set(xlabel="cell", ylabel="node")
+
+
 check_look_up = Check(
     look_up,
     "entry",
@@ -267,10 +314,11 @@ check_look_up = Check(
         "its own entry": ([-1, 0], [[4.0], [5.0]], 1, 0),
         "the root's entry, two steps up": ([-1, 0, 1], [[4.0], [_NONE], [_NONE]], 2, 0),
         "an entry of 0 is an entry": ([-1, 0], [[4.0], [0.0]], 1, 0),
-        "nobody has one": ([-1, 0], [[_NONE], [_NONE]], 1, 0),
+        "no node has one": ([-1, 0], [[_NONE], [_NONE]], 1, 0),
         "any tree, any node": _a_tree,
     },
     draws=20,
+    picture=_look_up_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -285,11 +333,11 @@ check_look_up.mistakes = {
         "while node >= 0: => node = parents[node]\n    while node >= 0:"
     ),
     "the youngest entry wins: this is the oldest": lambda p, e, node, c: _oldest(p, e, node, c),
-    "0 is a number that somebody wrote; NaN is no entry": (
+    "0 is a number like others; NaN is no entry": (
         "if not np.isnan(entries[node, cell]):"
         " => if not np.isnan(entries[node, cell]) and entries[node, cell]:"
     ),
-    "what nobody has seen is NaN": 'float("nan") => 0.0',
+    "what no node has seen is NaN": 'float("nan") => 0.0',
     "one step up is not enough: go on to the root": (
         "while node >= 0 => for node in [n for n in (node, parents[node]) if n >= 0]"
     ),
@@ -361,6 +409,22 @@ def _a_family(rng: np.random.Generator) -> Any:
     return parents, np.sort(some)
 
 
+def _survivors_drawn(ax: Any, function: Any) -> None:
+    """Draw a small tree: nodes that stay are filled."""
+    parents, particles = np.array([-1, 0, 0, 1, 1, 2, 3, 3, 5, 4]), np.array([6, 7, 8])
+    x = np.array([0.0, 1, 1, 2, 2, 2, 3, 3, 3, 3])
+    y = np.array([0.0, 1, -1, 1.5, 0.5, -1, 2, 1.2, -1, 0.3])
+    for node in range(1, len(parents)):
+        ax.plot(x[[node, parents[node]]], y[[node, parents[node]]], color="0.6", zorder=0)
+    stays = function(parents, particles)
+    left = np.array([bool(stays[node]) for node in range(len(parents))])
+    ax.plot(x, y, "o", mfc="white", mec="0.4", ms=11)
+    ax.plot(x[left], y[left], "o", ms=11, label="stays")
+    ax.plot(x[particles] + 0.25, y[particles], "k<", ms=6, label="particle")
+    ax.legend(fontsize=8, loc="lower left")
+    ax.set(xlim=(-0.4, 3.6), ylim=(-1.6, 2.4), xlabel="generation")
+
+
 check_survivors = Check(
     survivors,
     "left",
@@ -371,6 +435,7 @@ check_survivors = Check(
         "any tree": _a_family,
     },
     draws=20,
+    picture=_survivors_drawn,
 )
 
 
@@ -419,11 +484,13 @@ check_survivors.mistakes = {
 # ## Exercise 5: assemble the weights of Gamma-SLAM
 #
 # Every particle stands elsewhere, so it sorts the same heights into other cells of its own map.
-# Weigh them all by (F) of the chapter, the density of the heights, and normalise.
+# Weigh them all by (F) of the [chapter](../15_other_maps.ipynb), the density of the heights, and
+# normalise. The unknown mean of each cell lies anywhere within a width $L$, so each cell that
+# holds a height costs $\ln L$: then the weights are the same in metres and in centimetres.
 
 
 # %% tags=["exercise"]
-def weights(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
+def weights(alpha: Array, beta: Array, cells: Ints, heights: Array, width: float) -> Array:
     """Weights of particles.
 
     Parameters
@@ -434,6 +501,8 @@ def weights(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
         Cell into which each particle sorts each height.
     heights : ndarray, shape (n,)
         (m)
+    width : float
+        L, in the unit of the heights.
 
     Returns
     -------
@@ -449,21 +518,22 @@ def weights(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
             log_weights[i] += math.lgamma(a + half) - math.lgamma(a) + a * np.log(b)
             log_weights[i] -= (a + half) * np.log(b + squares / 2)
             log_weights[i] -= half * np.log(2 * np.pi) + np.log(len(z)) / 2
+            log_weights[i] -= np.log(width)
     result = np.exp(log_weights - log_weights.max())
     return result / result.sum()
 
 
 # %% active="ipynb" tags=["try"]
 # weights(np.ones((2, 2)), np.ones((2, 2)), np.array([[0, 0, 1], [0, 1, 1]]),
-#         np.array([0.1, 0.2, 0.4]))
+#         np.array([0.1, 0.2, 0.4]), 1.0)
 
 # %% [markdown] tags=["hint"]
 # Two loops: over particles, and over `np.unique(cells[i])`. The heights of a cell are
 # `heights[cells[i] == c]`.
 
 # %% [markdown] tags=["hint"]
-# `math.lgamma` is $\ln\Gamma$. A cell with one height adds nothing: with $\nu = 0$ every term is
-# zero.
+# `math.lgamma` is $\ln\Gamma$. In a cell with one height $\nu = 0$ and $S = 0$: all terms are zero
+# but $-\ln L$.
 
 # %% [markdown] tags=["hint"]
 # Logarithms of -5000 are too small for `exp`. The largest of them may be taken off all before.
@@ -478,7 +548,33 @@ def _particles(rng: np.random.Generator, n_particles: int, size: float) -> Any:
         np.round(rng.uniform(0.01, 0.5, (n_particles, 4)), 3),
         rng.integers(0, 4, (n_particles, n)),
         np.round(rng.normal(0, size, n), 3),
+        float(np.round(rng.uniform(0.1, 4.0), 1)),
     )
+
+
+_TWO_PLACES: tuple[Any, ...] = (
+    np.array([[2.0, 3.0], [2.0, 3.0]]),
+    np.array([[0.1, 0.2], [0.1, 0.2]]),
+    np.array([[0, 0, 0, 0], [0, 1, 1, 1]]),
+    np.array([0.1, 0.3, -0.2, 0.25]),
+    0.5,
+)
+
+
+def _weights_drawn(ax: Any, function: Any) -> None:
+    """Draw the weights of particles that stand to either side of the true place."""
+    aside, side = np.linspace(-0.6, 0.6, 61), 0.25
+    rng = np.random.default_rng(3)
+    x = rng.uniform(0.0, 4.0, 120)
+    rough = np.where(np.floor(x / side) % 3 == 0, 0.09, 0.02)
+    heights = rough * rng.standard_normal(120)
+    scatter = np.where(np.arange(-4, 20) % 3 == 0, 0.09, 0.02)
+    alpha = np.full((len(aside), 24), 20.0)
+    cells = np.floor((x + aside[:, None]) / side).astype(int) + 4
+    w = np.asarray(function(alpha, alpha * scatter**2, cells, heights, 1.0), float)
+    ax.plot(100 * aside, np.log10(np.maximum(w, 1e-60)))
+    ax.axvline(0.0, color="0.5", lw=1)
+    ax.set(xlabel="particle stands aside by (cm)", ylabel="log10 of its weight")
 
 
 check_weights = Check(
@@ -490,12 +586,22 @@ check_weights = Check(
             [[0.1, 0.2], [0.05, 0.3]],
             [[0, 0, 1, 1], [0, 0, 1, 1]],
             [0.1, 0.3, -0.2, 0.25],
+            1.0,
         ),
         "the same maps, different cells": (
             [[2.0, 3.0], [2.0, 3.0]],
             [[0.1, 0.2], [0.1, 0.2]],
             [[0, 0, 1, 1], [0, 1, 1, 1]],
             [0.1, 0.3, -0.2, 0.25],
+            1.0,
+        ),
+        "one cell against two": _TWO_PLACES,
+        "the same in centimetres": (
+            _TWO_PLACES[0],
+            1e4 * _TWO_PLACES[1],
+            _TWO_PLACES[2],
+            100 * _TWO_PLACES[3],
+            50.0,
         ),
         "any particles": _particles(3, 0.2),
         "a picture so unlikely that exp gives 0": (
@@ -503,14 +609,16 @@ check_weights = Check(
             [[0.1, 0.1], [0.001, 0.001]],
             np.tile(np.arange(240) % 2, (2, 1)),
             np.linspace(-400.0, 500.0, 240),
+            2.0,
         ),
     },
     tolerance=1e-7,
+    picture=_weights_drawn,
 )
 
 
 # %% tags=["mistakes"]
-def _variances(alpha: Array, beta: Array, cells: Ints, heights: Array) -> Array:
+def _variances(alpha: Array, beta: Array, cells: Ints, heights: Array, width: float) -> Array:
     """Return the weights by (E): the density of the sample variances of two or more heights."""
     log_weights = np.zeros(len(cells))
     for i in range(len(cells)):
@@ -533,6 +641,10 @@ check_weights.mistakes = {
     "how many heights fell into a cell counts too: the term - ln(n) / 2 is missing": (
         " + np.log(len(z)) / 2 => "
     ),
+    "each cell costs ln L: without it the weights change with the unit of length": (
+        "log_weights[i] -= np.log(width) => pass"
+    ),
+    "each cell lowers the logarithm by ln L": "-= np.log(width) => += np.log(width)",
     "the normal density has 2 pi: - nu / 2 ln(2 pi) is missing, and nu differs": (
         "half * np.log(2 * np.pi) +  => "
     ),
@@ -557,11 +669,12 @@ check_weights.mistakes = {
 # ## Solution 5: assemble the weights of Gamma-SLAM
 
 # %% [markdown] tags=["solution"]
-# The density of the sample variances, (E), is right as a density. It passes where all particles
-# have the same cells, and fails where they have not:
+# Without $\ln L$ the particle with one cell and the particle with two get different weights in
+# metres and in centimetres. And the density of the sample variances, (E), is right as a density.
+# It passes where all particles have the same cells, and fails where they have not:
 
 # %% active="ipynb" tags=["solution"]
-# def by_variances(alpha, beta, cells, heights):
+# def by_variances(alpha, beta, cells, heights, width):
 #     log_weights = np.zeros(len(cells))
 #     for i in range(len(cells)):
 #         for c in np.unique(cells[i]):

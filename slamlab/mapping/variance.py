@@ -34,10 +34,10 @@ def log_density(
 ) -> Array:
     """Log density of what a cell will show, before it is measured.
 
-    The heights are normal around a mean that may be anything (flat over a metre), with precision
-    tau ~ Gamma(alpha, beta). Then their sample variance s2 has an F distribution:
-    alpha s2 / beta ~ F(nu, 2 alpha). And the heights themselves a Student distribution of
-    2 alpha degrees of freedom.
+    The heights are normal with precision tau ~ Gamma(alpha, beta), around a mean that is equally
+    likely anywhere within a width L = 1 m: each cell costs ln L, which is 0 in metres. Then their
+    sample variance s2 has an F distribution: alpha s2 / beta ~ F(nu, 2 alpha). And the heights
+    themselves a Student distribution of 2 alpha degrees of freedom.
 
     Parameters
     ----------
@@ -205,13 +205,16 @@ class VarianceGrid(_CellMap):
 class HeightGrid(_CellMap):
     """How high each cell lies: its mean height, normal, with heights that scatter by `sigma`.
 
+    A camera that leans sees other heights; `level` makes up for that.
+
     Parameters
     ----------
     grid : Grid
     sigma : float, default 0.03
         Standard deviation of the heights in a cell (m).
-    sway : float, default 0.0
-        Standard deviation (m) by which a whole picture may lie too high or too low in a cell.
+    level : bool, default False
+        Take a plane off each picture before it is weighed or added: the rise, pitch and roll of
+        the camera that fit the map best, by weighted least squares.
     prior : float, default 1.0
         Standard deviation (m) of the height of a cell that nobody saw, around 0.
 
@@ -234,23 +237,39 @@ class HeightGrid(_CellMap):
     """
 
     def __init__(
-        self, grid: Grid, sigma: float = 0.03, sway: float = 0.0, prior: float = 1.0
+        self, grid: Grid, sigma: float = 0.03, level: bool = False, prior: float = 1.0
     ) -> None:
         super().__init__(grid)
         self._sigma2 = as_scalar("sigma", sigma, 1e-9, 1e9) ** 2
-        self._sway2 = as_scalar("sway", sway, 0.0, 1e9) ** 2
+        self._level = bool(level)
         self.mean = np.zeros(grid.shape)
         self.var = np.full(grid.shape, as_scalar("prior", prior, 1e-9, 1e9) ** 2)
 
     def log_likelihood(self, pose: ArrayLike, points: ArrayLike, heights: ArrayLike) -> float:
         """Log density of the mean heights of a picture; as `VarianceGrid.log_likelihood`."""
         where, n, mean, _ = self._gathered(pose, points, heights, 1)
-        S = self.var[where] + self._sigma2 / n + self._sway2
-        return float(-0.5 * ((mean - self.mean[where]) ** 2 / S + np.log(2 * np.pi * S)).sum())
+        S = self.var[where] + self._sigma2 / n
+        gap = self._gap(where, mean, S)
+        return float(-0.5 * (gap**2 / S + np.log(2 * np.pi * S)).sum())
 
     def insert(self, pose: ArrayLike, points: ArrayLike, heights: ArrayLike) -> None:
         """Take a picture in: a Kalman filter of one number in each cell."""
         where, n, mean, _ = self._gathered(pose, points, heights, 1)
-        gain = self.var[where] / (self.var[where] + self._sigma2 / n + self._sway2)
-        self.mean[where] += gain * (mean - self.mean[where])
+        S = self.var[where] + self._sigma2 / n
+        gain = self.var[where] / S
+        self.mean[where] += gain * self._gap(where, mean, S)
         self.var[where] *= 1 - gain
+
+    def _gap(
+        self, where: tuple[NDArray[np.intp], NDArray[np.intp]], mean: Array, S: Array
+    ) -> Array:
+        """Mean heights of a picture less those of the map, without the plane between the two."""
+        gap = mean - self.mean[where]
+        if not self._level or not len(gap):
+            return np.asarray(gap)
+        # rise, and slopes along x and y: min sum (gap - A p)^2 / S
+        row, column = (np.asarray(index, float) for index in where)
+        A = np.stack([np.ones_like(row), row - row.mean(), column - column.mean()], -1)
+        weight = 1 / np.sqrt(S)
+        plane = np.linalg.lstsq(A * weight[:, None], gap * weight, rcond=None)[0]
+        return np.asarray(gap - A @ plane)

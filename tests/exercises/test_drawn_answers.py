@@ -20,6 +20,7 @@ from slamlab.exercises import ch11_data_association as ch11
 from slamlab.exercises import ch12_fastslam as ch12
 from slamlab.exercises import ch13_pose_graphs as ch13
 from slamlab.exercises import ch14_scan_matching_and_hector as ch14
+from slamlab.exercises import ch15_other_maps as ch15
 from slamlab.exercises import ch16_uav_local_range as ch16
 from slamlab.exercises import ch17_the_way_home as ch17
 from slamlab.exercises import ch18_exploration as ch18
@@ -41,6 +42,7 @@ MODULES = (
     ch12,
     ch13,
     ch14,
+    ch15,
     ch16,
     ch17,
     ch18,
@@ -157,6 +159,11 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch14.check_slope, lambda cells, x, y: ch14.slope(cells, x, y)[::-1]),
         (ch14.check_block_bound, lambda cells, width: ch14.block_bound(cells, 1)),
         (ch14.check_icp, lambda reference, normals, points, guess: guess),
+        (ch15.check_gamma_update, lambda a, b, z: ch15.gamma_update(a, b, np.append(z, 0.0))),
+        (ch15.check_beam_ends, lambda hits, metres, side: 1 - np.exp(-hits / metres * side)),
+        (ch15.check_look_up, lambda parents, entries, node, cell: entries[node, cell]),
+        (ch15.check_survivors, lambda parents, particles: parents >= 0),
+        (ch15.check_weights, lambda a, b, c, z, L: ch15.weights(a, b, c[::-1], z, L)),
         (ch16.check_level, lambda z, roll, pitch: ch16.level(z, roll, -pitch)),
         (ch16.check_next_range, lambda r, n, w, a, b: ch16.next_range(r, n, 0.5 * w, a, b)),
         (ch16.check_note_update, lambda *a: (*ch16.note_update(*a)[:2], a[2])),
@@ -228,6 +235,7 @@ def test_a_number_is_told_where_an_array_is_expected(check):
         ch12.check_weight,
         ch13.check_weight,
         ch13.check_widths,
+        ch15.check_look_up,
         ch16.check_next_range,
     )
     told = [t for t in texts(check.draw(lambda *arguments: 7)) if t.startswith("cannot be drawn")]

@@ -179,18 +179,23 @@ def test_tilt_and_jumps_do_not_reach_the_variances_and_do_reach_the_heights():
     assert cost_of_sway[1] > 5 * cost_of_a_cell[1] > 0
 
 
-def test_a_height_map_that_is_told_of_the_sway_keeps_its_head_and_loses_its_eyes():
+def test_a_height_map_that_takes_the_plane_off_does_not_mind_a_camera_that_leans():
     _, pictures = drawn()
-    sharp, told = HeightGrid(Grid((72, 72), 0.25)), HeightGrid(Grid((72, 72), 0.25), sway=0.1)
+    plain, level = HeightGrid(Grid((72, 72), 0.25)), HeightGrid(Grid((72, 72), 0.25), level=True)
     pose, points, heights = pictures[0]
-    costs = []
-    for one in (sharp, told):
+    leaning = heights + 0.05 + np.tan(np.deg2rad(1.0)) * points[:, 0]
+    for one, kept in ((plain, False), (level, True)):
         one.insert(pose, points, heights)
-        level, aside = (
-            one.log_likelihood(pose + [dx, 0, 0], points, heights) for dx in (0.0, 0.25)
-        )
-        costs.append(level - aside)
-    assert costs[0] > 5 * costs[1] > 0
+        fits = [one.log_likelihood(pose, points, z) for z in (heights, leaning)]
+        aside = one.log_likelihood(pose + [0.25, 0, 0], points, heights)
+        assert (fits[0] - fits[1] < 0.01 * (fits[0] - aside)) == kept
+    before = level.mean.copy()
+    level.insert(pose, points, leaning)
+    assert np.abs(level.mean - before).max() < 0.01
+    plain.insert(pose, points, leaning)
+    assert np.abs(plain.mean - before).max() > 0.02
+    # A picture that shows nothing has no plane.
+    assert level.log_likelihood(pose, points[:0], heights[:0]) == 0.0
 
 
 def test_a_height_map_is_a_kalman_filter_of_one_number():
