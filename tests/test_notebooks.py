@@ -49,6 +49,7 @@ LESSONS = {
     "14",
     "18",
     "19",
+    "20",
 }
 NOTEBOOKS = sorted((ROOT / "notebooks").rglob("*.ipynb"))
 NOTEBOOKS = [path for path in NOTEBOOKS if ".ipynb_checkpoints" not in path.parts]
