@@ -51,6 +51,7 @@ LESSONS = {
     "16",
     "18",
     "19",
+    "20",
 }
 NOTEBOOKS = sorted((ROOT / "notebooks").rglob("*.ipynb"))
 NOTEBOOKS = [path for path in NOTEBOOKS if ".ipynb_checkpoints" not in path.parts]

@@ -91,7 +91,7 @@ TITLES = {
     "ground": "Rough ground, two rounds of 63 m in all, simulated: heights from a stereo rig",
     "freiburg-101": "Freiburg, building 101: real scans, odometry made worse (seed 1)",
     "csail": "MIT CSAIL: real scans, odometry made worse (seed 1)",
-    "killian": "MIT Killian Court: real scans; no truth, so the relations of the benchmark decide",
+    "killian": "MIT Killian Court: real scans, scan-matched odometry; no truth: relations decide",
 }
 PEERS = {"points": "EKF-SLAM", "ground": "dead reckoning"}  # whose time is 1; else scan matching
 

@@ -97,6 +97,18 @@ def _drive(n: int) -> Any:
     return lambda rng: (a_pose(rng), np.round(rng.uniform(-1.5, 1.5, (n, 3)), 2))
 
 
+def _path_drawn(ax: Any, function: Any) -> None:
+    """Draw a drive round a bent ring, with its headings."""
+    from slamlab import plots
+
+    legs = np.tile([[1.0, 0.0, 0.7], [0.8, 0.2, -0.1], [1.0, -0.1, 0.5]], (6, 1))
+    path = np.asarray(function(np.array([1.0, 2.0, 0.4]), legs), float)
+    plots.path(ax, path, marker="o", markersize=3)
+    for x, y, theta in path:
+        ax.plot([x, x + 0.4 * np.cos(theta)], [y, y + 0.4 * np.sin(theta)], color="black", lw=1)
+    plots.floor(ax)
+
+
 check_dead_reckoning = Check(
     dead_reckoning,
     "poses",
@@ -109,6 +121,7 @@ check_dead_reckoning = Check(
         "turn and drive": _drive(3),
         "a long way": _drive(12),
     },
+    picture=_path_drawn,
 )
 
 
@@ -227,6 +240,23 @@ def _perfect(rng: np.random.Generator) -> Any:
     return i, j, between(i, j)
 
 
+def _error_drawn(ax: Any, function: Any) -> None:
+    """Draw the error of position for poses on a circle, and the error of the heading as ticks."""
+    from slamlab import plots
+
+    pose, z = np.array([1.0, 2.0, 0.5]), np.array([1.1, -0.4, 0.7])
+    errors = []
+    for angle in np.linspace(-np.pi, np.pi, 37):
+        other = np.array([3.0 + 0.8 * np.cos(angle), 2.0 + 0.8 * np.sin(angle), 1.0 + angle])
+        errors.append(np.asarray(function(pose, other, z), float).reshape(3))
+    found = np.array(errors)
+    plots.path(ax, found[:, :2], marker="o", markersize=3)
+    for x, y, theta in found:
+        ax.plot([x, x], [y, y + 0.1 * theta], color=plots.COLOURS["dead_reckoning"], lw=1)
+    ax.plot(0, 0, "+", color=plots.COLOURS["truth"], markersize=10)
+    ax.set(xlabel="error ahead (m); ticks: heading", ylabel="error to the left (m)")
+
+
 check_edge_error = Check(
     edge_error,
     "error",
@@ -247,6 +277,7 @@ check_edge_error = Check(
         "the measurement turns": ([1.0, 2.0, 0.5], [2.5, 2.2, 1.4], [1.1, -0.4, 0.7]),
         "a general pair of poses": _edge,
     },
+    picture=_error_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -354,7 +385,20 @@ def edge_jacobian(pose_i: Array, pose_j: Array, z: Array) -> Array:
 # -\sin\theta & \cos\theta\end{bmatrix}$ entry by entry, multiply by $t_j - t_i$, then turn by
 # $R_z^\top$.
 
+
 # %% tags=["cases"]
+def _jacobian_drawn(ax: Any, function: Any) -> None:
+    """Draw the nine derivatives: red positive, blue negative."""
+    pose, other = np.array([1.0, 2.0, 0.5]), np.array([2.5, 2.9, 1.4])
+    J = np.asarray(function(pose, other, np.array([1.1, -0.4, 0.7])), float).reshape(3, 3)
+    ax.imshow(J, cmap="RdBu_r", vmin=-1.8, vmax=1.8)
+    for (row, column), value in np.ndenumerate(J):
+        ax.plot(column, row, "_" if value < 0 else "+", color="black", markersize=8)
+    ax.set_xticks([0, 1, 2], ["x", "y", "heading"])
+    ax.set_yticks([0, 1, 2], ["ahead", "left", "turn"])
+    ax.set(xlabel="moved: of pose i", ylabel="error")
+
+
 check_edge_jacobian = Check(
     edge_jacobian,
     "J",
@@ -366,6 +410,7 @@ check_edge_jacobian = Check(
         "a general pair of poses": _edge,
     },
     tolerance=1e-4,
+    picture=_jacobian_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -538,6 +583,30 @@ def _two_readings(rng: np.random.Generator) -> Any:
     return poses, [(0, 1), (0, 1)], z, omega * np.array([1.0, 20.0])[:, None, None]
 
 
+def _loop() -> tuple[Array, Array, Ints, Array]:
+    """Return a true ring, its odometry, which turns too little, and closures with measurements."""
+    motions = np.tile([[1.0, 0.0, 2 * np.pi / 16]], (16, 1))
+    truth = dead_reckoning(np.zeros(3), motions)
+    pairs = np.array([[0, 16], [1, 15], [2, 9]])
+    z = np.array([between(truth[i], truth[j]) for i, j in pairs])
+    return truth, motions * [1.02, 1.0, 0.9], pairs, z
+
+
+def _relax_drawn(ax: Any, function: Any) -> None:
+    """Draw a ring by odometry and after one step with three closures."""
+    from slamlab import plots
+
+    truth, odometry, pairs, z = _loop()
+    start = dead_reckoning(np.zeros(3), odometry)
+    edges = np.vstack([np.column_stack([np.arange(16), np.arange(16) + 1]), pairs])
+    omega = np.array([np.diag([100.0, 100.0, 400.0])] * 16 + [1e4 * np.eye(3)] * 3)
+    new = np.asarray(function(start, edges, np.vstack([odometry, z]), omega), float)
+    plots.path(ax, truth, "truth")
+    plots.path(ax, start, "dead_reckoning")
+    plots.path(ax, new.reshape(17, 3), marker="o", markersize=3)
+    plots.floor(ax)
+
+
 check_relax = Check(
     relax,
     "poses",
@@ -561,6 +630,7 @@ check_relax = Check(
         ),
     },
     tolerance=1e-6,
+    picture=_relax_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -707,6 +777,19 @@ def _ride(rng: np.random.Generator, n: int, closures: int) -> Any:
     return truth[0], odometry, weight[0], np.reshape(pairs, (closures, 2)), z, weight[1]
 
 
+def _slam_drawn(ax: Any, function: Any) -> None:
+    """Draw a ring by odometry and as the map has it."""
+    from slamlab import plots
+
+    truth, odometry, pairs, z = _loop()
+    omega = np.diag([100.0, 100.0, 400.0])
+    poses, _ = function(np.zeros(3), odometry, omega, pairs, z, 1e4 * np.eye(3))
+    plots.path(ax, truth, "truth")
+    plots.path(ax, dead_reckoning(np.zeros(3), odometry), "dead_reckoning")
+    plots.path(ax, np.asarray(poses, float).reshape(17, 3), marker="o", markersize=3)
+    plots.floor(ax)
+
+
 check_slam = Check(
     slam,
     "poses, chi2",
@@ -718,6 +801,7 @@ check_slam = Check(
     },
     tolerance=1e-6,
     draws=3,
+    picture=_slam_drawn,
 )
 
 # %% tags=["mistakes"]

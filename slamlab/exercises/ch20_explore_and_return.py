@@ -83,6 +83,32 @@ def _steps(rng: np.random.Generator) -> Any:
     return (np.round(rng.uniform(-1, 1, (rng.integers(2, 6), 3)), 2),)
 
 
+def _retraced_drawn(ax: Any, function: Any) -> None:
+    """Draw a way out with its headings, and where the motions lead from its end."""
+    from slamlab import plots
+
+    out = np.array([[1.0, 0.0, 0.5], [1.0, 0.2, 0.9], [0.8, 0.0, -0.6], [0.6, -0.3, 0.3]])
+    ways = {"truth": (np.zeros(3), out)}
+    end = np.zeros(3)
+    for step in out:
+        end = compose(end, step)
+    ways["estimate"] = (end, np.asarray(function(out), float).reshape(-1, 3))
+    for kind, (pose, steps) in ways.items():
+        poses = [pose]
+        for step in steps:
+            poses.append(compose(poses[-1], step))
+        path = np.array(poses)
+        plots.path(ax, path, kind, marker="o", markersize=4)
+        for x, y, theta in path:
+            ax.plot(
+                [x, x + 0.3 * np.cos(theta)],
+                [y, y + 0.3 * np.sin(theta)],
+                color=plots.COLOURS[kind],
+                linewidth=3 if kind == "truth" else 1.5,
+            )
+    plots.floor(ax)
+
+
 check_retraced = Check(
     retraced,
     "steps",
@@ -92,6 +118,7 @@ check_retraced = Check(
         "an arc": ([[1.0, 0.3, 0.6]],),
         "any way out": _steps,
     },
+    picture=_retraced_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -105,6 +132,9 @@ check_retraced.mistakes = {
     ),
     "these are motions back tail first with the nose turning on": "-turn => turn",
     "these are the motions of the way out, in another order": lambda p: p[::-1],
+    "this robot has made half a turn first: tail first means that it has not": (
+        "-c * x - s * y, s * x - c * y => c * x + s * y, -s * x + c * y"
+    ),
 }
 
 # %% [markdown] tags=["solution"]
@@ -155,6 +185,21 @@ def _journey(rng: np.random.Generator) -> Any:
     return tuple(np.round(rng.uniform([5, 1, 20, 1], [60, 40, 90, 2]), 1).tolist())
 
 
+def _turn_drawn(ax: Any, function: Any) -> None:
+    """Draw for which journeys the robot turns back, with 50 m in all and a reserve of 1.3."""
+    from slamlab import plots
+
+    for driven in np.linspace(0.0, 50.0, 16):
+        for home in np.linspace(0.0, 40.0, 11):
+            back = float(function(driven, home, 50.0, 1.3)) > 0.5
+            kind, marker = ("dead_reckoning", "x") if back else ("estimate", "o")
+            shape = {"marker": marker, "markersize": 6 if back else 3}
+            ax.plot([driven, driven], [home, home], color=plots.COLOURS[kind], **shape)
+            if back:
+                ax.plot([driven, driven], [home, home - 1.2], color=plots.COLOURS[kind], lw=1)
+    ax.set(xlabel="driven (m); x: turn back", ylabel="way home (m)")
+
+
 check_turn_back = Check(
     turn_back,
     "turn",
@@ -166,6 +211,7 @@ check_turn_back = Check(
         "any journey": _journey,
     },
     draws=30,
+    picture=_turn_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -252,6 +298,30 @@ def _graph(rng: np.random.Generator) -> Any:
     return np.round(rng.uniform(-4, 4, (n, 2)), 2), rng.integers(0, 4, n), before, after
 
 
+def _relaid_drawn(ax: Any, function: Any) -> None:
+    """Draw two walls as noted from two nodes, the nodes before and after, and the walls moved."""
+    from slamlab import plots
+
+    before = np.array([[0.0, 0.0, 0.2], [3.0, 0.5, 0.0]])
+    after = np.array([[0.1, -0.2, -0.1], [3.1, -0.7, -0.6]])
+    side = np.linspace(-1.0, 1.5, 9)
+    seen = np.concatenate([np.stack([side, np.full(9, 1.0)], -1)] * 2)
+    nodes = np.repeat([0, 1], 9)
+    noted = transform(before[nodes], seen[:, None])[:, 0]
+    moved = np.asarray(function(noted, nodes, before, after), float)
+    ax.plot(*noted.T, ".", color=plots.COLOURS["wrong"], markersize=4)
+    ax.plot(*moved.T, "o", color=plots.COLOURS["estimate"], markersize=5, mfc="none")
+    for poses, kind in ((before, "wrong"), (after, "truth")):
+        for x, y, theta in poses:
+            ax.plot(x, y, "s", color=plots.COLOURS[kind], markersize=5)
+            ax.plot(
+                [x, x + 0.5 * np.cos(theta)],
+                [y, y + 0.5 * np.sin(theta)],
+                color=plots.COLOURS[kind],
+            )
+    plots.floor(ax)
+
+
 check_relaid = Check(
     relaid,
     "points",
@@ -261,6 +331,7 @@ check_relaid = Check(
         "a node was turned": ([[1.0, 0.0]], [0], [[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.5]]),
         "any graph": _graph,
     },
+    picture=_relaid_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -327,6 +398,21 @@ def _ends(rng: np.random.Generator) -> Any:
     return np.round(errors, 3), covs
 
 
+def _inside_drawn(ax: Any, function: Any) -> None:
+    """Draw the share inside for covariances of many sizes; right ones hold 95 %."""
+    from slamlab import plots
+
+    rng = np.random.default_rng(3)
+    covs = np.array([a_covariance(rng, 2) for _ in range(200)])
+    unit = rng.normal(size=(200, 2, 1))
+    errors = (np.linalg.cholesky(covs) @ unit)[..., 0]
+    sizes = np.linspace(0.3, 2.0, 18)
+    shares = [float(function(errors, f**2 * covs)) for f in sizes]
+    ax.plot([0.3, 2.0], [0.95, 0.95], ":", color=plots.COLOURS["truth"])
+    ax.plot(sizes, shares, "o-", color=plots.COLOURS["estimate"], markersize=4)
+    ax.set(xlabel="ellipse, in sizes of the right one", ylabel="share inside")
+
+
 check_inside = Check(
     inside,
     "share",
@@ -336,6 +422,7 @@ check_inside = Check(
         "any ends": _ends,
     },
     draws=12,
+    picture=_inside_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -356,6 +443,11 @@ check_inside.mistakes = {
         "np.log(0.05) => np.log(0.95)"
     ),
     "this is the share outside": lambda e, P: 1 - inside(e, P),
+    "this is a count: a share lies between 0 and 1": lambda e, P: inside(e, P) * len(e),
+    "this is in per cent: a share lies between 0 and 1": lambda e, P: inside(e, P) * 100,
+    "1.96 sigma for each axis is a rectangle, and holds another share": lambda e, P: float(
+        np.mean((np.abs(e) < 1.96 * np.sqrt(np.diagonal(P, axis1=1, axis2=2))).all(-1))
+    ),
 }
 
 # %% [markdown] tags=["solution"]
@@ -415,6 +507,24 @@ def _trials(rng: np.random.Generator) -> Any:
     return int(rng.integers(0, runs + 1)), runs
 
 
+def _least_drawn(ax: Any, function: Any) -> None:
+    """Draw the lower end for each count of ten and of thirty runs, and the share itself."""
+    from slamlab import plots
+
+    ax.plot([0, 1], [0, 1], ":", color=plots.COLOURS["truth"])
+    for runs, marker in ((10, "o"), (30, ".")):
+        least = [float(function(k, runs)) for k in range(runs + 1)]
+        ax.plot(
+            np.arange(runs + 1) / runs,
+            least,
+            marker + "-",
+            color=plots.COLOURS["estimate"],
+            markersize=5,
+            lw=1,
+        )
+    ax.set(xlabel="share seen (o: of 10, dots: of 30)", ylabel="share of all, at least")
+
+
 check_least_share = Check(
     least_share,
     "share",
@@ -425,6 +535,7 @@ check_least_share = Check(
         "any count": _trials,
     },
     draws=12,
+    picture=_least_drawn,
 )
 
 # %% tags=["mistakes"]
@@ -434,6 +545,7 @@ check_least_share.mistakes = {
     "p - z sqrt(p (1 - p) / n) says that three of three prove everything": lambda k, n: float(
         k / n - 1.96 * np.sqrt(k / n * (1 - k / n) / n)
     ),
+    "z = 1.645 leaves 5 % at this end alone; the 95 % here have 2.5 % at each": "1.96 => 1.645",
     "the last division is missing": " / (1 + z**2 / runs) => ",
     "the root needs z^2 / (4 n^2), not z^2 / (4 n)": "(4 * runs**2) => (4 * runs)",
 }

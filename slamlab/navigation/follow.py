@@ -324,6 +324,9 @@ class ReturnPilot:
         Of the path memory (m).
     max_speed : float, default 0.5
         (m/s).
+    cut_loops : bool, default True
+        Drive the way without its loops, which P3 cuts out. Wheels undo their systematic errors
+        only on the whole way.
 
     Attributes
     ----------
@@ -363,7 +366,9 @@ class ReturnPilot:
         smoother: Smoother | None = None,
         tolerance: float = 0.05,
         max_speed: float = 0.5,
+        cut_loops: bool = True,
     ) -> None:
+        self._accuracy = 1e-4 if cut_loops else None
         self._way = np.asarray(as_array("path", path, ("n", "k")))[:, :2].copy()
         self._guard, self._lidar, self._past = guard, lidar, smoother
         self._tolerance = as_scalar("tolerance", tolerance, 1e-6, 1e3)
@@ -401,7 +406,9 @@ class ReturnPilot:
         return u
 
     def _lay(self) -> None:
-        self.memory = PathMemory.from_points(self._way, self._tolerance, max_step=1e3)
+        self.memory = PathMemory.from_points(
+            self._way, self._tolerance, loop_accuracy=self._accuracy, max_step=1e3
+        )
         self._s = np.asarray(self.memory.length)
 
     def _revise(self, pose: Array) -> None:

@@ -1,7 +1,7 @@
 """Out into an unknown building and back to the marked start: the experiment of chapter 20.
 
 Newman, Leonard, Tardos and Neira, ICRA 2002, showed a robot that explores and comes home; P2 names
-it as what SLAM is for, P3 brings a robot home without a map. One way out, three ways back.
+it among its examples, P3 brings a robot home without a map. One way out, three ways back.
 """
 
 from __future__ import annotations

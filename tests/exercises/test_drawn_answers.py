@@ -6,6 +6,7 @@ import pytest
 
 mpl.use("Agg")
 
+from slamlab.exercises import ch00_slam_in_ten_minutes as ch00
 from slamlab.exercises import ch01_bayes_filter as ch01
 from slamlab.exercises import ch02_kalman_filter as ch02
 from slamlab.exercises import ch03_extended_kalman_filter as ch03
@@ -25,9 +26,11 @@ from slamlab.exercises import ch16_uav_local_range as ch16
 from slamlab.exercises import ch17_the_way_home as ch17
 from slamlab.exercises import ch18_exploration as ch18
 from slamlab.exercises import ch19_autocorrelation_localization as ch19
+from slamlab.exercises import ch20_explore_and_return as ch20
 from slamlab.exercises._report import Check
 
 MODULES = (
+    ch00,
     ch01,
     ch02,
     ch03,
@@ -47,6 +50,7 @@ MODULES = (
     ch17,
     ch18,
     ch19,
+    ch20,
 )
 PICTURES = [
     (module, name)
@@ -90,6 +94,11 @@ def test_the_right_answer_looks_as_it_should(check):
 @pytest.mark.parametrize(
     ("check", "wrong"),
     [
+        (ch00.check_dead_reckoning, lambda start, u: np.cumsum(np.vstack([start, u]), 0)),
+        (ch00.check_edge_error, lambda i, j, z: ch00.between(i, j) - z),
+        (ch00.check_edge_jacobian, lambda i, j, z: ch00.edge_jacobian(i, j, z).T),
+        (ch00.check_relax, lambda poses, edges, z, omega: poses),
+        (ch00.check_slam, lambda start, u, w, *rest: (ch00.dead_reckoning(start, u), 0.0)),
         (ch01.check_predict, lambda b, *p: np.roll(b, 1)),
         (ch01.check_update, lambda b, doors, *s: ch01.update(np.ones(12), doors, *s)),
         (ch01.check_looks_needed, lambda prior, p, goal: ch01.looks_needed(0.5, p, goal)),
@@ -186,6 +195,11 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch19.check_refined, lambda R: 2 * np.pi / len(R) * np.argmax(R)),
         (ch19.check_second_best, lambda p, m, gap: ch19.second_best(p, m, 0.0)),
         (ch19.check_locate, lambda p, s, scan, n, gap: ch19.locate(p, s, scan, 1, gap)),
+        (ch20.check_retraced, lambda steps: -steps[::-1]),
+        (ch20.check_turn_back, lambda driven, home, budget, r: r * (driven + home) >= budget),
+        (ch20.check_relaid, lambda p, n, before, after: p + (after - before)[n, :2]),
+        (ch20.check_inside, lambda e, P: ch20.inside(e, 5.99 / 3.84 * P)),
+        (ch20.check_least_share, lambda k, n: k / n),
         (ch.check_slam, lambda u, dt, V, z, ids, R: ch.slam(u, 2 * dt, V, z, ids, R)),
     ],
 )  # fmt: skip
@@ -237,6 +251,9 @@ def test_a_number_is_told_where_an_array_is_expected(check):
         ch13.check_widths,
         ch15.check_look_up,
         ch16.check_next_range,
+        ch20.check_turn_back,
+        ch20.check_inside,
+        ch20.check_least_share,
     )
     told = [t for t in texts(check.draw(lambda *arguments: 7)) if t.startswith("cannot be drawn")]
     assert len(told) == (check not in numbers)

@@ -119,6 +119,18 @@ def test_the_path_is_laid_anew_when_the_past_moves():
     np.testing.assert_allclose(log.truth[-1, :2], [2, 3.4], atol=0.05)
 
 
+def test_a_loop_of_the_way_is_driven_only_if_it_is_asked_for():
+    turn = np.linspace(0, 2 * np.pi, 41)[1:]
+    loop = np.stack([8 + np.sin(turn), 4 - np.cos(turn)], -1)
+    east = np.stack([np.linspace(2, 8, 40), np.full(40, 3.0)], -1)
+    way = np.vstack([east, loop, [8.3, 2.6], [8.4, 2.3]])
+    lengths = [
+        ReturnPilot(way, CollisionGuard(YOUBOT_BODY), LIDAR, cut_loops=cut).memory.length
+        for cut in (True, False)
+    ]
+    assert lengths[1] - lengths[0] > 5.0
+
+
 def test_the_floor_is_drawn_anew_when_the_past_moves():
     belief = Revised(at=30)
     pilot = CoveragePilot(YOUBOT_BODY, LIDAR, view_range=1.5, home=False, smoother=belief)
