@@ -231,12 +231,18 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("name", CHANGES)
-def test_a_damaged_file_is_refused_by_name(name, tmp_path):
-    path = tmp_path / "sessions.npz"
+@pytest.fixture(scope="module")
+def file_of_both(tmp_path_factory):
+    path = tmp_path_factory.mktemp("both") / "sessions.npz"
     of_both()[0].save(path)
+    return path
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_damaged_file_is_refused_by_name(name, file_of_both, tmp_path):
+    path = tmp_path / "sessions.npz"
     change, message = CHANGES[name]
-    with np.load(path) as kept:
+    with np.load(file_of_both) as kept:
         arrays = dict(kept)
     with np.errstate(all="ignore"):
         np.savez(path, **(arrays | {name: change(arrays[name])}))
