@@ -14,7 +14,7 @@ from slamlab.logs import Log, ScanGeometry
 from slamlab.mapping import OccupancyGrid
 from slamlab.navigation import Cubic, PathMemory
 from slamlab.sensors import Lidar
-from slamlab.slam import PoseGraph
+from slamlab.slam import PoseGraph, ScanGraphSlam, Sessions
 from slamlab.worlds import BitmapWorld, rooms
 
 SECONDS, MEGABYTES = 2.0, 300.0
@@ -61,6 +61,17 @@ def relations(path):
     path.write_text("\n".join(f"{k}.0 {k + 1}.0 1 0 0 0 0 0.1" for k in range(6)) + "\n")
 
 
+def sessions(path):
+    lidar = Lidar(60, max_range=5.0)
+    system, poses = ScanGraphSlam(lidar), [[1.5 + 0.3 * k, 1.5, 0.1 * k] for k in range(3)]
+    scans = lidar.scan(rooms.box_room(), poses)
+    for scan in scans:
+        system.update(scan)
+        system.predict([0.3, 0.0, 0.1], 1.0, 0.01 * np.eye(3))
+    log = Log(np.arange(3.0), np.zeros((3, 3)), 1.0, np.eye(3), ranges=scans, scan=lidar)
+    Sessions(system, log, "a.log").save(path)
+
+
 def image(path):
     from PIL import Image
 
@@ -84,6 +95,7 @@ READERS = {
     "relations": (relations, read_relations, 800),
     "image": (image, lambda p: BitmapWorld.from_file(p, 0.1), 500),
     "map of ROS": (ros_map, BitmapWorld.from_file, 300),
+    "map of drives": (sessions, lambda p: Sessions.load(p).graph(), 200),
     "signature map": (signature_map, SignatureMap.load, 60),
 }
 

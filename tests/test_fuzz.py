@@ -24,7 +24,7 @@ from slamlab.gaussian import Gaussian
 from slamlab.geometry import between
 from slamlab.grids import Grid
 from slamlab.localization import DeadReckoning
-from slamlab.logs import ScanGeometry
+from slamlab.logs import Log, ScanGeometry
 from slamlab.matching import LikelihoodGrid, PointsWithNormals
 from slamlab.models import View
 from slamlab.navigation import (
@@ -47,6 +47,7 @@ from slamlab.slam import (
     IncrementalGraph,
     PoseGraph,
     ScanGraphSlam,
+    Sessions,
 )
 from slamlab.widgets.sweep import Curves
 from slamlab.worlds import BitmapWorld, rooms
@@ -115,6 +116,7 @@ GOOD = {
 
 SENSOR, LIDAR = RangeBearing(0.1, 0.1), Lidar(24, max_range=5.0, sigma_range=0.01)
 ROOM = rooms.box_room()
+V3, EYE3 = 0.01 * np.eye(3), np.eye(3)
 TRACK = np.cumsum(np.random.default_rng(6).normal(size=(12, 3)) * [0.3, 0.3, 0.1], axis=0)
 
 
@@ -148,7 +150,10 @@ def made():
     grown.add_pose([1, 0, 0.1], np.eye(3))
     scans = ScanGraphSlam(LIDAR)
     scans.update(scan)
+    one_scan = Log([0.0], [[0, 0, 0]], 0.0, EYE3, ranges=scan[None], scan=LIDAR)
     return {
+        "one scan": one_scan,
+        "sessions": Sessions(scans, one_scan),
         "compressed": compressed,
         "fast": fast,
         "graph": graph,
@@ -184,6 +189,7 @@ INSTANCES = {
     "Log": MADE["logs"],
     "FastSlam": MADE["fast"],
     "ScanGraphSlam": MADE["scans"],
+    "Sessions": MADE["sessions"],
     "IncrementalGraph": MADE["grown"],
 }
 DROVE = record(
@@ -202,7 +208,6 @@ PIXELS = StereoOdometer().look([0, 0, 0], SPACE, np.random.default_rng(10))
 HALL = BitmapWorld(np.pad(np.zeros((30, 40)), 1, constant_values=1) > 0, 0.1)
 WALL = [[[0.0, 0.0], [4.0, 0.0]], [[4.0, 0.0], [4.0, 3.0]]]
 FOOT = [[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]]
-V3, EYE3 = 0.01 * np.eye(3), np.eye(3)
 GOOD |= (
     {
         "log": LOG,
@@ -329,6 +334,12 @@ GOOD |= (
         "SharedPages.own.slots": [0, 0],
         "where": [1, 0],
         "Log.u": TRACK,
+        "Sessions.system": MADE["scans"],
+        "Sessions.log": MADE["one scan"],
+        "Sessions.add.system": MADE["scans"],
+        "Sessions.add.log": MADE["one scan"],
+        "Sessions.add.name": "a.log",
+        "Sessions.check_lidar.log": MADE["one scan"],
         "Log.dt": 0.1 * np.ones(12),
         "Log.control_cov": V3,
         "SignatureMap.build.lidar": LIDAR,

@@ -132,7 +132,7 @@ class Sessions:
     >>> log = Log(range(9), u, [0] + [1] * 8, np.diag([1e-4, 1e-4, 1e-5]),
     ...           ranges=lidar.scan(rooms.office(), poses), scan=lidar)
     >>> Sessions(run(ScanGraphSlam(lidar), log).system, log)
-    Sessions(1 drive of 5 nodes, 0 closures, 0 drives wait)
+    Sessions(1 drive of 5 nodes, 0 closures, 0 waiting)
     """
 
     def __init__(self, system: ScanGraphSlam, log: Log, name: str = "") -> None:
@@ -146,7 +146,7 @@ class Sessions:
         n, nodes = len(self.drives), sum(len(one.nodes) for one in self.drives)
         count = sum(one.state == "confirmed" for one in self.closures)
         drives = "1 drive" if n == 1 else f"{n} drives"
-        wait = f"{len(self.waiting)} drives wait"
+        wait = f"{len(self.waiting)} waiting"
         return f"Sessions({drives} of {nodes} nodes, {count} closures, {wait})"
 
     def graph(self) -> PoseGraph:

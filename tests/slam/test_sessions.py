@@ -101,7 +101,7 @@ def test_a_drive_through_another_building_is_kept_beside_the_map(seed):
     tie = found.add(*other)
     assert tie.frame is None
     assert tie.places > 10
-    assert repr(found) == "Sessions(1 drive of 152 nodes, 6 closures, 1 drives wait)"
+    assert repr(found) == "Sessions(1 drive of 152 nodes, 6 closures, 1 waiting)"
     np.testing.assert_array_equal(paths(found), before)
     np.testing.assert_allclose(found.waiting[0].trajectory, other[0].trajectory, atol=1e-12)
 
