@@ -153,7 +153,9 @@ def outcome(read, use, path):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_wrong_array_in_a_sound_archive_is_refused_or_does_no_harm(name, tmp_path):
+def test_a_wrong_array_in_a_sound_archive_is_refused_or_does_no_harm(
+    name, tmp_path, record_property
+):
     write, read, use = FORMATS[name]
     path = tmp_path / "file.npz"
     write(path)
@@ -170,6 +172,7 @@ def test_a_wrong_array_in_a_sound_archive_is_refused_or_does_no_harm(name, tmp_p
             with_it = {k: v for k, v in arrays.items() if v is not None}
             np.savez(path, **with_it)
             found[key, what] = outcome(read, use, path)
+    record_property("files", len(found))
     bad = {k: v for k, v in found.items() if v not in ("refused", "of use")}
     assert bad == {}
     assert list(found.values()).count("refused") > 0.3 * len(found)

@@ -610,6 +610,9 @@ def tried(function, arguments, finite):
     return "a silent NaN" if finite and has_nan(result) else None
 
 
+CALLS = {"bad": 0, "dressed": 0}
+
+
 def complaints(name, function):
     kinds = {p.kind for p in inspect.signature(function).parameters.values()}
     if not kinds - {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}:
@@ -634,6 +637,7 @@ def complaints(name, function):
             finite = "nan" not in label and label != "inf" and not has_nan(usual)
             finite &= not name.startswith(MAY_BE_NAN)
             wrong = tried(function, spoilt, finite)
+            CALLS["bad"] += 1
             if wrong:
                 yield f"{name}({parameter}={label}): {wrong}"
 
@@ -676,10 +680,94 @@ def test_nearly_all_that_is_public_is_tried():
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_bad_arguments_are_refused_with_a_sentence(name):
+def test_bad_arguments_are_refused_with_a_sentence(name, record_property):
+    before = CALLS["bad"]
     target = TARGETS[name]
     found = list(complaints(name, target))
     if inspect.isclass(target):
         for method, bound in methods(name, target):
             found += complaints(method, bound)
+    record_property("calls", CALLS["bad"] - before)
+    assert found == []
+
+
+# The same numbers in other clothes; a column of every second number is not contiguous.
+DRESSES = {
+    "list": lambda a: a.tolist(),
+    "tuple": lambda a: tuple(a.tolist()),
+    "other byte order": lambda a: a.astype(a.dtype.newbyteorder("S")),
+    "read only": lambda a: frozen(a),
+    "by columns": lambda a: np.asfortranarray(a),
+    "every second": lambda a: np.repeat(a, 2, axis=-1)[..., ::2],
+    "long": lambda a: a.astype(np.longdouble) if a.dtype.kind == "f" else a.astype(np.int64),
+    "objects": lambda a: a.astype(object),
+}
+
+
+def frozen(a):
+    copied_ = a.copy()
+    copied_.setflags(write=False)
+    return copied_
+
+
+def numbers_of(value, depth=3):
+    """All numbers of an answer, in order."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+        return [value.astype(float).ravel()]
+    if isinstance(value, float | int | np.number):
+        return [np.array([float(value)])]
+    if isinstance(value, tuple | list):
+        return [x for part in value for x in numbers_of(part, depth)]
+    parts = getattr(value, "__dict__", {}) if depth else {}
+    return [x for part in parts.values() for x in numbers_of(part, depth - 1)]
+
+
+def answer(function, arguments):
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        return numbers_of(function(**copied(arguments)))
+
+
+def changed_by_dress(name, function):
+    """In which clothes the same numbers give another answer, or are refused."""
+    kinds = {p.kind for p in inspect.signature(function).parameters.values()}
+    if not kinds - {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}:
+        return
+    arguments = good(name, function)
+    if arguments is None:
+        return
+    try:
+        usual = answer(function, arguments)
+    except ValueError:
+        return
+    for parameter, value in arguments.items():
+        try:
+            plain = np.asarray(value)
+        except ValueError:
+            continue
+        if isinstance(value, str) or plain.dtype.kind not in "fi" or plain.ndim == 0:
+            continue
+        for label, dress in DRESSES.items():
+            CALLS["dressed"] += 1
+            try:
+                same_numbers = answer(function, arguments | {parameter: dress(plain)})
+            except Exception as error:
+                yield f"{name}({parameter} as {label}): {type(error).__name__}: {error}"[:200]
+                continue
+            alike = len(usual) == len(same_numbers) and all(
+                a.shape == b.shape and np.allclose(a, b, 1e-9, 1e-12, equal_nan=True)
+                for a, b in zip(usual, same_numbers, strict=True)
+            )
+            if not alike:
+                yield f"{name}({parameter} as {label}): another answer"
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_the_same_numbers_in_other_clothes_give_the_same_answer(name, record_property):
+    target, before = TARGETS[name], CALLS["dressed"]
+    found = list(changed_by_dress(name, target))
+    if inspect.isclass(target):
+        for method, bound in methods(name, target):
+            found += changed_by_dress(method, bound)
+    record_property("calls", CALLS["dressed"] - before)
     assert found == []

@@ -29,9 +29,9 @@ from slamlab.slam._closures import (
 from slamlab.slam._tracking import SPACING, Keyframe
 
 GAP = 5 * LOOP  # travel between the drives of a map (m): no closure spans it as if it were a path
-MOST_PLACES = 200  # of a drive are searched in all of the map
+MOST_PLACES, FARTHEST = 60, 5.0  # of a drive are searched, and not farther apart (m)
 WIDE = (0.1, 0.1)  # width and cell of the field of all of the map (m)
-THIN = 0.15  # one point of a place in every square of this side (m)
+THIN = 0.3  # one point of a place in every square of this side (m)
 TURN_STEP = np.deg2rad(1.5)
 LEAST = 0.5  # mean of that field at the points of a place that is looked at more closely
 ENOUGH = 4  # closures that agree on the frame: the search in all of the map ends
@@ -100,7 +100,7 @@ def recognised(old: Chain, new: Chain, progress: Progress) -> Tie:
 
 def _places(new: Chain) -> list[int]:
     """Nodes of a drive, a stride apart, that have others before and after them."""
-    step = max(STRIDE, float(new.travel[-1]) / MOST_PLACES)
+    step = min(max(STRIDE, float(new.travel[-1]) / MOST_PLACES), FARTHEST)
     first = np.unique(np.searchsorted(new.travel, np.arange(0.0, new.travel[-1] + step, step)))
     return [int(k) for k in first if AROUND <= k < len(new.nodes) - AROUND]
 
