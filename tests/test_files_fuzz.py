@@ -170,6 +170,8 @@ def complaint(read, path, name):
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", UserWarning)
             found = read(path)
+    except FileNotFoundError:  # a map of ROS that names another image
+        return "refused"
     except (ValueError, OSError) as error:
         said = str(error)
         placed = name not in TEXTS or re.search(r"\bline \d+|ends|at least one|near the map", said)
