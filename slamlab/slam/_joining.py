@@ -99,7 +99,7 @@ def recognised(old: Chain, new: Chain, progress: Progress) -> Tie:
 
 
 def _places(new: Chain) -> list[int]:
-    """Nodes of a drive, a stride apart, that have others before and after them."""
+    """Nodes of a drive, a stride or more apart, that have others before and after them."""
     step = min(max(STRIDE, float(new.travel[-1]) / MOST_PLACES), FARTHEST)
     first = np.unique(np.searchsorted(new.travel, np.arange(0.0, new.travel[-1] + step, step)))
     return [int(k) for k in first if AROUND <= k < len(new.nodes) - AROUND]
