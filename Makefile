@@ -41,7 +41,7 @@ NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb
 FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py jupyterlab.py drawings.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help book paper pdf slides test lab set-up lint-and-warm lint unit quick speed notebooks same pages-and-figures \
+.PHONY: help book paper pdf slides test lab set-up lint-and-warm lint unit quick fuzz speed notebooks same pages-and-figures \
   pages figures book-tests seeds steady chromium exercises check-library check-oldest check-newest check-tag \
   dist site lock vendor slim clean
 
@@ -113,6 +113,10 @@ unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring 
 quick: $(VENV)/.dev-installed  ## The tests of the library without the slow ones
 	$(PYTEST) -n 2 --dist worksteal -m "not slow" --ignore=tests/benchmarks --ignore=tests/book \
 	  --benchmark-disable tests
+
+# make fuzz N=3: three times as many damaged files as in the unit tests, and every spoilt call.
+fuzz: $(VENV)/.dev-installed  ## Damage files and spoil arguments, N times as often as the unit tests
+	@$(BIN)/python tools/fuzz.py $(or $(N),2)
 
 speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
 	@echo "== Speed against peers"

@@ -4,15 +4,19 @@
 other is put into a sound archive in a wrong form, and what loads must do its work.
 """
 
+import os
+
 import numpy as np
 import pytest
 
 from slamlab.evaluation import run
+from slamlab.geometry import between
 from slamlab.localization import DeadReckoning, SignatureMap
 from slamlab.logs import Log, ScanGeometry
 from slamlab.navigation import PathMemory
 from slamlab.robots import Unicycle
 from slamlab.sensors import Lidar
+from slamlab.slam import ScanGraphSlam, Sessions
 from slamlab.worlds import rooms
 
 
@@ -64,9 +68,44 @@ def find_place(found):
         found.locate(1.0 + 0.1 * np.arange(found.n_beams))
 
 
+def sessions(path):
+    """A map of two drives through an office, and one through another room that waits."""
+    lidar, found = Lidar(60, max_range=8.0), None
+    ends = (([1.0, 4.0, 0.0], [7.0, 4.0, 0.0]), ([7.0, 4.2, 3.0], [1.0, 4.2, 3.0]))
+    office, room = rooms.office(), rooms.thesis_room()
+    for world, (start, end) in (
+        (office, ends[0]),
+        (office, ends[1]),
+        (room, ([0.5] * 3, [1.5] * 3)),
+    ):
+        poses = np.linspace(start, end, 24)
+        u = np.vstack([np.zeros(3), between(poses[:-1], poses[1:])])
+        log = Log(
+            np.arange(24.0), u, np.r_[0.0, np.ones(23)], 1e-4 * np.eye(3),
+            ranges=lidar.scan(world, poses), scan=lidar,
+        )  # fmt: skip
+        system = run(ScanGraphSlam(lidar), log).system
+        if found is None:
+            found = Sessions(system, log, "first")
+        else:
+            found.add(system, log, "another")
+    assert len(found.drives) == 2
+    assert len(found.waiting) == 1
+    found.save(path)
+
+
+def go_on(found):
+    graph = found.graph()
+    assert np.isfinite(graph.residuals()).all()
+    for one in [*found.drives, *found.waiting]:
+        assert np.isfinite(one.trajectory).all()
+    found.save(os.devnull)
+
+
 FORMATS = {
     "path memory": (path_memory, PathMemory.load, walk_back),
     "log": (log, Log.load, drive),
+    "map of drives": (sessions, Sessions.load, go_on),
     "signature map": (signature_map, SignatureMap.load, find_place),
 }
 CHANGES = {
@@ -114,7 +153,9 @@ def outcome(read, use, path):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_wrong_array_in_a_sound_archive_is_refused_or_does_no_harm(name, tmp_path):
+def test_a_wrong_array_in_a_sound_archive_is_refused_or_does_no_harm(
+    name, tmp_path, record_property
+):
     write, read, use = FORMATS[name]
     path = tmp_path / "file.npz"
     write(path)
@@ -131,6 +172,7 @@ def test_a_wrong_array_in_a_sound_archive_is_refused_or_does_no_harm(name, tmp_p
             with_it = {k: v for k, v in arrays.items() if v is not None}
             np.savez(path, **with_it)
             found[key, what] = outcome(read, use, path)
+    record_property("files", len(found))
     bad = {k: v for k, v in found.items() if v not in ("refused", "of use")}
     assert bad == {}
     assert list(found.values()).count("refused") > 0.3 * len(found)

@@ -24,7 +24,7 @@ from slamlab.gaussian import Gaussian
 from slamlab.geometry import between
 from slamlab.grids import Grid
 from slamlab.localization import DeadReckoning
-from slamlab.logs import ScanGeometry
+from slamlab.logs import Log, ScanGeometry
 from slamlab.matching import LikelihoodGrid, PointsWithNormals
 from slamlab.models import View
 from slamlab.navigation import (
@@ -47,6 +47,7 @@ from slamlab.slam import (
     IncrementalGraph,
     PoseGraph,
     ScanGraphSlam,
+    Sessions,
 )
 from slamlab.widgets.sweep import Curves
 from slamlab.worlds import BitmapWorld, rooms
@@ -115,6 +116,7 @@ GOOD = {
 
 SENSOR, LIDAR = RangeBearing(0.1, 0.1), Lidar(24, max_range=5.0, sigma_range=0.01)
 ROOM = rooms.box_room()
+V3, EYE3 = 0.01 * np.eye(3), np.eye(3)
 TRACK = np.cumsum(np.random.default_rng(6).normal(size=(12, 3)) * [0.3, 0.3, 0.1], axis=0)
 
 
@@ -148,7 +150,10 @@ def made():
     grown.add_pose([1, 0, 0.1], np.eye(3))
     scans = ScanGraphSlam(LIDAR)
     scans.update(scan)
+    one_scan = Log([0.0], [[0, 0, 0]], 0.0, EYE3, ranges=scan[None], scan=LIDAR)
     return {
+        "one scan": one_scan,
+        "sessions": Sessions(scans, one_scan),
         "compressed": compressed,
         "fast": fast,
         "graph": graph,
@@ -184,6 +189,7 @@ INSTANCES = {
     "Log": MADE["logs"],
     "FastSlam": MADE["fast"],
     "ScanGraphSlam": MADE["scans"],
+    "Sessions": MADE["sessions"],
     "IncrementalGraph": MADE["grown"],
 }
 DROVE = record(
@@ -202,7 +208,6 @@ PIXELS = StereoOdometer().look([0, 0, 0], SPACE, np.random.default_rng(10))
 HALL = BitmapWorld(np.pad(np.zeros((30, 40)), 1, constant_values=1) > 0, 0.1)
 WALL = [[[0.0, 0.0], [4.0, 0.0]], [[4.0, 0.0], [4.0, 3.0]]]
 FOOT = [[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]]
-V3, EYE3 = 0.01 * np.eye(3), np.eye(3)
 GOOD |= (
     {
         "log": LOG,
@@ -329,6 +334,12 @@ GOOD |= (
         "SharedPages.own.slots": [0, 0],
         "where": [1, 0],
         "Log.u": TRACK,
+        "Sessions.system": MADE["scans"],
+        "Sessions.log": MADE["one scan"],
+        "Sessions.add.system": MADE["scans"],
+        "Sessions.add.log": MADE["one scan"],
+        "Sessions.add.name": "a.log",
+        "Sessions.check_lidar.log": MADE["one scan"],
         "Log.dt": 0.1 * np.ones(12),
         "Log.control_cov": V3,
         "SignatureMap.build.lidar": LIDAR,
@@ -599,6 +610,9 @@ def tried(function, arguments, finite):
     return "a silent NaN" if finite and has_nan(result) else None
 
 
+CALLS = {"bad": 0, "dressed": 0}
+
+
 def complaints(name, function):
     kinds = {p.kind for p in inspect.signature(function).parameters.values()}
     if not kinds - {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}:
@@ -623,6 +637,7 @@ def complaints(name, function):
             finite = "nan" not in label and label != "inf" and not has_nan(usual)
             finite &= not name.startswith(MAY_BE_NAN)
             wrong = tried(function, spoilt, finite)
+            CALLS["bad"] += 1
             if wrong:
                 yield f"{name}({parameter}={label}): {wrong}"
 
@@ -665,10 +680,105 @@ def test_nearly_all_that_is_public_is_tried():
 
 
 @pytest.mark.parametrize("name", TARGETS)
-def test_bad_arguments_are_refused_with_a_sentence(name):
+def test_bad_arguments_are_refused_with_a_sentence(name, record_property):
+    before = CALLS["bad"]
     target = TARGETS[name]
     found = list(complaints(name, target))
     if inspect.isclass(target):
         for method, bound in methods(name, target):
             found += complaints(method, bound)
+    record_property("calls", CALLS["bad"] - before)
+    assert found == []
+
+
+# The same numbers in other clothes; a column of every second number is not contiguous.
+DRESSES = {
+    "list": lambda a: a.tolist(),
+    "tuple": lambda a: tuple(a.tolist()),
+    "other byte order": lambda a: a.astype(a.dtype.newbyteorder("S")),
+    "read only": lambda a: frozen(a),
+    "by columns": lambda a: np.asfortranarray(a),
+    "every second": lambda a: np.repeat(a, 2, axis=-1)[..., ::2],
+    "long": lambda a: a.astype(np.longdouble) if a.dtype.kind == "f" else a.astype(np.int64),
+    "objects": lambda a: a.astype(object),
+}
+
+
+def frozen(a):
+    copied_ = a.copy()
+    copied_.setflags(write=False)
+    return copied_
+
+
+def numbers_of(value, depth=3):
+    """All numbers of an answer, in order."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+        return [value.astype(float).ravel()]
+    if isinstance(value, float | int | np.number):
+        return [np.array([float(value)])]
+    if isinstance(value, tuple | list):
+        return [x for part in value for x in numbers_of(part, depth)]
+    parts = getattr(value, "__dict__", {}) if depth else {}
+    return [x for part in parts.values() for x in numbers_of(part, depth - 1)]
+
+
+def answer(function, arguments):
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        return numbers_of(function(**copied(arguments)))
+
+
+# What is drawn holds the figure; records keep what they are given, as it is.
+UNDRESSED = (
+    "plots.", "sweep.", "visual_odometer.MeasuredMotion", "pages.SharedPages",
+    "eight_point.fundamental_matrix",  # of equal points: any antisymmetric matrix fits
+)  # fmt: skip
+
+
+def changed_by_dress(name, function):
+    """In which clothes the same numbers give another answer, or are refused."""
+    kinds = {p.kind for p in inspect.signature(function).parameters.values()}
+    if not kinds - {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}:
+        return
+    arguments = good(name, function)
+    if arguments is None:
+        return
+    try:
+        usual = answer(function, arguments)
+    except ValueError:
+        return
+    for parameter, value in arguments.items():
+        try:
+            plain = np.asarray(value)
+        except ValueError:
+            continue
+        if isinstance(value, str) or plain.dtype.kind not in "fi" or plain.ndim == 0:
+            continue
+        for label, dress in DRESSES.items():
+            if label == "objects" and plain.dtype.kind == "i":
+                continue  # whole numbers that are no integers are refused
+            CALLS["dressed"] += 1
+            try:
+                same_numbers = answer(function, arguments | {parameter: dress(plain)})
+            except Exception as error:
+                yield f"{name}({parameter} as {label}): {type(error).__name__}: {error}"[:200]
+                continue
+            alike = len(usual) == len(same_numbers) and all(
+                a.shape == b.shape and np.allclose(a, b, 1e-9, 1e-12, equal_nan=True)
+                for a, b in zip(usual, same_numbers, strict=True)
+            )
+            if not alike:
+                yield f"{name}({parameter} as {label}): another answer"
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_the_same_numbers_in_other_clothes_give_the_same_answer(name, record_property):
+    if name.startswith(UNDRESSED):
+        return
+    target, before = TARGETS[name], CALLS["dressed"]
+    found = list(changed_by_dress(name, target))
+    if inspect.isclass(target):
+        for method, bound in methods(name, target):
+            found += changed_by_dress(method, bound)
+    record_property("calls", CALLS["dressed"] - before)
     assert found == []

@@ -33,6 +33,7 @@ EXAMPLES = {
         "map drive.log.gz -o mymap/",
         "map drive.bag --method hector --resolution 0.1",
         "map later.log.gz --localize mymap/ -o later/",
+        "map later.log.gz --resume mymap/ -o both/",
     ),
     "warm": ("warm",),
 }

@@ -1,17 +1,20 @@
 """Make a map of a lidar log: CARMEN (.log, .gz), ROS bag (1 or 2), or this library's .npz.
 
 Written into the folder: map.yaml and map.pgm (as ROS' map_server reads them), map.png,
-trajectory.tum, graph.g2o (scan-graph only) and index.html, a report with a replay of the drive.
-With --localize no map is made: the log is found in one that was made before.
+trajectory.tum, graph.g2o and sessions.npz (scan-graph only) and index.html, a report with a
+replay of the drive. With --localize no map is made: the log is found in one that was made before.
+With --resume the log goes on with one that was made before, which sessions.npz holds; the new
+folder has the path of each drive, trajectory-1.tum, trajectory-2.tum and so on.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -21,6 +24,7 @@ from slamlab.commands import _page
 from slamlab.commands._localize import KnownMap, found
 from slamlab.commands._progress import Progress
 from slamlab.commands._results import results
+from slamlab.commands._resume import FILE, PATHS, Resumed, earlier, told, write_paths
 from slamlab.datasets import read_carmen, read_rosbag, write_tum
 from slamlab.evaluation import Run
 from slamlab.evaluation import run as run_system
@@ -29,10 +33,10 @@ from slamlab.logs import CONTROLS, Log
 from slamlab.mapping import OccupancyGrid
 from slamlab.models import MotionModel, as_scan_sensor
 from slamlab.robots import YOUBOT, RelativePose, Unicycle
-from slamlab.slam import HectorSlam, ScanGraphSlam
+from slamlab.slam import HectorSlam, ScanGraphSlam, Sessions
 
 METHODS = ("scan-graph", "hector", "odometry")
-FILES = ("map.yaml", "map.pgm", "map.png", "trajectory.tum", "graph.g2o")
+FILES = ("map.yaml", "map.pgm", "map.png", "trajectory.tum", "graph.g2o", FILE, *PATHS)
 _MOST_STEPS, _MOST_BEAMS = 500, 90  # of the replay: the page stays below some megabytes
 _CELLS = 0.005, 10.0  # smallest and largest cell of a map (m)
 _BAGS = (".bag", ".db3", ".mcap")
@@ -63,7 +67,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="FOLDER",
-        help="where the results go (default: map, or localized); made if it is not there",
+        help="where the results go (default: map, localized or resumed); made if it is not there",
     )
     parser.add_argument(
         "--method",
@@ -100,6 +104,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="a map made before (map.yaml, or the folder of an earlier run): where in it was the "
         "robot? Particles search the free floor, then each scan is matched; no map is made",
     )
+    parser.add_argument(
+        "--resume",
+        type=Path,
+        metavar="FOLDER",
+        help="the folder of an earlier run: the log is another drive in the same map, with the "
+        "same lidar, from anywhere. It is joined only by closures that confirm each other; else "
+        "it is kept beside the map",
+    )
     parser.add_argument("--scan-topic", metavar="TOPIC", help="of a bag with several lidars")
     parser.add_argument(
         "--odometry-topic", metavar="TOPIC", help="of a bag with several odometries"
@@ -110,26 +122,53 @@ def run(options: argparse.Namespace) -> None:
     """Read, run, report, write."""
     resolution = as_scalar("resolution", options.resolution, *_CELLS)
     known = known_map(options)
-    output = options.output or Path("map" if known is None else "localized")
+    before = map_before(options)
+    output = options.output or Path("localized" if known else "resumed" if before else "map")
     # Numbers of astronomic size end in a sentence.
     with np.errstate(all="ignore"), about(options.log.name):
         log = read_log(options)
+        if before is not None:
+            before.check_lidar(log)
         with results(output, FILES) as folder:  # made now, not after an hour
             start = time.perf_counter()
             method = "localize" if known else options.method or METHODS[0]
             system = known.localizer(log, motion_of(log)) if known else system_for(method, log)
-            progress = Progress("scans")
-            try:
-                result = run_system(system, log, progress=progress)
-            finally:
-                progress.clear()
+            result = with_progress("scans", run_system, system, log)
+            drawn, more = result, list[tuple[str, str]]()
+            if isinstance(system, ScanGraphSlam):
+                drawn, more = sessions(folder, options.log.name, result, before)
             seconds = time.perf_counter() - start
-            rows = report(method, result, seconds, suspects(options, log))
-            grid = known or draw_map(result, resolution)
+            rows = report(method, result, seconds, suspects(options, log)) + more
+            grid = known or draw_map(drawn, resolution)
             for name, value in rows:
                 print(f"{name:24s} {value}")
-            write(folder, options.log.name, result, grid, rows)
+            write(folder, options.log.name, drawn, grid, rows)
     print(f"{'written to':24s} {output}")
+
+
+def with_progress(unit: str, work: Callable[..., Any], *given: Any) -> Any:
+    """Do work that tells its progress; the line is taken away however it ends."""
+    progress = Progress(unit)
+    try:
+        return work(*given, progress=progress)
+    finally:
+        progress.clear()
+
+
+def sessions(
+    folder: Path, name: str, result: Run, before: Sessions | None
+) -> tuple[Run | Resumed, list[tuple[str, str]]]:
+    """Keep what another drive needs to go on with; what is drawn, and what is said of drives."""
+    system: Any = result.system
+    if before is None:
+        if system.nodes:
+            Sessions(system, result.log, name).save(folder / FILE)
+        return result, []
+    if not system.nodes:
+        raise ValueError("expected scans with at least ten points, got none")
+    tie = with_progress("places", before.add, system, result.log, name)
+    before.save(folder / FILE)
+    return Resumed(before), told(before, tie, name)
 
 
 def known_map(options: argparse.Namespace) -> KnownMap | None:
@@ -142,6 +181,20 @@ def known_map(options: argparse.Namespace) -> KnownMap | None:
     if options.output is not None and options.output.resolve() == folder.resolve():
         raise ValueError("--output: expected another folder than that of the map, got the same")
     return KnownMap.read(options.localize)
+
+
+def map_before(options: argparse.Namespace) -> Sessions | None:
+    """Return the map that the log is another drive in, if one is given."""
+    folder: Path | None = options.resume
+    if folder is None:
+        return None
+    if options.localize is not None:
+        raise ValueError("--resume: expected no --localize beside it, got both")
+    if options.method not in (None, METHODS[0]):
+        raise ValueError(f"--resume: expected --method {METHODS[0]}, got {options.method}")
+    if options.output is not None and options.output.resolve() == folder.resolve():
+        raise ValueError("--output: expected another folder than that of the map, got the same")
+    return earlier(folder)
 
 
 def read_log(options: argparse.Namespace) -> Log:
@@ -268,7 +321,7 @@ def _scans(lost: list[int], total: int) -> str:
     return f"{len(lost)} scans lay nowhere, the wheels are believed there ({some}){doubt}"
 
 
-def draw_map(result: Run, resolution: float) -> OccupancyGrid:
+def draw_map(result: Run | Resumed, resolution: float) -> OccupancyGrid:
     """Occupancy map of all scans from the best poses."""
     log, path = result.log, result.trajectory
     corner = path[0, :2] - 5.0
@@ -287,22 +340,25 @@ def draw_map(result: Run, resolution: float) -> OccupancyGrid:
 def write(
     folder: Path,
     name: str,
-    result: Run,
+    result: Run | Resumed,
     grid: OccupancyGrid | KnownMap,
     rows: list[tuple[str, str]],
 ) -> None:
     """Write into `folder` what `result`, `grid` and the `rows` of the report on `name` say."""
-    path, system = result.trajectory, result.system
+    system = result.system
     if isinstance(grid, OccupancyGrid):
         grid.save_ros(folder / "map.yaml")
-    write_tum(folder / "trajectory.tum", result.times, path)
+    if isinstance(result, Resumed):
+        write_paths(folder, result.system)
+    else:
+        write_tum(folder / "trajectory.tum", result.times, result.trajectory)
     parts = [_page.table(rows)]
     if _has("matplotlib"):
         png = drawing(result, grid)
         (folder / "map.png").write_bytes(png)
         alt = "The map with the path; closures that count join the places that they tie."
         parts.append(_page.picture(png, alt))
-    if isinstance(system, ScanGraphSlam) and system.nodes:
+    if has_graph(system):
         system.graph().write_g2o(folder / "graph.g2o")
         parts += _closure_table(system)
     if _has("anywidget"):
@@ -311,7 +367,14 @@ def write(
     (folder / "index.html").write_text(_page.page(title, *parts), encoding="utf-8")
 
 
-def drawing(result: Run, grid: OccupancyGrid | KnownMap) -> bytes:
+def has_graph(system: Any) -> TypeGuard[ScanGraphSlam | Sessions]:
+    """Whether what made the map is a graph that has nodes."""
+    return isinstance(system, Sessions) or (
+        isinstance(system, ScanGraphSlam) and len(system.nodes) > 0
+    )
+
+
+def drawing(result: Run | Resumed, grid: OccupancyGrid | KnownMap) -> bytes:
     """Draw map, path and closures."""
     from matplotlib.figure import Figure
 
@@ -323,9 +386,10 @@ def drawing(result: Run, grid: OccupancyGrid | KnownMap) -> bytes:
     left, _, _, top = grid.extent
     extent = (left, left + columns * grid.resolution, top - rows * grid.resolution, top)
     ax.imshow(image, cmap="gray", vmin=0, vmax=254, extent=extent)
-    plots.path(ax, result.trajectory, "estimate", label="path")
+    for path in result.paths if isinstance(result, Resumed) else [result.trajectory]:
+        plots.path(ax, path, "estimate", label="path")
     system = result.system
-    if isinstance(system, ScanGraphSlam) and system.nodes:
+    if has_graph(system):
         poses = system.graph().poses
         for one in system.closures:
             if one.state == "confirmed":
@@ -353,7 +417,7 @@ def _smaller(image: Any) -> tuple[Any, tuple[int, int]]:
     return np.where(walls, np.uint8(0), blocks.max((1, 3))), whole.shape
 
 
-def _closure_table(system: ScanGraphSlam) -> list[str]:
+def _closure_table(system: ScanGraphSlam | Sessions) -> list[str]:
     """Show the closures that fit worst, with what is left of their error."""
     ties = [one for one in system.closures if one.state == "confirmed"]
     if not ties:
@@ -371,7 +435,7 @@ def _closure_table(system: ScanGraphSlam) -> list[str]:
     return [_page.paragraph("The closures that fit worst:"), _page.table(rows)]
 
 
-def _replay(result: Run) -> list[str]:
+def _replay(result: Run | Resumed) -> list[str]:
     """Show the drive as an interactive figure that needs nothing beside the page."""
     from slamlab.widgets import Replay
 

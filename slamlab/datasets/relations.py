@@ -6,6 +6,7 @@ Kuemmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss and Kleiner 2009. `rela
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -68,10 +69,7 @@ def read_relations(path: str | Path) -> Relations:
 def numbers_of(text: str, name: str, count: int) -> Array:
     """Table of `count` numbers a line; ``#`` begins a comment. ValueError names a bad line."""
     rows = []
-    for number, line in enumerate(text.split("\n"), start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
+    for number, words in _lines(text):
         try:
             row = [float(word) for word in words]
         except ValueError as error:
@@ -84,3 +82,16 @@ def numbers_of(text: str, name: str, count: int) -> Array:
     if not rows:
         raise ValueError(f"{name}: the file ends without a line of {count} numbers")
     return np.array(rows)
+
+
+def line_of(text: str, row: int) -> int:
+    """Return the number of the line of row `row` of the table of `numbers_of`."""
+    return [number for number, _ in _lines(text)][row]
+
+
+def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield number and words of each line that says something."""
+    for number, line in enumerate(text.split("\n"), start=1):
+        words = line.split()
+        if words and not words[0].startswith("#"):
+            yield number, words

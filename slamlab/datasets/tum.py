@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array
-from slamlab.datasets.relations import numbers_of
+from slamlab.datasets.relations import line_of, numbers_of
 
 __all__ = ["read_tum", "write_tum"]
 
@@ -59,14 +59,15 @@ def read_tum(path: str | Path) -> tuple[Array, Array]:
     bad = np.flatnonzero(np.abs(length - 1) > _FLAT)
     if bad.size:
         raise ValueError(
-            f"{path.name}: pose {bad[0]}: expected a quaternion of length 1, "
+            f"{path.name}: line {line_of(text, bad[0])}: expected a quaternion of length 1, "
             f"got {length[bad[0]]:.4g}"
         )
     off = np.maximum(rise, 2 * np.hypot(q[:, 0], q[:, 1]))
     bad = np.flatnonzero(off > _FLAT)
     if bad.size:
         raise ValueError(
-            f"{path.name}: pose {bad[0]}: expected a path in the plane, it rises or tilts"
+            f"{path.name}: line {line_of(text, bad[0])}: expected a path in the plane, "
+            "it rises or tilts"
         )
     theta = 2 * np.arctan2(q[:, 2], q[:, 3])
     theta = np.arctan2(np.sin(theta), np.cos(theta))

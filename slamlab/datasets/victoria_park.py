@@ -16,7 +16,7 @@ from typing import TextIO
 
 import numpy as np
 
-from slamlab._checks import Array, cut
+from slamlab._checks import Array, as_covariance, cut
 from slamlab.logs import Log
 from slamlab.robots import RelativePose
 from slamlab.sensors import PointSensor
@@ -154,6 +154,13 @@ def _parse(file: TextIO, name: str) -> Log:
     )
 
 
+# Where the numbers of a line stand in its covariance.
+_UPPER = {
+    "ODOMETRY": [[3, 4, 5], [4, 6, 7], [5, 7, 8]],
+    "LANDMARK": [[2, 3], [3, 4]],
+}
+
+
 def _numbers(words: list[str], where: str) -> tuple[int, int, list[float]]:
     counts = {"ODOMETRY": 12, "LANDMARK": 8}
     if words[0] not in counts:
@@ -169,4 +176,6 @@ def _numbers(words: list[str], where: str) -> tuple[int, int, list[float]]:
         raise ValueError(f"{where}: expected numbers, {cut(error)}") from error
     if not all(map(isfinite, values)):
         raise ValueError(f"{where}: expected finite numbers, got NaN or infinity")
+    rows = _UPPER[words[0]]
+    as_covariance(f"{where}: covariance", [[values[k] for k in row] for row in rows])
     return *pair, values

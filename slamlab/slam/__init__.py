@@ -20,6 +20,7 @@ from slamlab.slam.least_squares import edge_error, edge_jacobians
 from slamlab.slam.local_range import AdaptiveRange
 from slamlab.slam.pose_graph import PoseGraph, Result
 from slamlab.slam.scan_graph import Closure, ScanGraphSlam
+from slamlab.slam.sessions import Sessions
 from slamlab.slam.wall_slam import WallSlam
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "Result",
     "ScanGraphSlam",
     "Scans",
+    "Sessions",
     "WallSlam",
     "edge_error",
     "edge_jacobians",

@@ -77,12 +77,15 @@ def places(name, word):
 
 
 @pytest.mark.parametrize("name", [name for name in COMMANDS if name != "warm"])
-def test_bad_words_and_files_end_in_a_sentence(name, tmp_path, monkeypatch, capsys):
+def test_bad_words_and_files_end_in_a_sentence(
+    name, tmp_path, monkeypatch, capsys, record_property
+):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(lab, "tasks", lambda *given: tasks(*given)[:1])
     (tmp_path / "folder").mkdir()
     for file, content in FILES.items():
         (tmp_path / file).write_bytes(content)
     tried = [w for word in (*WORDS, "folder", *FILES) for w in places(name, word)]
+    record_property("calls", len(tried))
     assert len(tried) > 40
     assert [wrong for words in tried if (wrong := heard(words, capsys))] == []

@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from slamlab.commands import main
 from slamlab.datasets import read_rosbag
+from tests.fuzzing import ROUNDS
 
 STORES = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}
 ANGLES = np.linspace(-1.0, 1.0, 5)
@@ -191,13 +192,16 @@ def test_a_bag_of_odd_messages_gives_a_map_or_one_sentence(
 
 
 @pytest.mark.parametrize("ros", [1, 2])
-def test_damaged_bytes_of_a_bag_give_a_map_or_one_sentence(ros, tmp_path, capsys, monkeypatch):
+def test_damaged_bytes_of_a_bag_give_a_map_or_one_sentence(
+    ros, tmp_path, capsys, monkeypatch, record_property
+):
     monkeypatch.setattr("slamlab.commands.map._has", lambda name: False)
     path, rng = tmp_path / ("drive.bag" if ros == 1 else "drive"), np.random.default_rng(ros)
     write(path, ros, drive(ros))
     files = [path] if ros == 1 else sorted(path.iterdir())
     whole = [file.read_bytes() for file in files]
-    for trial in range(24):
+    record_property("files", 24 * ROUNDS)
+    for trial in range(24 * ROUNDS):
         k = int(rng.integers(len(files)))
         data = bytearray(whole[k])
         at = int(rng.integers(len(data)))

@@ -35,9 +35,9 @@ BAD = {
     "line 1: expected numbers": "0 1 2 0 0 0 zero 1",
     "line 1: expected finite": "0 1 nan 0 0 0 0 1",
     "ends without a line": "# nothing\n",
-    "pose 1: expected a quaternion of length 1, got 2": "0 1 2 0 0 0 0 1\n1 1 2 0 0 0 0 2",
-    "pose 1: expected a path in the plane": "0 1 2 0 0 0 0 1\n1 1 2 0.5 0 0 0 1",
-    "pose 0: expected a path in the plane": "0 1 2 0 0.6 0 0 0.8",
+    "line 2: expected a quaternion of length 1, got 2": "0 1 2 0 0 0 0 1\n1 1 2 0 0 0 0 2",
+    "line 3: expected a path in the plane": "# x\n0 1 2 0 0 0 0 1\n1 1 2 0.5 0 0 0 1",
+    "line 1: expected a path in the plane": "0 1 2 0 0.6 0 0 0.8",
 }
 
 

@@ -44,6 +44,9 @@ BAD = {
     "line 3: expected ODOMETRY or LANDMARK, got 'TREE'": TEXT.replace("LANDMARK 1 2", "TREE 1 2"),
     "line 4: expected numbers": TEXT.replace("7 1 1", "7 1 one"),
     "line 4: expected finite": TEXT.replace("7 1 1", "7 1 inf"),
+    "line 4: covariance: expected a positive": TEXT.replace(
+        "LANDMARK 1 7 1 1 ", "LANDMARK 1 7 1 1 -"
+    ),
     "line 4: pose 5 was not reached": TEXT.replace("LANDMARK 1 7", "LANDMARK 5 7"),
     "line 5: expected odometry from the newest pose": TEXT.replace("ODOMETRY 1 3", "ODOMETRY 0 3"),
     "ends without odometry": "# empty\n",
