@@ -36,12 +36,9 @@ def tops_of(heights):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def march(heights, tops, frame, origin, rays, reach, out):  # type: ignore[no-untyped-def]
-    """Distance along each ray (n, 3, unit) from `origin` (3,) to the ground, inf beyond `reach`.
-
-    Steps of half a cell; the last one is cut where a straight line between its ends meets it.
-    `tops` are those of `tops_of`: what is higher is passed over without a look at the ground.
-    """
+def march(heights, frame, origin, rays, reach):  # type: ignore[no-untyped-def]
+    """Do what `slamlab.sensors.stereo.march` does; high above a block the ground is not asked."""
+    tops, out = tops_of(heights), np.empty(len(rays))
     step, scale = 0.5 * frame[0], 1.0 / (frame[0] * BLOCK)
     last_row, last_column = tops.shape[0] - 1, tops.shape[1] - 1
     for k in range(len(rays)):
@@ -61,3 +58,4 @@ def march(heights, tops, frame, origin, rays, reach, out):  # type: ignore[no-un
                 above = origin[2] + before * dz - height_at(heights, frame, x, y)
                 out[k] = t - step * gap / (gap - above)
                 break
+    return out

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_shaped
 
-__all__ = ["Match", "capped_inverse", "finite_points"]
+__all__ = ["Match", "capped_inverse", "finite_points", "solved"]
 
 # A direction that the points do not hold at all gets this standard deviation (m; of the heading:
 # this at the rim of the scan), so that covariances stay finite.
@@ -76,3 +77,15 @@ def finite_points(name: str, points: ArrayLike, at_least: int = 1) -> Array:
     if len(kept) < at_least:
         raise ValueError(f"{name}: expected at least {at_least} points, got {len(kept)}")
     return kept
+
+
+def solved(H: Array, g: Array) -> Array | None:
+    """H^-1 g (3,); None if the points leave a direction free."""
+    try:
+        pivots = np.diag(np.linalg.cholesky(H)) ** 2
+    except np.linalg.LinAlgError:
+        return None
+    if (pivots <= 1e-12 * np.diag(H)).any():
+        return None
+    step: Any = np.linalg.solve(H, g)
+    return step

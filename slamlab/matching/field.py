@@ -22,7 +22,7 @@ from slamlab._checks import (
 from slamlab.geometry import transform, wrap_angle
 from slamlab.grids import MOST_CELLS, Grid
 from slamlab.kernels import compiled
-from slamlab.matching._match import Match, capped_inverse, finite_points
+from slamlab.matching._match import Match, capped_inverse, finite_points, solved
 
 __all__ = ["LikelihoodGrid", "match_field"]
 
@@ -307,18 +307,6 @@ def value_and_gradient(values: Array, log_odds: bool, cells: Array) -> tuple[Arr
     gx = (1 - b) * (m10 - m00) + b * (m11 - m01)
     gy = (1 - a) * (m01 - m00) + a * (m11 - m10)
     return value, np.stack([gx, gy], -1)
-
-
-def solved(H: Array, g: Array) -> Array | None:
-    """H^-1 g (3,); None if the points leave a direction free."""
-    try:
-        pivots = np.diag(np.linalg.cholesky(H)) ** 2
-    except np.linalg.LinAlgError:
-        return None
-    if (pivots <= 1e-12 * np.diag(H)).any():
-        return None
-    step: Any = np.linalg.solve(H, g)
-    return step
 
 
 @compiled("field.stamp")

@@ -10,7 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from slamlab._checks import (
     Array,
@@ -21,8 +22,9 @@ from slamlab._checks import (
     as_scalar,
     as_tuple,
 )
-from slamlab.geometry import wrap_angle
-from slamlab.matching._match import CAP, Match, capped_inverse, finite_points
+from slamlab.geometry import rotation, transform, wrap_angle
+from slamlab.kernels import compiled
+from slamlab.matching._match import CAP, Match, capped_inverse, finite_points, solved
 
 __all__ = ["PointsWithNormals", "match_icp", "estimate_normals", "voxel_downsample"]
 
@@ -51,11 +53,12 @@ def voxel_downsample(points: ArrayLike, spacing: float = 0.1) -> Array:
     >>> voxel_downsample([[0.01, 0.0], [0.02, 0.0], [0.15, 0.0]], spacing=0.1).tolist()
     [[0.01, 0.0], [0.15, 0.0]]
     """
-    from slamlab.kernels.icp import thinned
-
     points = finite_points("points", points, 0)
     spacing = as_scalar("spacing", spacing, 1e-3, 1e6)
-    return points.take(thinned(points, spacing), 0)
+    column, row = np.floor(points.T / spacing).astype(int)
+    columns = column.max(initial=0) - column.min(initial=0) + 1
+    _, first = np.unique(row * columns + column, return_index=True)
+    return points.take(np.sort(first), 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +95,26 @@ class PointsWithNormals:
         -------
         PointsWithNormals
         """
-        from slamlab.kernels.icp import hashed, lines_through
-
         points = finite_points("points", points)
-        return cls(points, *lines_through(points, hashed(points, 0.5), 5, 0.5, 0.15))
+        near = cKDTree(points).query(points, 6, distance_upper_bound=0.5)[1].T
+        x, y = points.T[:, np.minimum(near, len(points) - 1)] - points.T[:, None]
+        squares = np.where(near < len(points), x**2 + y**2, np.inf)
+        # Of two that are as near the earlier one: which of them a tree finds first is chance.
+        near = np.take_along_axis(near, np.lexsort((near, squares), axis=0)[:5], 0)
+        here = near < len(points)
+        count = here.sum(0)
+        x, y = here * points.T[:, np.where(here, near, 0)]
+        x, y = here * (x - (x / count).sum(0)), here * (y - (y / count).sum(0))
+        xx, xy, yy = (x * x).sum(0), (x * y).sum(0), (y * y).sum(0)
+        half, root = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
+        large, small = half + root, np.maximum(half - root, 0.0)  # the eigenvalues
+        on_line = (count >= 3) & (large > 0) & (small <= 0.15 * large)
+        angle = np.where(on_line, 0.5 * np.arctan2(2 * xy, xx - yy), np.nan)  # of the larger one
+        normals = np.stack([-np.sin(angle), np.cos(angle)], -1)
+        # Noise s turns the normal by s / sqrt(large); across the wall, s^2 = small / (count - 2).
+        variances = np.zeros(len(points))
+        variances[on_line] = small[on_line] / large[on_line] / (count[on_line] - 2)
+        return cls(points, normals, variances)
 
     def transformed(self, pose: ArrayLike) -> PointsWithNormals:
         """Return the outline, given in the frame of `pose`, in the frame of its parent.
@@ -206,78 +225,131 @@ def match_icp(
     >>> match_icp(corner, scan, guess=[0, 0, 0]).pose.round(3).tolist()
     [0.1, 0.05, 0.02]
     """
-    from slamlab.kernels import icp as kernels
-
     line = as_choice("metric", metric, ["line", "point"]) == "line"
     base = _reference(reference, line)
     points = finite_points("points", points, 3)
     guess = as_array("guess", guess, (3,)).astype(np.float64)
     width = as_scalar("width", width, 1e-6, 1e6)
     gate = as_scalar("gate", gate, 1e-6, 1e6)
-    fine_gate = min(as_scalar("fine_gate", fine_gate, 1e-6, 1e6), gate)
+    gates = np.array([gate, min(as_scalar("fine_gate", fine_gate, 1e-6, 1e6), gate)])
     rounds = as_count("n_iterations", n_iterations, 1)
-    gates = np.array([gate, fine_gate])
-    hashes = kernels.hashed(base.points, 0.5 * gate)
-    pose, pair = guess.copy(), np.full(len(points), -1)
-    held = kernels.iterate(
-        base.points, base.normals, hashes, points, pose, width, gates, rounds, line, pair
-    )
+    pose = guess.copy()
+    pair = align(base.points, base.normals, points, pose, width, gates, rounds, line)
     arm = float(np.sqrt((points**2).sum(1).mean()))
-    if not held or not np.isfinite(pose).all():
+    count = int((pair >= 0).sum())
+    if count < 3 or not np.isfinite(pose).all():
         return Match(guess, capped_inverse(np.zeros((3, 3)), arm), 0.0, 0)
-    H, g = np.empty((3, 3)), np.empty(3)
-    noise, blur, shares = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3))
-    total, squares, count, weights2, psi2, slope = kernels.icp_equations(
-        base.points, base.normals, points, pose, pair, width, line, H, g
-    )
-    # Heading counts as metres at the rim of the scan.
-    scale = np.array([1.0, 1.0, 1.0 / max(arm, 1e-3)])
-    axes = scale[:, None] * np.linalg.eigh(scale[:, None] * H * scale)[1]
-    kernels.noise_of(
-        *(base.points, base.normals, base.normal_variances, points, pose, pair, width, line),
-        *(axes, noise, blur, shares),
-    )
-    # Variance of an error, as a robust fit feels it (Huber): E[psi^2] / E[psi']^2.
-    s2 = psi2 / weights2 / max(slope / total, 0.2) ** 2 / (1 if line else 2)
-    s2 = max(s2 * count / max(count - 3, 1.0), 1e-8)
+    e, J, w = errors(base.points, base.normals, points, pose, pair, width, line)
+    arms = points[pair >= 0] @ rotation(pose[2]).T
+    cov = covariance(base, pair[pair >= 0], arms, e, J, w, width, arm)
     pose[2] = wrap_angle(pose[2])
-    return Match(
-        pose,
-        _covariance(axes, H, noise, blur, shares, s2),
-        total / len(points),
-        int(count),
-        rmse=float(np.sqrt(squares / total)),
-    )
+    total = float(w.sum())
+    rmse = float(np.sqrt((w[:, None] * e**2).sum() / total))
+    return Match(pose, cov, total / len(points), count, rmse=rmse)
 
 
-def _covariance(
-    axes: Array, H: Array, noise: Array, blur: Array, shares: Array, s2: float
-) -> Array:
+@compiled("icp.align")
+def align(
+    reference: Array, normals: Array, points: Array, pose: Array, width: float, gates: Array,
+    n_iterations: int, line: bool,
+) -> NDArray[np.int64]:  # fmt: skip
+    """Move `pose` (3,) to where points (k, 2) lie best; return the partner of each, -1 for none.
+
+    No partners at all if they hold no pose.
+    """
+    tree = cKDTree(reference)
+    for gate in gates:  # first wide, then narrow
+        for _ in range(n_iterations):
+            pair = partners(tree, transform(pose, points), gate)
+            e, J, w = errors(reference, normals, points, pose, pair, width, line)
+            H, g = information(w, J), -((w[:, None] * e)[..., None] * J).sum((0, 1))
+            # Next to nothing on the diagonal keeps a direction that no wall holds where it is.
+            step = solved(H + 1e-9 * (H[0, 0] + H[1, 1]) * np.eye(3), g)
+            if len(w) < 3 or step is None:
+                return np.full(len(points), -1)
+            pose += step
+            if np.abs(step[:2]).sum() < 1e-6 and abs(step[2]) < 1e-7:
+                break
+    return partners(tree, transform(pose, points), gates[-1])
+
+
+def partners(tree: cKDTree, world: Array, gate: float) -> NDArray[np.int64]:
+    """Row of the nearest point of the tree within the gate (m), for points (k, 2); -1 for none."""
+    distance, nearest = tree.query(world, distance_upper_bound=gate)
+    return np.where(np.isfinite(distance), nearest, -1)
+
+
+def errors(
+    reference: Array, normals: Array, points: Array, pose: Array, pair: NDArray[np.int64],
+    width: float, line: bool,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Errors e (n, d) of the pairs, their Jacobians J (n, d, 3) and weights w (n,).
+
+    To points d is 2, to lines 1; in the order of the points that have a partner.
+    """
+    j = pair[pair >= 0]
+    arm = points[pair >= 0] @ rotation(pose[2]).T
+    e = arm + pose[:2] - reference[j]  # R p + t - q
+    J = np.zeros((len(j), 2, 3))
+    J[:, :, :2], J[:, 0, 2], J[:, 1, 2] = np.eye(2), -arm[:, 1], arm[:, 0]
+    if line:
+        n = normals[j][:, None]
+        e, J = (n @ e[..., None])[..., 0], n @ J  # n . (R p + t - q)
+    w = (width**2 / (width**2 + (e**2).sum(1))) ** 2  # Geman and McClure
+    return e, J, w
+
+
+def information(w: Array, J: Array) -> Array:
+    """Sum of w J^T J (3, 3) over Jacobians (n, d, 3)."""
+    rows = (w[:, None, None] * J).reshape(-1, 3)
+    H: Array = rows.T @ J.reshape(-1, 3)
+    return H
+
+
+def covariance(
+    base: PointsWithNormals, j: NDArray[np.int64], arms: Array, e: Array, J: Array, w: Array,
+    width: float, reach: float,
+) -> Array:  # fmt: skip
     """A^-1 (s^2 / 2 N) A^-1: half of the error's variance is the scan's, half the reference's.
 
-    A is H without what noise of the normals pretends. Nothing holds an axis along which that is
-    half of H or more, or whose information comes from fewer than `FEW` pairs, any of which may
-    be a wrong one: its standard deviation is CAP. Pairs count as (sum h)^2 / sum h^2.
+    N is what unit noise of the points and of the reference, whose points j (n,) serve several
+    pairs, puts into J^T w e. A is H without what noise of the normals pretends. Nothing holds an
+    axis along which that is half of H or more, or whose information comes from fewer than `FEW`
+    pairs, any of which may be a wrong one: its standard deviation is CAP. Pairs count as
+    (sum h)^2 / sum h^2. `arms` (n, 2) are R p, and `reach` (m) is how far out points lie.
     """
+    (n, d), e2 = e.shape, (e**2).sum(1)
+    # Variance of an error, as a robust fit feels it (Huber): E[psi^2] / E[psi']^2, psi = w e.
+    slope = (w * (width**2 - 3 * e2) / (width**2 + e2)).sum() / w.sum()
+    s2 = (w**2 * e2).sum() / (w**2).sum() / max(slope, 0.2) ** 2 / d
+    s2 = max(s2 * n / max(n - 3, 1), 1e-8)
+    wJ = np.swapaxes(w[:, None, None] * J, 0, 1)  # (d, n, 3)
+    noise = np.eye(n) + (j[:, None] == j)
+    N = (np.swapaxes(wJ, 1, 2) @ noise @ wJ).sum(0)
+    nx, ny = base.normals[j].T
+    turned = np.stack([-ny, nx, nx * arms[:, 0] + ny * arms[:, 1]], -1)  # dJ by the normal's angle
+    H, blur = information(w, J), information(w * base.normal_variances[j], turned[:, None])
+    # Heading counts as metres at the rim of the scan.
+    scale = np.array([1.0, 1.0, 1.0 / max(reach, 1e-3)])
+    axes = scale[:, None] * np.linalg.eigh(scale[:, None] * H * scale)[1]
+    h = w[:, None] * ((J @ axes) ** 2).sum(1)  # information of each pair along each axis
+    crowded = h.sum(0) ** 2 >= FEW * (h**2).sum(0)
     A, pretended = axes.T @ (H - blur) @ axes, axes.T @ blur @ axes
-    crowded = shares[0] ** 2 >= FEW * shares[1]
     held = (np.diag(A) > np.maximum(np.diag(pretended), s2 / CAP**2)) & crowded
     tight, loose = axes[:, held], CAP * axes[:, ~held]
     gain = tight @ np.linalg.inv(A[held][:, held]) @ tight.T
-    cov = 0.5 * s2 * gain @ noise @ gain + loose @ loose.T
+    cov = 0.5 * s2 * gain @ N @ gain + loose @ loose.T
     return 0.5 * (cov + cov.T)
 
 
 def _reference(reference: ArrayLike | PointsWithNormals, line: bool) -> PointsWithNormals:
-    """Outline of the reference: for lines only the points on walls."""
-    if not isinstance(reference, PointsWithNormals):
-        if line:
-            reference = PointsWithNormals.estimate(reference)
-        else:
-            points = finite_points("reference", reference, 3)
-            reference = PointsWithNormals(points, np.zeros_like(points), np.zeros(len(points)))
+    """Outline of the reference: for lines only the points on walls, for points no normals."""
     if not line:
-        return reference
+        given = reference.points if isinstance(reference, PointsWithNormals) else reference
+        points = finite_points("reference", given, 3)
+        return PointsWithNormals(points, np.zeros_like(points), np.zeros(len(points)))
+    if not isinstance(reference, PointsWithNormals):
+        reference = PointsWithNormals.estimate(reference)
     walls = reference.on_lines()
     n = len(walls.points)
     if n < 3:

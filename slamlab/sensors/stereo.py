@@ -11,8 +11,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar, as_shaped
+from slamlab.kernels import compiled
 from slamlab.logs import ScanGeometry
 from slamlab.worlds import Terrain
 
@@ -161,14 +163,11 @@ class StereoRig:
         ValueError
             If `terrain` is none, a shape is wrong or a number is not finite.
         """
-        from slamlab.kernels.march import march, tops_of
-
         if not isinstance(terrain, Terrain):
             raise ValueError(f"terrain: expected a Terrain, got {type(terrain).__name__}")
         poses = as_array("poses", poses, ("...", 3))
         sway = np.broadcast_to(as_array("sway", sway, ("...", 3)), poses.shape)
         frame = np.array([terrain.grid.resolution, *terrain.grid.origin])
-        tops = tops_of(terrain.heights)
         out: Array = np.empty((*poses.shape[:-1], self.n_points))
         each = zip(poses.reshape(-1, 3), sway.reshape(-1, 3), strict=True)
         for picture, (pose, (lift, pitch, roll)) in zip(
@@ -177,7 +176,7 @@ class StereoRig:
             ground = float(terrain.height(pose[:2], relief=True))
             origin = np.array([pose[0], pose[1], ground + self.camera_height + lift])
             rays = np.ascontiguousarray(self._rays(pitch, roll) @ _about_z(pose[2]).T)
-            march(terrain.heights, tops, frame, origin, rays, self.max_range, picture)
+            picture[:] = march(terrain.heights, frame, origin, rays, self.max_range)
         if rng is not None:
             noise = as_rng("rng", rng).standard_normal(out.shape)
             met = out < np.inf
@@ -193,6 +192,30 @@ class StereoRig:
         about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
         about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
         return rays @ (about_y @ about_x).T
+
+
+@compiled("march.march")
+def march(heights: Array, frame: Array, origin: Array, rays: Array, reach: float) -> Array:
+    """Distances along unit rays (n, 3) from `origin` (3,) to the ground, inf beyond `reach` (m).
+
+    Steps of half a cell; the last is cut where a straight line between its ends meets the ground.
+    `frame` is the resolution and the origin of the heights (m).
+    """
+    ranges, step, t = np.full(len(rays), np.inf), 0.5 * frame[0], 0.0
+    above = _above(heights, frame, np.tile(origin, (len(rays), 1)))
+    while t < reach:
+        t += step
+        before, above = above, _above(heights, frame, origin + t * rays)
+        met = np.isinf(ranges) & (above <= 0)
+        ranges[met] = t - step * above[met] / (above - before)[met]
+    return ranges
+
+
+def _above(heights: Array, frame: Array, points: Array) -> Array:
+    """How high above the ground points (n, 3) are (m); between cell centres it is bilinear."""
+    cells = (points[:, :2] - frame[1:]) / frame[0] - 0.5
+    ground = ndimage.map_coordinates(heights, cells.T[::-1], order=1, mode="nearest")
+    return np.asarray(points[:, 2] - ground)
 
 
 def _about_z(angle: float) -> Array:

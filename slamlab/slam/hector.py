@@ -123,41 +123,24 @@ class HectorSlam(ScanSystem):
         ranges = self._taken(ranges)
         points = self._lidar.points(ranges)
         points = points[np.isfinite(points[:, 0])]
+        self._n_scans += 1
         if len(points) < LEAST_POINTS:
-            self._n_scans += 1
             return Match(self.pose, self.pose_cov, 0.0, 0)
-        if self._drawn is None:
+        if self._drawn is None:  # the first scan begins the map
             match = Match(self.pose, self.pose_cov, 1.0, len(points))
         else:
-            fields = self._fields()
-            match = match_field(fields, points, self._pose)
-            self.lost = _contradicts(fields[-1], points, match.pose)
-            if self.lost and self.lost_at is None:
-                self.lost_at = self._n_scans
+            fields = [
+                LikelihoodGrid.of_occupancy(grid.log_odds, grid.resolution, grid.origin)
+                for grid in reversed(self.maps)
+            ]
+            match = match_field(fields, points, self._pose)  # (4) to (14), coarse first
             self._pose, self._cov = match.pose.copy(), match.cov.copy()
-        self._draw(ranges)
-        self._n_scans += 1
+            p = fields[-1].value(transform(self._pose, points))
+            self.lost = bool((p < 0.4).sum() > (p > 0.6).sum())  # more on free floor than on walls
+            if self.lost and self.lost_at is None:
+                self.lost_at = self._n_scans - 1
+        if self._drawn is None or has_moved(between(self._drawn, self._pose), *_NEW_MAP):
+            self._drawn = self._pose.copy()
+            for grid in self.maps:
+                grid.insert(self._pose, ranges, self._lidar, free_missing=False)
         return match
-
-    def _fields(self) -> list[LikelihoodGrid]:
-        """Return the maps as fields of probabilities, coarse first."""
-        return [
-            LikelihoodGrid.of_occupancy(grid.log_odds, grid.resolution, grid.origin)
-            for grid in reversed(self.maps)
-        ]
-
-    def _draw(self, ranges: Array) -> None:
-        """Add the scan to every map, unless the robot has hardly moved since the last time."""
-        off = None if self._drawn is None else between(self._drawn, self._pose)
-        if off is not None and not has_moved(off, *_NEW_MAP):
-            return
-        self._drawn = self._pose.copy()
-        for grid in self.maps:
-            grid.insert(self._pose, ranges, self._lidar, free_missing=False)
-
-
-def _contradicts(field: LikelihoodGrid, points: Array, pose: Array) -> bool:
-    """Whether more points lie on floor that was seen free than on walls."""
-    p = field.value(transform(pose, points))
-    free, wall = (p < 0.4).sum(), (p > 0.6).sum()
-    return bool(free > wall)

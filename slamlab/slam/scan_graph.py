@@ -160,35 +160,26 @@ class ScanGraphSlam(ScanSystem):
             If the shape is wrong or a range negative.
         """
         points = scan_points(self._taken(ranges), self._lidar)
-        match = self._matched(points)
+        enough, nothing = len(points) >= LEAST_POINTS, Match(self.pose, self.pose_cov, 0.0, 0)
+        match = None
+        if enough and self.nodes:
+            self._ground = self._ground or LocalMap(self._recent)
+            match = track(self._ground, points, self._pose, self._moved_cov)
+            self.lost = match is None
+        if match is not None:  # the wheels and the match as one
+            before = self._cov - self._moved_cov
+            self._pose, self._moved_cov = fused(match, self._pose, self._moved_cov)
+            self._cov = before + self._moved_cov
+        elif enough and self.nodes:  # the wheels alone
+            self.unmatched_scans.append(len(self._steps))
         off = between(self._poses[-1], self._pose) if self.nodes else self._pose.copy()
-        if self._is_new(points, off):
+        if enough and (not self.nodes or has_moved(off, *_NEW_NODE)):
             self._add_node(Keyframe.of(points), off)
-            if self._loops:
-                self._try_closures(len(self.nodes) - 1 - AROUND)
+            if self._loops and self._tie(len(self.nodes) - 1 - AROUND):
+                self._solve()
             off = np.zeros(3)
         self._steps.append((len(self.nodes) - 1, off))
-        return match
-
-    def _matched(self, points: Array) -> Match:
-        """Move the pose to where the scan lies among the last keyframes."""
-        nothing = Match(self.pose, self.pose_cov, 0.0, 0)
-        if len(points) < LEAST_POINTS or not self.nodes:
-            return nothing
-        if self._ground is None:
-            self._ground = LocalMap(self._recent)
-        match = track(self._ground, points, self._pose, self._moved_cov)
-        self.lost = match is None
-        if match is None:
-            self.unmatched_scans.append(len(self._steps))
-            return nothing
-        before = self._cov - self._moved_cov
-        self._pose, self._moved_cov = fused(match, self._pose, self._moved_cov)
-        self._cov = before + self._moved_cov
-        return match
-
-    def _is_new(self, points: Array, off: Array) -> bool:
-        return len(points) >= LEAST_POINTS and (not self.nodes or has_moved(off, *_NEW_NODE))
+        return match or nothing
 
     def _add_node(self, node: Keyframe, z: Array) -> None:
         """Append a node at the present pose, and the edge z of the chain that leads to it."""
@@ -208,10 +199,10 @@ class ScanGraphSlam(ScanSystem):
 
     # Closures.
 
-    def _try_closures(self, k: int) -> None:
-        """Look for old places at node k; solve when what was found is witnessed."""
+    def _tie(self, k: int) -> bool:
+        """Look for old places at node k; tell whether closures are witnessed that were not yet."""
         if k < 0 or self._travel[k] - self._tried < STRIDE:
-            return
+            return False
         self._tried = self._travel[k]
         old, radius = candidates(k, self._poses, self._travel, self._travel[k] - self._tied)
         tried = [
@@ -219,19 +210,15 @@ class ScanGraphSlam(ScanSystem):
         ]
         found = [closure for closure in tried if closure is not None]
         self.closures += found
-        if found and self._confirm():
-            self._tied = self._travel[k]
-            self._solve()
-
-    def _confirm(self) -> bool:
-        """Promote the closures that are witnessed by now; tell whether there are new ones."""
         fresh = [
             one
-            for one in self.closures
+            for one in (self.closures if found else ())
             if one.state == "waiting" and witnessed(one, self.closures, self._poses, self._travel)
         ]
         for one in fresh:
             one.state = "confirmed"
+        if fresh:
+            self._tied = self._travel[k]
         return bool(fresh)
 
     def graph(self) -> PoseGraph:
