@@ -29,7 +29,17 @@ def main() -> int:
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 1
     report = ROOT / "_build" / "fuzz.xml"
     report.parent.mkdir(exist_ok=True)
-    words = ["-q", "-p", "no:nbval", "-p", "no:cacheprovider", f"--junitxml={report}", *TESTS]
+    words = [
+        "-q",
+        "-p",
+        "no:nbval",
+        "-p",
+        "no:cacheprovider",
+        "-o",
+        "junit_family=xunit1",
+        f"--junitxml={report}",
+        *TESTS,
+    ]
     given = os.environ | {"SLAMLAB_FUZZ": str(rounds)}
     done = subprocess.run(
         [sys.executable, "-m", "pytest", *words], cwd=ROOT, env=given, check=False

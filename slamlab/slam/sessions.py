@@ -268,7 +268,10 @@ class Sessions:
                 if abs(travel[k] - tried) < STRIDE:
                     continue
                 tried, nodes = travel[k], self._chain()
-                self.closures += more(k, n, nodes, float(abs(tried - tied)))
+                # Found in all of the map before, it would be consistent with itself.
+                known = {(one.j, one.k) for one in self.closures}
+                found = more(k, n, nodes, float(abs(tried - tied)))
+                self.closures += [one for one in found if (one.j, one.k) not in known]
                 sure = [
                     one
                     for one in self.closures

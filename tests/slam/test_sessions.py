@@ -91,6 +91,8 @@ def test_another_drive_from_another_start_and_heading_is_joined_where_it_was(whi
     assert len(confirmed) >= 3
     n = len(mapped(*FIRST)[0].nodes)
     assert all(one.j < n <= one.k for one in confirmed)
+    pairs = [(one.j, one.k) for one in found.closures]
+    assert len(set(pairs)) == len(pairs)  # none speaks for itself
 
 
 @pytest.mark.parametrize("seed", [6, 7, 8])
