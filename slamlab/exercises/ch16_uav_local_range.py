@@ -440,7 +440,7 @@ check_note_update.mistakes = {
     "Phi starts anew here: what happened before this update is lost": (
         "Phi = Phi - K @ H @ Phi => Phi = np.eye(len(Phi)) - K @ H"
     ),
-    "the Phi that came in is used nowhere: as if each update were the first": lambda *a: (
+    "the Phi that is given is used nowhere: as if each update were the first": lambda *a: (
         note_update(np.eye(len(a[0])), *a[1:])
     ),
     "Psi grows: what is observed adds information": "Psi + told @ H @ Phi => Psi - told @ H @ Phi",
