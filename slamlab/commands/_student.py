@@ -62,6 +62,12 @@ class _NoAnswers(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         module.__getattr__ = partial(_check, module.__name__)  # type: ignore[method-assign]
 
 
+_CLOSED_OF_A_CHECK = {
+    "reference", "mistakes", "mistaken", "inputs", "due", "judge", "observe", "passes",
+    "of_variant", "parameters",
+}  # fmt: skip
+
+
 class _Nothing:
     """A check in a submission, its report and its picture: nothing, whatever is asked of it."""
 
@@ -70,9 +76,9 @@ class _Nothing:
         return self
 
     def __getattr__(self, name: str) -> Any:
-        """Have every attribute (`draw`, `text`, `passed`) but Python's own."""
-        if name.startswith("__"):
-            raise AttributeError(name)
+        """Have every attribute (`draw`, `text`, `passed`), but none that leads to answers."""
+        if name.startswith("_") or name in _CLOSED_OF_A_CHECK:
+            raise AttributeError(f"{name} of a check is not for a submission")
         return self
 
     def __iter__(self) -> Iterator[Any]:
