@@ -6,6 +6,8 @@ et al. 2018). Chapter 13 shows what each of them is for.
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +16,7 @@ from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
 from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
 from slamlab.slam._tracking import Keyframe, LocalMap
+from slamlab.slam.pose_graph import PoseGraph
 
 STRIDE = 1.5  # a node is tried for closures every so many metres of travel
 LOOP = 20.0  # a closure joins places at least so far apart along the path (m)
@@ -28,6 +31,8 @@ ELSEWHERE, RIVAL = 0.8, 0.8  # best score more than so far away (m), as a part o
 SLIDE = 0.3  # point to line must not move the result farther than this (m)
 SPAN = 15.0  # witnesses lie within this travel of both ends (m)
 FLOOR = np.diag(np.square([0.03, 0.03, np.deg2rad(0.4)]))
+WIDTHS = (30.0, 10.0, 3.0)  # of the robust kernel, one after the other
+FALSE = 60.0  # chi2 of a closure that is dropped after all
 
 
 @dataclass(eq=False)
@@ -146,3 +151,27 @@ def witnessed(one: Closure, others: list[Closure], poses: Array, travel: Array) 
         agree += bool(same)
         near += bool(same or other.fit >= one.fit)
     return agree >= (1 if one.fit >= SURE else 2) and 2 * agree >= near
+
+
+def optimized(
+    graph: Callable[[], PoseGraph], closures: Sequence[Closure]
+) -> tuple[PoseGraph, Array]:
+    """Bend a graph that ends in the confirmed closures; drop those that do not fit; bend it again.
+
+    Returns the graph of the closures that are left, and its poses (n, 3).
+    """
+    while True:
+        ties, last = [one for one in closures if one.state == "confirmed"], graph()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            result = last.optimize(
+                "levenberg-marquardt", kernel="dcs", kernel_width=WIDTHS, tolerance=1e-5
+            )
+        first = len(last.edges) - len(ties)
+        e = last.residuals(result.poses)[first:]
+        chi2 = np.einsum("ni,nij,nj->n", e, last.information[first:], e)
+        for one, misfit in zip(ties, chi2, strict=True):
+            if misfit > FALSE:
+                one.state = "rejected"
+        if (chi2 <= FALSE).all():
+            return last, result.poses

@@ -6,7 +6,6 @@ P5 section 2.2. Chapters 13 and 14.
 
 from __future__ import annotations
 
-import warnings
 from collections import deque
 
 import numpy as np
@@ -17,7 +16,15 @@ from slamlab.geometry import between, compose, rotation
 from slamlab.matching import Match, PointsWithNormals
 from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
-from slamlab.slam._closures import AROUND, STRIDE, Closure, candidates, verify, witnessed
+from slamlab.slam._closures import (
+    AROUND,
+    STRIDE,
+    Closure,
+    candidates,
+    optimized,
+    verify,
+    witnessed,
+)
 from slamlab.slam._tracking import (
     FLOOR,
     LEAST_POINTS,
@@ -35,8 +42,6 @@ from slamlab.slam.pose_graph import PoseGraph
 __all__ = ["Closure", "ScanGraphSlam"]
 
 _NEW_NODE = (0.3, np.deg2rad(15))  # a scan becomes a node after so much motion (m, rad)
-_WIDTHS = (30.0, 10.0, 3.0)  # of the robust kernel, one after the other
-_FALSE = 60.0  # chi2 of a closure that is dropped after all
 
 
 class ScanGraphSlam(ScanSystem):
@@ -245,23 +250,9 @@ class ScanGraphSlam(ScanSystem):
     def _solve(self) -> None:
         """Bend the chain; closures that still do not fit are dropped, and it is bent again."""
         last = between(self._poses[-1], self._pose)
-        while True:
-            ties = [one for one in self.closures if one.state == "confirmed"]
-            graph = self.graph()
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)
-                result = graph.optimize(
-                    "levenberg-marquardt", kernel="dcs", kernel_width=_WIDTHS, tolerance=1e-5
-                )
-            e = graph.residuals(result.poses)[len(self._chain) :]
-            chi2 = np.einsum("ni,nij,nj->n", e, graph.information[len(self._chain) :], e)
-            for one, misfit in zip(ties, chi2, strict=True):
-                if misfit > _FALSE:
-                    one.state = "rejected"
-            if (chi2 <= _FALSE).all():
-                break
-        self._poses, self._ground, self._placed = result.poses, None, np.zeros((0, 3))
+        graph, poses = optimized(self.graph, self.closures)
+        self._poses, self._ground, self._placed = poses, None, np.zeros((0, 3))
         recent = slice(-self._n_keyframes, None)
         self._recent.extend(map(Keyframe.at, self.nodes[recent], self._poses[recent]))
         self._pose = compose(self._poses[-1], last)
-        self._cov = graph.marginal_cov(len(self._poses) - 1, result.poses) + self._moved_cov
+        self._cov = graph.marginal_cov(len(self._poses) - 1, poses) + self._moved_cov

@@ -7,7 +7,6 @@ every closure of `ScanGraphSlam` is. Chapter 13; ``slamlab map --resume``.
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -28,11 +27,11 @@ from slamlab._files import read_npz
 from slamlab.geometry import between, compose, inverse
 from slamlab.logs import Log, ScanGeometry
 from slamlab.models import ScanSensor
-from slamlab.slam._closures import AROUND, STRIDE, Closure, witnessed
+from slamlab.slam._closures import AROUND, STRIDE, Closure, optimized, witnessed
 from slamlab.slam._joining import GAP, Chain, Tie, more, recognised
 from slamlab.slam._tracking import LEAST_POINTS, Keyframe, scan_points
 from slamlab.slam.pose_graph import PoseGraph
-from slamlab.slam.scan_graph import _FALSE, _WIDTHS, ScanGraphSlam
+from slamlab.slam.scan_graph import ScanGraphSlam
 
 __all__ = ["Sessions"]
 
@@ -287,23 +286,9 @@ class Sessions:
 
     def _solve(self) -> None:
         """Bend the map; closures that still do not fit are dropped, and it is bent again."""
-        while True:
-            ties, graph = [one for one in self.closures if one.state == "confirmed"], self.graph()
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)
-                result = graph.optimize(
-                    "levenberg-marquardt", kernel="dcs", kernel_width=_WIDTHS, tolerance=1e-5
-                )
-            first = len(graph.edges) - len(ties)
-            e = graph.residuals(result.poses)[first:]
-            chi2 = np.einsum("ni,nij,nj->n", e, graph.information[first:], e)
-            for one, misfit in zip(ties, chi2, strict=True):
-                if misfit > _FALSE:
-                    one.state = "rejected"
-            if (chi2 <= _FALSE).all():
-                break
+        _, all_poses = optimized(self.graph, self.closures)
         ends = np.cumsum([len(one.nodes) for one in self.drives])[:-1]
-        for drive, poses in zip(self.drives, np.split(result.poses, ends), strict=True):
+        for drive, poses in zip(self.drives, np.split(all_poses, ends), strict=True):
             drive.poses = poses
 
     # Files.
