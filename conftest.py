@@ -2,6 +2,9 @@
 
 import gc
 import sys
+from collections.abc import Iterator
+
+import pytest
 
 # Where notebooks are run: pytest has loaded nbval then, and other tests leave it alone.
 if "nbval.plugin" in sys.modules:
@@ -15,3 +18,14 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 50)
+
+
+@pytest.fixture(autouse=True)
+def style_left_as_found() -> Iterator[None]:
+    """Put back the style: a picture of an exercise sets the one of the course."""
+    matplotlib = sys.modules.get("matplotlib")
+    if matplotlib is None:
+        yield
+    else:
+        with matplotlib.rc_context():
+            yield

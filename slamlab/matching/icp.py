@@ -55,9 +55,8 @@ def voxel_downsample(points: ArrayLike, spacing: float = 0.1) -> Array:
     """
     points = finite_points("points", points, 0)
     spacing = as_scalar("spacing", spacing, 1e-3, 1e6)
-    column, row = np.floor(points.T / spacing).astype(int)
-    columns = column.max(initial=0) - column.min(initial=0) + 1
-    _, first = np.unique(row * columns + column, return_index=True)
+    squares = np.floor(points / spacing).view(complex).ravel()
+    _, first = np.unique(squares, return_index=True)
     return points.take(np.sort(first), 0)
 
 
