@@ -1,7 +1,7 @@
 """Flights over a field of trees, lane by lane: the world of chapter 16.
 
-Stands in for the flights of P4, of which only page 84 is at hand: no field, path or noise of its
-own is known.
+Stands in for the flights of P4, of which only page 84 and the abstract are at hand: no field, path
+or noise of its own is known.
 """
 
 from __future__ import annotations
