@@ -277,7 +277,7 @@ check_update.mistakes = {
 # ## Solution 2: update
 
 # %% [markdown] tags=["solution"]
-# Listening only when a door is seen throws half of the news away. A wall is a measurement too:
+# An update that uses doors only wastes what a wall tells. A wall is a measurement too:
 
 # %% active="ipynb" tags=["solution"]
 # def only_doors(belief, doors, sees_door, p_right):
@@ -442,7 +442,7 @@ def wander(belief: Array, doors: Array, steps: Array, seen: Ints, p_right: float
 #        np.array([1]), 0.9)
 
 # %% [markdown] tags=["hint"]
-# A loop over the steps: first the motion, then the look, then write the belief down.
+# A loop over the steps: first the motion, then the measurement, then write the belief down.
 
 # %% [markdown] tags=["hint"]
 # Closed eyes are no wall: what does a filter do that is given nothing?

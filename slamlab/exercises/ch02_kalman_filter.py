@@ -297,7 +297,7 @@ check_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: Joseph's form
 #
-# Someone hands you a gain that is not the optimal one. How sure are you after using it?
+# You are given a gain that is not the optimal one. How uncertain is the state after using it?
 
 
 # %% tags=["exercise"]

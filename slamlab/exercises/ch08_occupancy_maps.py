@@ -159,7 +159,7 @@ check_fuse.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Leave the prior in, and four hints that say nothing new make a cell freer and freer. With the
-# prior one half nobody notices:
+# prior one half it does not show:
 
 # %% active="ipynb" tags=["solution"]
 # def prior_everywhere(prior, hints):
@@ -265,7 +265,7 @@ check_beam_evidence = Check(
 
 # %% tags=["mistakes"]
 check_beam_evidence.mistakes = {
-    "nobody saw what lies behind the wall: no evidence there": (
+    "nothing was seen of what lies behind the wall: no evidence there": (
         "evidence[:end] = miss => evidence[:] = miss"
     ),
     "this is P5's dot: the beam also says that the cells before its end are free": (
@@ -308,8 +308,8 @@ check_beam_evidence.mistakes = {
 # ## Solution 2: the evidence of one beam
 
 # %% [markdown] tags=["solution"]
-# A reading at the limit of the range looks like any other number. Who draws a wall there builds a
-# ring of walls around the robot in every large hall:
+# A reading at the limit of the range looks like any other number. Walls drawn there make a ring
+# around the robot in every large hall:
 
 # %% active="ipynb" tags=["solution"]
 # def ring_of_walls(n_cells, distance, max_range, hit, miss):
@@ -534,7 +534,7 @@ check_hits_needed.mistakes = {
 # negative.
 
 # %% [markdown] tags=["solution"]
-# Whoever lets the prior stand in every hit needs too many of them where the floor is mostly free:
+# With the prior left in every hit too many of them are needed where the floor is mostly free:
 
 # %% active="ipynb" tags=["solution"]
 # def prior_in_every_hit(p_hit, prior, goal):
@@ -549,7 +549,7 @@ check_hits_needed.mistakes = {
 # Now the whole plane. For every cell ask: in which direction does its centre lie, seen from the
 # robot, and which beam points nearest to that direction? If the centre is nearer than the end of
 # that beam by more than half a cell, the cell was looked through: add `miss`. If it lies within
-# half a cell of the end, add `hit`. Behind that nobody has seen anything. A beam of `max_range`
+# half a cell of the end, add `hit`. Behind that nothing was seen. A beam of `max_range`
 # or more met nothing, and frees what is nearer than `max_range`. NaN says nothing at all.
 
 
@@ -773,8 +773,8 @@ check_insert.mistakes = {
 # beam needs no line of its own.
 
 # %% [markdown] tags=["solution"]
-# Freeing what lies behind a wall is the mistake that costs most: a corridor on the other side of
-# it vanishes from the map whenever the robot looks at the wall.
+# Do not free what lies behind a wall: a corridor on the other side of it would vanish from the map
+# whenever the robot sees the wall.
 
 # %% active="ipynb" tags=["solution"]
 # def free_behind(log_odds, pose, ranges, angles, cell, max_range, hit, miss):
