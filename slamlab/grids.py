@@ -1,7 +1,7 @@
 """One frame for every grid: square cells in rows and columns over a piece of the plane.
 
 A world in pixels, an occupancy map and the floor that a robot has seen are such grids; so they
-agree on which cell a point lies in, where its centre is and how a sheet grows. Chapters 06 to 20.
+agree on which cell a point lies in, where its centre is and how a grid grows. Chapters 06 to 20.
 """
 
 from __future__ import annotations

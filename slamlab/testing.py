@@ -326,10 +326,22 @@ class _Sensor:
         _close("z - (z - d)", self.sensor.residual(z, z - small), np.tile(small, (4, 1)))
         # Once round on the spot, and back to the same heading with another number.
         turn = np.linspace(0, 2 * np.pi, 91)
-        seen = self.sensor.observe(self.x[:1] + turn[:, None] * [0, 0, 1], self.m[:1])
-        most = np.abs(self.sensor.residual(np.roll(seen, -1, 0), seen)).max()
-        if most > 2:
-            raise _Broken(f"jumps by {most:.3g} as the robot turns: wrap what measures an angle")
+        around, m = self.x[0] + turn[:, None] * [0, 0, 1], self.m[0]
+        seen = np.asarray(self.sensor.visible(around, np.tile(m, (91, 1))), bool)
+        pairs = np.flatnonzero(seen & np.roll(seen, -1))
+        if len(pairs) == 0:
+            return
+        before, after = around[pairs], np.roll(around, -1, 0)[pairs]
+        first, then = self.sensor.observe(before, m), self.sensor.observe(after, m)
+        # A camera that measures pixels may change by many of them, as its derivative says.
+        steep = [np.abs(self.sensor.jacobians(x, m)[0][..., 2]) for x in (before, after)]
+        most = 2 + 3 * turn[1] * np.maximum(*steep)
+        jump = np.abs(self.sensor.residual(then, first))
+        if (jump > most).any():
+            raise _Broken(
+                f"jumps by {jump[jump > most].max():.3g} as the robot turns: wrap what measures "
+                "an angle"
+            )
 
     def leading_axes(self) -> None:
         for name in ("observe", "locate", "jacobians", "locate_jacobians", "visible"):

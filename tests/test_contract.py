@@ -13,7 +13,7 @@ import pytest
 
 from slamlab.datasets import killian, read_carmen
 from slamlab.evaluation import run
-from slamlab.geometry import between, compose
+from slamlab.geometry import between, compose, wrap_angle
 from slamlab.localization import (
     DeadReckoning,
     GlobalLocalization,
@@ -21,7 +21,7 @@ from slamlab.localization import (
     MonteCarloLocalization,
 )
 from slamlab.logs import Log
-from slamlab.models import MotionModel
+from slamlab.models import LandmarkSensor, MotionModel, as_array
 from slamlab.robots import YOUBOT, Mecanum, RelativePose, Unicycle
 from slamlab.sensors import Lidar, PointSensor, RangeBearing, StereoRig, Wall
 from slamlab.simulation import ground_laps, landmark_drives
@@ -57,6 +57,52 @@ SENSORS = {
     "PointSensor": PointSensor(0.01 * np.eye(2)),
     "Displacement": Displacement(0.1),
 }
+
+
+BODY = PointSensor(np.eye(2))
+
+
+class Pixels(LandmarkSensor):
+    """A stereo camera: column and disparity (pixels) of what is ahead; there is no behind."""
+
+    cov = np.eye(2)
+
+    def __repr__(self):
+        return "Pixels()"
+
+    def observe(self, pose, landmark):
+        p = BODY.observe(pose, landmark)
+        return 500 * np.stack([p[..., 1], np.full_like(p[..., 1], 0.2)], -1) / p[..., :1]
+
+    def jacobians(self, pose, landmark):
+        p, by_pose_and_point = BODY.observe(pose, landmark), BODY.jacobians(pose, landmark)
+        D = np.zeros((*p.shape, 2))
+        D[..., 0, 0], D[..., 0, 1] = -p[..., 1] / p[..., 0] ** 2, 1 / p[..., 0]
+        D[..., 1, 0] = -0.2 / p[..., 0] ** 2
+        return tuple(500 * D @ H for H in by_pose_and_point)
+
+    def locate(self, pose, z):
+        return BODY.locate(pose, self.point(z))
+
+    def locate_jacobians(self, pose, z):
+        p, z = self.point(z), np.asarray(z)
+        by_pose, by_point = BODY.locate_jacobians(pose, p)
+        D = np.zeros((*p.shape, 2))
+        D[..., 1, 0], D[..., :, 1] = 0.2 / z[..., 1], -p / z[..., 1:]
+        return by_pose, by_point @ D
+
+    def visible(self, pose, landmark):
+        return BODY.observe(pose, landmark)[..., 0] > 0.1
+
+    def reach(self, z):
+        return np.linalg.norm(self.point(z), axis=-1)
+
+    def point(self, z):
+        z = as_array("z", z, ("...", 2))
+        return 0.2 * np.stack([np.full_like(z[..., 0], 500.0), z[..., 0]], -1) / z[..., 1:]
+
+
+SENSORS["a camera of the caller"] = Pixels()
 
 # The logs: landmarks of one robot and of three, scans of a room, the real corridor.
 
@@ -352,7 +398,21 @@ class PolarLandmark(RangeBearing):
         return H_pose, np.swapaxes(H_landmark, -1, -2)
 
 
+class SeesAhead(Unwrapped):
+    def visible(self, pose, landmark):
+        return np.abs(wrap_angle(super().observe(pose, landmark)[..., 1])) < np.pi / 2
+
+
+class FromNorth(SeesAhead):
+    """Measures the bearing from north, and forgets to wrap what is seen ahead."""
+
+    def observe(self, pose, landmark):
+        z = super().observe(pose, landmark)
+        return np.stack([z[..., 0], wrap_angle(z[..., 1] - 2.5)], -1)
+
+
 WRONG_MODELS = {
+    "bearing, ahead": ("residual: jumps by 6", FromNorth(0.1, 0.02), None),
     "transposed": ("jacobians: by pose: this is the transpose", Transposed(), [1.0, 0.3]),
     "one noise": ("sample: the mean of many", OneNoiseForAll(), [1.0, 0.3]),
     "wind, frame": ("equivariance: a step in a turned world", Wind(), [1.0, 0.3]),

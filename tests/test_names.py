@@ -49,7 +49,8 @@ CHOICES = {"latest", "stretch"}
 MATCHING = {"thin", "normals", "Field"}
 # Words of prose for which the field has others: uncertainty, expected, given, grid, overconfident,
 # second-best match, consistent closure, outlier. They stay out of the chapters written as lessons
-# (tests/test_notebooks.py), of their second pages, exercises and solutions.
+# (tests/test_notebooks.py), of their second pages, exercises and solutions, of the other pages
+# and of docstrings.
 PROSE = re.compile(
     r"\b(doubts?|doubtful|in doubt|witness(es)?|rivals?|shy|kinder|kindest|sheets?|told(?! apart)"
     r"|surer|too sure|liars?|crutch|dearest|comb|teeth|ghosts?|(is|are) due(?! to)|at its word)\b",
@@ -169,3 +170,22 @@ def test_the_prose_of_a_lesson_uses_the_words_of_the_field(path):
     assert found == []
     assert PROSE.search("Its doubt is 3 m where 1 m is due.")
     assert not PROSE.search("The shift is due to a wrap.")
+
+
+def pages_and_docstrings():
+    for path in sorted((ROOT / "book").glob("**/*")):
+        if path.suffix in (".md", ".yaml") and "static" not in path.parts:
+            yield path, re.sub(r"`[^`]*`", "", path.read_text(encoding="utf-8"))
+    for path in sorted((ROOT / "slamlab").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                yield path, re.sub(r"`[^`]*`", "", ast.get_docstring(node) or "")
+
+
+def test_pages_and_docstrings_use_the_words_of_the_field():
+    # A style sheet and a project sheet are called so everywhere.
+    usual = re.compile(r"(style|project) sheets?")
+    found = [(path.name, word[0]) for path, text in pages_and_docstrings()
+             for word in PROSE.finditer(usual.sub("", text))]  # fmt: skip
+    assert found == []
+    assert PROSE.search(usual.sub("", "Style sheets; the sheet."))

@@ -579,3 +579,45 @@ def test_the_teachers_guide_has_the_minutes_of_the_header(path):
     guide = (ROOT / "book" / "teachers_guide.md").read_text()
     assert minutes_of_guide(guide, path.stem[:2]) == minutes_of_header(path)
     assert minutes_of_guide(guide, "99") is None
+
+
+def needs_of_guide(guide):
+    """What each chapter and lab needs, as sets of which one will do, by the guide's two tables."""
+    chapters = re.findall(r"(?m)^\| (\d\d) [^|]*\|[^|]*\|[^|]*\| ([^|]*) \|", guide)
+    labs = re.findall(r"(?m)^\| ([IV]+) [^|]*\|[^|]*\| ([^|]*) \|$", guide)
+    return {
+        name: [set(found) for part in text.split(",") if (found := re.findall(r"\d\d", part))]
+        for name, text in chapters + labs
+    }
+
+
+def path_of_guide(guide, heading):
+    """(week, chapters, labs) of each row of a path's table."""
+    part = re.search(rf"(?ms)^### {heading}:.*?(?=^##)", guide)[0]
+    rows = re.findall(r"(?m)^\| (\d+) \| (.*?) \| (.*?) \|$", part)
+    chapter = re.compile(r"(?<![\w/(])(\d\d)(?!\w)")
+    return [(int(n), chapter.findall(read), re.findall(r"Lab (\w+)", do)) for n, read, do in rows]
+
+
+def fault_of_path(rows, needs):
+    """The first chapter or lab of a path that comes before what it needs."""
+    read = set()
+    for _, chapters, labs in rows:
+        for one in chapters + labs:
+            if any(not choice & read for choice in needs[one]):
+                return one
+            read.add(one)
+    return None
+
+
+@pytest.mark.parametrize(("heading", "weeks"), [("Eight weeks", 8), ("Fourteen weeks", 14)])
+def test_a_path_reads_nothing_before_what_it_needs(heading, weeks):
+    guide = (ROOT / "book" / "teachers_guide.md").read_text()
+    needs, rows = needs_of_guide(guide), path_of_guide(guide, heading)
+    assert len(needs) == 21 + 5
+    assert needs["III"] == [{"09", "12"}, {"11"}]
+    assert [week for week, _, _ in rows] == list(range(1, weeks + 1))
+    assert {"13", "14", "I", "II"} <= {one for _, read, labs in rows for one in read + labs}
+    assert fault_of_path(rows, needs) is None
+    assert fault_of_path(rows[1:], needs) is not None
+    assert fault_of_path(rows[::-1], needs) is not None

@@ -6,7 +6,18 @@ import nbformat
 import pytest
 
 from tools.notebooks import ROOT
-from tools.seeds import STEADY, STEP, UNSTEADY, chapters, executed, ranges, report, said, turned
+from tools.seeds import (
+    STEADY,
+    STEP,
+    UNSTEADY,
+    chapters,
+    executed,
+    lines_of,
+    ranges,
+    report,
+    said,
+    turned,
+)
 
 CODE = nbformat.v4.new_code_cell
 PROSE = nbformat.v4.new_markdown_cell
@@ -83,6 +94,16 @@ def test_a_table_whose_numbers_move_and_whose_verdict_stays_has_not_turned():
     assert turned(one("NEES 2.1  yes\n"), one("NEES 2.3  yes\n")) == {}
     assert list(turned(one("NEES 2.1  yes\n"), one("NEES 5.3  no\n"))) == [(0, 0)]
     assert ranges(one("NEES 2.1\n"), [one("NEES 2.3\n")]) == ([], 1, 1)
+
+
+def test_a_line_that_a_kernel_cuts_in_two_is_one_line():
+    def printed(*parts):
+        streams = [nbformat.v4.new_output("stream", text=part) for part in parts]
+        table = nbformat.v4.new_output("execute_result", data={"text/plain": "a table"})
+        return CODE("", outputs=[*streams, table])
+
+    whole, cut = printed("one: True\ntwo: False"), printed("one: True", "\ntwo: ", "False")
+    assert lines_of(whole) == lines_of(cut) == ["one: True", "two: False", "a table"]
 
 
 def test_numbers_of_formulas_links_and_chapters_are_not_prose():

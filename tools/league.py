@@ -71,7 +71,7 @@ ENTRANTS = {
     "EKF-SLAM, joint compatibility": ("11", "landmarks", "many measurements at once: slow"),
     "compressed EKF-SLAM": ("10", "landmarks with names", "gains only on large maps"),
     "FastSLAM 1.0": ("12", "landmarks with names", "sharp sensors: few particles survive"),
-    "FastSLAM 2.0": ("12", "landmarks with names", "forgets the past: too sure in the end"),
+    "FastSLAM 2.0": ("12", "landmarks with names", "forgets the past: overconfident in the end"),
     "landmark graph, all at once": ("13", "named landmarks", "answers only in the end"),
     "Monte Carlo, map given": ("04", "the map, but no start", "two places that look alike"),
     "Hector": ("14", "a lidar, wheels optional", "long loops; fast turns without wheels"),

@@ -63,7 +63,7 @@ TABLES = {
         "Lidar beams beside a plain compiled traversal",
         ["promised (ratio or time)"],
         "The peer walks every beam from grid line to grid line, compiled by numba like ours, "
-        "which jumps over empty cells. P5's walk is in plain Python. In the last two rows the "
+        "which jumps over empty cells. P5's walk is in plain Python. In the last three rows the "
         "second column is a limit, not a measurement.",
     ),
     "test_particle_speed": (

@@ -138,14 +138,18 @@ def _code(notebook: nbformat.NotebookNode) -> list[tuple[int, nbformat.NotebookN
 
 
 def lines_of(cell: nbformat.NotebookNode) -> list[str]:
-    """Give the lines that a cell printed, and its results and tables as plain text."""
-    parts = [
-        output.text
-        if output.output_type == "stream"
-        else output.get("data", {}).get("text/plain", "")
-        for output in cell.outputs
-    ]
-    return "".join(part if part.endswith("\n") else part + "\n" for part in parts).splitlines()
+    """Give the lines that a cell printed, and its results and tables as plain text.
+
+    A line of a stream may come in two parts; a kernel cuts where it likes.
+    """
+    text = ""
+    for output in cell.outputs:
+        if output.output_type == "stream":
+            text += output.text
+        else:
+            line = "" if text.endswith("\n") or not text else "\n"
+            text += line + output.get("data", {}).get("text/plain", "") + "\n"
+    return text.splitlines()
 
 
 def raised(notebook: nbformat.NotebookNode) -> list[str]:

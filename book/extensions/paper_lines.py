@@ -20,7 +20,7 @@ from sphinx.util.docutils import SphinxDirective
 
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = ("text", "claim", "formula", "algorithm", "program", "figure", "table", "experiment")
-READ = ("clear", "doubtful", "restored")
+READ = ("clear", "unclear", "restored")
 VERDICTS = ("right", "confirmed", "incomplete", "typo", "wrong", "wrong as read", "refuted",
             "unsupported", "on record", "no claim", "not judged")  # fmt: skip
 

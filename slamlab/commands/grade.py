@@ -266,6 +266,6 @@ def write_gradebook(
 
 
 def _labels(path: Path) -> set[str]:
-    """Words by which a path can be told: its parts, and their pieces between underscores."""
+    """Words that tell a path apart: its parts, and their pieces between underscores."""
     parts = [*path.parts[:-1], path.stem]
     return {word.casefold() for part in parts for word in (part, *part.split("_"))}

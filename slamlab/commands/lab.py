@@ -3,9 +3,9 @@
 The file (.py or .ipynb) defines `make(setting)`, which returns an estimator; in lab IV the
 estimator has `command(view)` too, in lab II the file defines `map_room(setting, log)`, in lab V
 `slam(ranges, beam_angles, odometry, covs)`. It runs in a process of its own, with limits of time
-and memory, and is told step by step what a robot is told. The drives are drawn from a seed that
-the sheet shows; the truth stays with the score. All files of a folder get the same drives, and
-their sheets end in a leaderboard.
+and memory, and is given step by step what a robot is given. The drives are drawn from a seed that
+the score shows; the truth stays with the score. All files of a folder get the same drives, and
+their scores end in a leaderboard.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print the score sheet, or those of a folder and a leaderboard."""
+    """Print the scores of a file, or those of a folder and a leaderboard."""
     as_positive("seconds", options.seconds, 1e6)
     as_positive("megabytes", options.megabytes, 1e6)
     files = _files(options.file)

@@ -25,6 +25,7 @@ from slamlab.commands._localize import KnownMap, found
 from slamlab.commands._progress import Progress
 from slamlab.commands._results import results
 from slamlab.commands._resume import FILE, PATHS, Resumed, earlier, told, write_paths
+from slamlab.commands._wheels import disagreement
 from slamlab.datasets import read_carmen, read_rosbag, write_tum
 from slamlab.evaluation import Run
 from slamlab.evaluation import run as run_system
@@ -293,11 +294,19 @@ def report(method: str, result: Run, seconds: float, causes: list[str]) -> list[
         rows.append(("closures", ", ".join(f"{n} {state}" for state, n in counts.items())))
     if isinstance(system, GlobalLocalization):
         rows += found(result, _DISTRUST_PATH)
-    lost = _lost(log, system)
+    lost, apart = _lost(log, system), ""
     if lost:
         rows.append(("lost", lost))
-        if _DISTRUST in lost:
-            rows.append(("suspects", "; ".join([*causes, "walls out of reach, glass, crowds"])))
+    if isinstance(system, ScanGraphSlam | HectorSlam):
+        wheels = run_system(DeadReckoning(motion_of(log), np.zeros(3)), log)
+        apart = disagreement(wheels.trajectory, path)
+    if apart:
+        rows.append(("wheels", f"{apart}; one of the two is wrong: {_DISTRUST}"))
+        causes = [*causes, "the scale of the odometry, of the ranges or of the beam angles"]
+    if _DISTRUST in lost:
+        causes = [*causes, "walls out of reach, glass, crowds"]
+    if apart or _DISTRUST in lost:
+        rows.append(("suspects", "; ".join(causes)))
     return rows
 
 

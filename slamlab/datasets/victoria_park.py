@@ -58,7 +58,7 @@ def victoria_park_runs() -> dict[str, dict[int, dict[str, Array]]]:
         ``victoria_park_runs()[system][scale]``, scale the factor on the odometry's variance of the
         file, maps names to one number a seed: "error", "largest" and "end" of the place, "claimed"
         in the end (m); "trees" in the map and "claimed of a tree" (m); "nis" over its degrees of
-        freedom; if they are told by name their error "map", "map
+        freedom; if they are given by name their error "map", "map
         aligned" (m) and how far the map is "turned" (degrees), else "precision" and "recall".
 
     Examples

@@ -59,7 +59,7 @@ def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> Associat
         decide for themselves, with every step recorded and "columns", "started" and "ancestors"
         kept; then the pairs of all particles are counted.
     known_ids : int, default 0
-        As `run` was told: in the first so many steps the log's ids were handed over, and nothing
+        As in `run`: in the first so many steps the log's ids were handed over, and nothing
         is counted.
     since : int, default 0
         Pairs of earlier steps are not counted either; what they started is remembered.

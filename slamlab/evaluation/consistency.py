@@ -63,7 +63,7 @@ def nees(
     if isinstance(errors, Run):
         error = errors.poses - errors.truth
         error[..., 2] = wrap_angle(error[..., 2])
-        return _nees_where_doubtful(error, errors.covs)
+        return _nees_where_uncertain(error, errors.covs)
     error = _errors(errors)
     n = error.shape[-1]
     for i in as_tuple("angles", angles):
@@ -85,19 +85,19 @@ def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
     return as_array("errors", cast(ArrayLike, errors), ("...", "n")).copy()
 
 
-def _nees_where_doubtful(errors: Array, covs: Array) -> Array:
+def _nees_where_uncertain(errors: Array, covs: Array) -> Array:
     """NEES, NaN where a covariance is singular."""
     values = np.linalg.eigvalsh(covs)
-    doubtful = values[..., 0] > 1e-12 * values[..., -1]
-    scores = np.full(doubtful.shape, np.nan)
-    scores[doubtful] = mahalanobis_squared(errors[doubtful], covs[doubtful])
+    uncertain = values[..., 0] > 1e-12 * values[..., -1]
+    scores = np.full(uncertain.shape, np.nan)
+    scores[uncertain] = mahalanobis_squared(errors[uncertain], covs[uncertain])
     return scores
 
 
 def invariant_nees(
     poses: tuple[ArrayLike, ArrayLike] | Run, covs: ArrayLike | None = None
 ) -> Array:
-    """NEES of poses in the coordinates of a right-invariant error; 3 is due.
+    """NEES of poses in the coordinates of a right-invariant error; 3 is expected.
 
     The error is the motion of the whole world that takes the estimate to the truth: it turns by
     dtheta, and shifts. A robot that is sure of everything but its heading lies on an arc, which no
@@ -127,7 +127,7 @@ def invariant_nees(
     """
     if isinstance(poses, Run):
         error, P = _invariant(poses.poses, poses.truth, poses.covs)
-        return _nees_where_doubtful(error, P)
+        return _nees_where_uncertain(error, P)
     both = as_tuple("poses", poses)
     if len(both) != 2:
         raise ValueError(f"poses: expected a pair, estimated and true, got {len(both)} things")

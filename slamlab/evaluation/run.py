@@ -102,7 +102,7 @@ def run(
     record : sequence of str, default ()
         Names of attributes of the system, such as "landmarks" or "particles", to record as well.
     known_ids : bool or int, default True
-        Whether the system is told which landmark is which: always, never, or in the first so
+        Whether the system is given which landmark is which: always, never, or in the first so
         many steps.
     progress : bool or callable, default False
         Show a progress bar; or call ``progress(done, total)`` after each step.

@@ -54,7 +54,7 @@ def in_the_room(
     doubt: float = 0.0,
     still: bool = False,
 ) -> tuple[Any, ...]:
-    """Draw n steps of dt (s) among landmarks: u, dt, V, z, ids, R; with doubt, P0 before them."""
+    """Draw n steps of dt (s) among landmarks: u, dt, V, z, ids, R (and P0 before)."""
     from slamlab.sensors import RangeBearing  # most chapters' checks need no more than numpy
 
     room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)

@@ -210,7 +210,7 @@ class Check:
         it ends where the function returns nothing.
         It may give a sentence: an empty one where all is well, else what the student reads.
     edges : sequence of str
-        Properties on the edge of what is asked: to raise there is told, and not counted.
+        Properties on the edge of what is asked: to raise there is said, and not counted.
     picture : callable, optional
         ``picture(ax, function)`` draws the truth and what a function gives (see `draw`).
     """

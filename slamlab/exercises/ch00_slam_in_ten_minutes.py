@@ -772,9 +772,11 @@ def _ride(rng: np.random.Generator, n: int, closures: int) -> Any:
     z = np.reshape([between(truth[i], truth[j]) for i, j in pairs], (closures, 3))
     odometry = np.round(odometry + sigma * rng.standard_normal((n, 3)), 3)
     z = z + sigma / 2 * rng.standard_normal((closures, 3))
-    weight = np.linalg.inv(a_covariance(rng, 3, 0.02)), np.diag((2 / sigma) ** 2)
-    weight = weight[0], np.round(rng.uniform(0.5, 2), 2) * weight[1]
-    return truth[0], odometry, weight[0], np.reshape(pairs, (closures, 2)), z, weight[1]
+    omega = np.linalg.inv(a_covariance(rng, 3, 0.02))
+    certain = np.round(rng.uniform(0.5, 2), 2) * (2 / sigma) ** 2
+    omega_closure = np.diag(certain) @ np.array([[1, 0.3, 0], [0.3, 1, -0.4], [0, -0.4, 1]])
+    omega_closure = (omega_closure + omega_closure.T) / 2
+    return truth[0], odometry, omega, np.reshape(pairs, (closures, 2)), z, omega_closure
 
 
 def _slam_drawn(ax: Any, function: Any) -> None:

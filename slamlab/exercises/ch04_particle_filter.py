@@ -622,7 +622,13 @@ def localize(
 # %% tags=["cases"]
 @drawn
 def _walk(
-    rng: np.random.Generator, n: int, steps: int, lost: float = 0.0, sigma: float = 0.3
+    rng: np.random.Generator,
+    n: int,
+    steps: int,
+    lost: float = 0.0,
+    sigma: float = 0.3,
+    *,
+    back: bool = False,
 ) -> Any:
     doors = np.round(rng.uniform(0, 12, 3), 1)
     x, place = np.round(rng.uniform(0, 8, n), 2), float(rng.uniform(0, 6))
@@ -630,7 +636,8 @@ def _walk(
     z = np.abs((place + np.cumsum(moves))[:, None] - doors).min(axis=1)
     z = np.where(rng.random(steps) < lost, np.nan, np.round(z + rng.normal(0, sigma, steps), 2))
     noise = np.round(rng.normal(0, 0.1, (steps, n)), 3)
-    return x, moves, noise, z, doors, sigma, np.round(rng.random(steps), 3)
+    side = -1 if back else 1  # the same corridor, seen from its other end
+    return side * x, side * moves, noise, z, side * doors, sigma, np.round(rng.random(steps), 3)
 
 
 def _localize_drawn(ax: Any, function: Any) -> None:
@@ -662,6 +669,7 @@ check_localize = Check(
         "readings so inexact that there is no resampling": _walk(6, 4, 0.0, 20.0),
         "a drive": _walk(12, 8),
         "a drive on which some readings are lost": _walk(12, 10, 0.5),
+        "a drive backwards, left of the origin": _walk(12, 8, back=True),
     },
     tolerance=1e-8,
     picture=_localize_drawn,

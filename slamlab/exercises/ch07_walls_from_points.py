@@ -766,6 +766,18 @@ check_walls = Check(
         ),
         "a short piece between two walls is none": _outline(9, 2, 10),
         "a wall of exactly as many points as it needs": (_ANGLE, 0.01, 0.1, 4),
+        "a piece of one point fewer than a wall needs": (
+            np.vstack([[-1.0, 1.0], _ANGLE[:-1]]),
+            0.01,
+            0.1,
+            5,
+        ),
+        "a narrow threshold tells walls apart that meet at a flat angle": (
+            [[x, 2.0 + 0.07 * abs(x)] for x in np.arange(-1, 1.01, 0.2)],
+            0.01,
+            0.02,
+            4,
+        ),
         "too few points for any wall": ([[0.0, 1.0], [1.0, 1.0], [2.0, 1.0]], 0.01, 0.1, 4),
     },
     tolerance=1e-7,

@@ -617,16 +617,22 @@ def insert(
 # %% tags=["cases"]
 @drawn
 def _scanned(
-    rng: np.random.Generator, rows: int, columns: int, heading: float = 0.0, cell: float = 0.25
+    rng: np.random.Generator,
+    rows: int,
+    columns: int,
+    heading: float = 0.0,
+    cell: float = 0.25,
+    max_range: float = 3.0,
+    view: float = 2 * np.pi,
 ) -> Any:
     n = int(rng.integers(5, 12))
-    angles = np.linspace(-np.pi, np.pi, n, endpoint=False)
+    angles = np.linspace(-view / 2, view / 2, n, endpoint=False)
     ranges = np.round(rng.uniform(0.6, 4, n), 2)
     ranges[rng.integers(0, n)], ranges[rng.integers(0, n)] = np.inf, np.nan
     pose = [*np.round(rng.uniform(0.2, 1.8, 2), 2), heading + np.round(rng.normal(), 2)]
     before = np.round(rng.normal(0, 0.5, (rows, columns)), 1)
     hit, miss = np.round(rng.uniform([0.5, -0.6], [1.2, -0.2]), 2)
-    return before, pose, ranges, angles, cell, 3.0, hit, miss
+    return before, pose, ranges, angles, cell, max_range, hit, miss
 
 
 def _insert_drawn(ax: Any, function: Any) -> None:
@@ -705,6 +711,9 @@ check_insert = Check(
         "a room, wide": _scanned(6, 12, cell=0.2),
         "a room, high": _scanned(12, 6),
         "a robot that looks back": _scanned(8, 8, np.pi),
+        "a lidar that sees less far than the room is wide": _scanned(
+            8, 9, max_range=1.2, view=4.0
+        ),
     },
     picture=_insert_drawn,
 )

@@ -435,6 +435,7 @@ check_wall = Check(
         "the robot beyond the wall's line: another name": ([4, 1, 0.5], [2, 0.2], 0.3),
         "the centre before the line, the sensor beyond it": ([1.9, 0, 0.1], [2, 0.0], 0.3),
         "a direction that crosses half a turn": ([1, -1, -2.5], [3, 2.5], 0.4),
+        "a sensor behind the centre": ([1, 2, 0.4], [4, 1.1], -0.3),
         "any wall": _walled,
     },
     picture=_observe_wall_drawn,

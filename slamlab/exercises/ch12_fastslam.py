@@ -115,6 +115,12 @@ check_weight = Check(
         "a tree that is almost known": _seen(0.01),
         "a tree that is known exactly": _seen(0.0),
         "no innovation at all": lambda rng: (np.zeros(2), *_seen(1.0)(rng)[1:]),
+        "an exact sensor: a density may be above one": (
+            [0.02, -0.01],
+            [[0.8, 0.3], [-0.4, 1.1]],
+            0.0004 * np.eye(2),
+            0.0009 * np.eye(2),
+        ),
         "a surprise": lambda rng: (np.array([2.5, -1.5]), *_seen(1.0)(rng)[1:]),
         "a surprise whose density underflows": lambda rng: (
             np.array([60.0, -50.0]),

@@ -98,6 +98,7 @@ check_gamma_update = Check(
         "0, 10 and 20 cm": (1.0, 0.001, [0.0, 0.1, 0.2]),
         "the same, five metres higher": (1.0, 0.001, [5.0, 5.1, 5.2]),
         "one height says nothing": (2.0, 0.5, [0.3]),
+        "heights above and below the ground": (1.5, 0.2, [-0.4, 0.1, -0.25]),
         "any heights, any cell": lambda rng: (
             np.round(rng.uniform(0.5, 9), 1),
             np.round(rng.uniform(0.001, 0.5), 3),

@@ -240,6 +240,9 @@ check_next_range = Check(
         "nothing seen": (12.0, 0, 5.0, 5.0, 40.0),
         "never nearer": (12.0, 200, 2.0, 5.0, 40.0),
         "never further": (30.0, 1, 10.0, 5.0, 40.0),
+        "another drone, which flies lower: nothing seen": (6.0, 0, 5.0, 1.5, 20.0),
+        "another drone: never nearer": (6.0, 300, 2.0, 1.5, 20.0),
+        "another drone: never further": (15.0, 1, 10.0, 1.5, 20.0),
         "any numbers": lambda rng: (
             np.round(rng.uniform(8, 30), 1),
             int(rng.integers(3, 30)),

@@ -288,6 +288,11 @@ check_swept = Check(
         "behind: in the body and beyond it": ([[-0.1, 0.0], [-0.3, 0.0]], 0.15, 0.4),
         "exactly on the border": (_BORDER, 0.25, 0.25),
         "a robot that does not move": (_BORDER, 0.25, 0.0),
+        "five points ahead": (
+            [[0.1, 0.1], [0.4, -0.2], [0.6, 0.1], [0.7, 0], [0, 0.3]],
+            0.15,
+            0.35,
+        ),
         "no points": (np.zeros((0, 2)), 0.2, 0.5),
         "points all around": _around,
     },

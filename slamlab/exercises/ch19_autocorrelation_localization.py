@@ -852,7 +852,7 @@ def _map_of_scans(
     rng: np.random.Generator, places: int, beams: int, turn: int | None = None, twin: bool = False
 ) -> Any:
     """Draw a map of scans, and a scan near one of its places, turned and with noise."""
-    where = np.round(rng.uniform(0, 4, (places, 2)), 2)
+    where = np.round(rng.uniform(-2, 2, (places, 2)), 2)
     # Smooth scans: a few harmonics each.
     k, angle = np.arange(1, 6), 2 * np.pi * np.arange(beams) / beams
     waves = rng.normal(0, 0.5, (places, 2, 5)) / k

@@ -208,6 +208,7 @@ check_turn_back = Check(
         "half the budget is gone, and home is as far": (25.0, 25.0, 50.0, 1.0),
         "the reserve decides": (25.0, 20.0, 50.0, 1.3),
         "home is near: drive on": (45.0, 2.0, 50.0, 1.3),
+        "half a metre is left": (30.0, 13.0, 50.0, 1.5),
         "any journey": _journey,
     },
     draws=30,

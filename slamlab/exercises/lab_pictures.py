@@ -1,6 +1,6 @@
 """The picture after a lab: what *your* system makes of each drive, beside the library's.
 
-`draw` shows it also where the score sheet says NO: the picture then shows the failure. Lab V has
+`draw` shows it also where the score says NO: the picture then shows the failure. Lab V has
 pictures of its own, one a step (`capstone_pictures`).
 """
 

@@ -1,4 +1,4 @@
-"""What the score sheet of a lab says: figures of a system on a drive, and what earns a point.
+"""What the score of a lab says: figures of a system on a drive, and what earns a point.
 
 `practise` makes one in a notebook, on the drives of `labs.practice`; ``python -m slamlab lab``
 makes the one that counts.
@@ -45,7 +45,7 @@ class Row:
 
 
 def practise(lab: str, system: Callable[..., Any], seed: int = 0, library: bool = True) -> None:
-    """Print the score sheet of a system on the drives to practise on, without computing times.
+    """Print the scores of a system on the drives to practise on, without computing times.
 
     Parameters
     ----------

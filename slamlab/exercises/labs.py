@@ -1,4 +1,4 @@
-"""The five labs: what a student's system is told, and drives to practise on.
+"""The five labs: what a student's system is given, and drives to practise on.
 
 Lab I tracks a robot among known beacons, II maps a room, III does SLAM, IV explores and comes
 home, V is SLAM from scratch. ``python -m slamlab lab`` scores a system on drives of the same kind
@@ -79,7 +79,7 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One drive of a lab: what the system is told, and the truth that it is judged by.
+    """One drive of a lab: what the system is given, and the truth that it is judged by.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def practice(lab: str, seed: int = 0) -> list[Task]:
     ----------
     lab : {"I", "II", "III", "IV", "V"}
     seed : int, default 0
-        Other seeds, other drives; those of the score sheet are never among them.
+        Other seeds, other drives; those of the score are never among them.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Convex footprints against cells and segments, standing, driving and turning: compiled loops.
+"""Convex footprints against cells, standing, driving and turning: the compiled loop.
 
 A straight drive sweeps the Minkowski sum of the footprint and the way: separating axes decide. A
 turn on the spot first meets an obstacle where a vertex of one touches an edge of the other, and a
@@ -16,9 +16,9 @@ _DRAW_IN = 1e-9
 
 
 @njit(cache=True)
-def hits_grid(solid, resolution, left, bottom, footprint, starts, ends, out):  # type: ignore[no-untyped-def]
+def hits_grid(solid, resolution, left, bottom, footprint, starts, ends):  # type: ignore[no-untyped-def]
     """Tell for each motion whether the footprint sweeps over a solid cell or leaves the grid."""
-    cell = np.empty((4, 2))
+    cell, out = np.empty((4, 2)), np.zeros(len(starts), np.bool_)
     for i in range(len(out)):
         a, b, turn = _placed(footprint, starts[i], ends[i])
         box = _reach(a, b, starts[i], turn)
@@ -28,7 +28,6 @@ def hits_grid(solid, resolution, left, bottom, footprint, starts, ends, out):  #
             continue
         c0, c1 = int((box[0] - left) // resolution), int((box[1] - left) // resolution)
         r0, r1 = int((box[2] - bottom) // resolution), int((box[3] - bottom) // resolution)
-        out[i] = False
         for r in range(r0, r1 + 1):
             for c in range(c0, c1 + 1):
                 if 0 <= r < solid.shape[0] and 0 <= c < solid.shape[1] and not solid[r, c]:
@@ -43,27 +42,7 @@ def hits_grid(solid, resolution, left, bottom, footprint, starts, ends, out):  #
                     break
             if out[i]:
                 break
-
-
-@njit(cache=True)
-def hits_segments(segments, footprint, starts, ends, out):  # type: ignore[no-untyped-def]
-    """Tell for each motion whether the footprint sweeps over a segment."""
-    wall = np.empty((2, 2))
-    for i in range(len(out)):
-        a, b, turn = _placed(footprint, starts[i], ends[i])
-        box = _reach(a, b, starts[i], turn)
-        out[i] = False
-        for segment in segments:
-            x0, y0, x1, y1 = segment[0, 0], segment[0, 1], segment[1, 0], segment[1, 1]
-            if max(x0, x1) < box[0] or min(x0, x1) > box[1]:
-                continue
-            if max(y0, y1) < box[2] or min(y0, y1) > box[3]:
-                continue
-            # Number by number: a slice takes three seconds to compile.
-            wall[0, 0], wall[0, 1], wall[1, 0], wall[1, 1] = x0, y0, x1, y1
-            if _swept(a, b, starts[i], turn, wall):
-                out[i] = True
-                break
+    return out
 
 
 @njit(cache=True)

@@ -41,7 +41,7 @@ _PATIENCE = 1.0  # seconds of compiling that nobody is told of
 class _Notice(event.Listener if COMPILED else object):  # type: ignore[misc]
     """Says on a terminal, once a process, that compiling takes a while; SLAMLAB_QUIET=1 hushes it.
 
-    Programs that keep what is printed, such as notebooks, are never told.
+    Programs that keep what is printed, such as notebooks, get no notice.
     """
 
     def __init__(self) -> None:

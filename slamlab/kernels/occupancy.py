@@ -9,9 +9,9 @@ from slamlab.kernels.compiling import njit
 
 @njit(cache=True)
 def insert_scan(log_odds, start, ends, hit, gain, loss, limit):  # type: ignore[no-untyped-def]
-    """Add one scan to the sheet: `slamlab.mapping.occupancy.insert_scan`, the same numbers.
+    """Add one scan to the map: `slamlab.mapping.occupancy.insert_scan`, the same numbers.
 
-    Cells that this scan touched are marked in the part of the sheet that it can reach.
+    Cells that this scan touched are marked in the part of the map that it can reach.
     """
     rows, columns = log_odds.shape
     low_c, high_c = int(np.floor(start[0])), int(np.floor(start[0]))

@@ -38,7 +38,7 @@ class LikelihoodField(Grid):
         included. No single point can exclude a pose.
     n_points : int, optional
         Weigh at most so many points of a scan, evenly chosen. What one beam says its neighbours
-        say too; counted as independent they make the robot surer than it may be.
+        say too; counted as independent they make the estimate overconfident.
 
     Attributes
     ----------

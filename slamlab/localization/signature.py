@@ -336,7 +336,7 @@ class SignatureMap:
         scans = np.empty((int(free.sum()), len(angles)), np.float32)
         parts = np.array_split(np.arange(len(angles)), len(angles) // 8 + 1)
         for part in with_bar(parts, progress, len(parts), "part"):
-            scans[:, part] = _ranges(world, grid, free, stride, angles[part])
+            scans[:, part] = _ranges(world, grid[free], angles[part])
         return cls(grid[free], scans, pitch, reach, lidar.offset, signature)
 
     def with_signature(self, signature: str) -> SignatureMap:
@@ -607,9 +607,7 @@ def _grid(world: World, stride: int, resolution: float | None) -> tuple[Array, f
     return np.stack(np.meshgrid(x, y), -1), stride * cell
 
 
-def _ranges(world: World, grid: Array, free: Bools, stride: int, angles: Array) -> Array:
-    """Ranges (n, n_angles) from the free points of the grid; inf where a beam met nothing."""
-    if isinstance(world, BitmapWorld):
-        # All cells share their directions: one sweep over the bitmap for each.
-        return world.cast_everywhere(angles, stride=stride)[:, free].T
-    return world.cast(grid[free][:, None], angles)
+def _ranges(world: World, places: Array, angles: Array) -> Array:
+    """Ranges (n, n_angles) from places (n, 2); inf where a beam met nothing."""
+    # A direction after the other: all beams of all places at once would fill the memory.
+    return np.array([world.cast(places, angle) for angle in angles]).T

@@ -32,7 +32,7 @@ class OccupancyGrid(Grid):
     resolution : float
         Side of a cell (m).
     origin : array_like, shape (2,), default (0, 0)
-        Lower left corner of the sheet in the world (m).
+        Lower left corner of the map in the world (m).
     p_hit : float, default 0.7
         Probability that a cell is occupied, given that one beam ended in it.
     p_miss : float, default 0.4
@@ -40,7 +40,7 @@ class OccupancyGrid(Grid):
     clamp : float, default 0.97
         No probability leaves [1 - clamp, clamp], so that the map can still change its mind.
     grow : bool, default True
-        Enlarge the sheet when a beam leaves it. If False, beams are cut at its edge.
+        Enlarge the map when a beam leaves it. If False, beams are cut at its edge.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class OccupancyGrid(Grid):
         ------
         ValueError
             If a shape does not fit, a pose is not finite, a range is negative, a beam that met
-            nothing should free cells without end, or the sheet would grow beyond 64 million cells.
+            nothing should free cells without end, or the map would grow beyond 64 million cells.
         """
         poses = as_array("pose", pose, ("...", 3))
         angles = np.asarray(as_scan_sensor("lidar", lidar).beam_angles, dtype=float)
@@ -207,7 +207,7 @@ class OccupancyGrid(Grid):
             insert_scan(self.log_odds, start, end, hit, self._hit, self._miss, self._limit)
 
     def _make_room(self, points: Array) -> None:
-        """Enlarge the sheet until it holds all points (n, 2)."""
+        """Enlarge the map until it holds all points (n, 2)."""
         try:
             added = self.grow(points)
         except ValueError as error:
@@ -258,7 +258,7 @@ def cells_of_beam(start: Array, end: Array, size: Array) -> NDArray[np.int64]:
 
 
 def _inside(cells: Array, size: Array) -> NDArray[np.int64]:
-    """Numbers, row after row, of the cells (k, 2) that lie on the sheet, each once."""
+    """Numbers, row after row, of the cells (k, 2) that lie on the map, each once."""
     column, row = cells[((cells >= 0) & (cells < size)).all(1)].astype(int).T
     return np.unique(row * size[0] + column)
 

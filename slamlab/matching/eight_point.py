@@ -13,6 +13,8 @@ from slamlab._checks import Array, as_array
 
 __all__ = ["eight_point_rows", "epipolar_distances", "fundamental_matrix", "hartley_transform"]
 
+_RANK = 1e-13  # s_8 of the rows as a part of s_1: rounding leaves 1e-15, a camera that moved 1e-10
+
 
 def hartley_transform(points: ArrayLike) -> Array:
     """Return T (3, 3) that moves points to their centre and scales them to a mean length sqrt 2.
@@ -79,7 +81,9 @@ def fundamental_matrix(first: ArrayLike, second: ArrayLike, *, normalised: bool 
     Raises
     ------
     ValueError
-        If there are fewer than eight pairs, or the points of one image are one.
+        If there are fewer than eight pairs, the points of one image are one, or the pairs do not
+        determine F: the camera stood still or only turned, or all points lie in one plane or
+        come again. With noise in the points this is not seen: then s_8 of the rows is small.
 
     Examples
     --------
@@ -100,7 +104,13 @@ def fundamental_matrix(first: ArrayLike, second: ArrayLike, *, normalised: bool 
         T, T_there = hartley_transform(first), hartley_transform(second)
     rows = eight_point_rows(_moved(T, first), _moved(T_there, second))
     # min |A f| with |f| = 1: the last right singular vector
-    F = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    _, s, Vt = np.linalg.svd(rows)
+    if s[7] <= _RANK * s[0]:
+        raise ValueError(
+            "first, second: expected pairs that determine F, got pairs that many F fit (a camera "
+            "that stood still or only turned, points of one plane, or the same ones again)"
+        )
+    F = Vt[-1].reshape(3, 3)
     # The nearest matrix of rank 2: all epipolar lines meet.
     U, s, Vt = np.linalg.svd(F)
     F = T_there.T @ (U[:, :2] * s[:2]) @ Vt[:2] @ T

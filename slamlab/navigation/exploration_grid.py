@@ -41,11 +41,11 @@ class ExplorationGrid(Grid):
     Parameters
     ----------
     bounds : array_like, shape (4,)
-        Left, bottom, right, top of the sheet (m).
+        Left, bottom, right, top of the grid (m).
     resolution : float, default 0.05
         Side of a cell (m).
     grow : bool, default False
-        Enlarge the sheet where a beam ends near its edge or beyond. If False, beams are cut there.
+        Enlarge the grid where a beam ends near its edge or beyond. If False, beams are cut there.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class ExplorationGrid(Grid):
     Raises
     ------
     ValueError
-        If the sheet is empty or a number is out of range.
+        If the grid is empty or a number is out of range.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class ExplorationGrid(Grid):
         self._free, self._room = np.zeros((0, 0), dtype=np.bool_), np.zeros((0, 0))
 
     def cell(self, point: ArrayLike) -> tuple[int, int]:
-        """Row and column of the cell of a point (2,), or of the nearest cell of the sheet."""
+        """Row and column of the cell of a point (2,), or of the nearest cell of the grid."""
         row, column = self.cells(as_array("point", point, (2,)))
         rows, columns = self.shape
         return int(np.clip(row, 0, rows - 1)), int(np.clip(column, 0, columns - 1))
@@ -124,7 +124,7 @@ class ExplorationGrid(Grid):
         mark_free(self.state, self._doubt, x, y, pose[2], angles, reach)
 
     def _make_room(self, ends: Array) -> None:
-        """Enlarge the sheet beyond the ends (n, 2) of beams; endless ones do not count."""
+        """Enlarge the grid beyond the ends (n, 2) of beams; endless ones do not count."""
         ends = ends[np.isfinite(ends).all(-1)]
         # Beyond the last floor that was seen there is a cell, and it is unknown.
         added = self.grow(ends, margin=2) if len(ends) else None

@@ -84,7 +84,7 @@ class BearingWithoutQuadrant(RangeBearing):
 
 @dataclass(frozen=True)
 class LeverlessBearingSlopes(RangeBearing):
-    """P1 (26), (27), (29) in their kindest reading: signs right, lever terms as printed.
+    """P1 (26), (27), (29) in their most favourable reading: signs right, lever terms as printed.
 
     C and D use the body centre where the sensor should stand; F has -p_y s + L cos(2 theta) in
     place of +p_y s + L.

@@ -194,7 +194,7 @@ class Return:
     believed : float
         The same as it believes (m).
     nees : float
-        Squared error of its own position in units of its covariance; 2 is due on average.
+        Squared error of its own position in units of its covariance; 2 is expected.
     touched : bool
         On the way out or home.
     seconds, metres : float

@@ -1,7 +1,7 @@
 """Flights over a field of trees, lane by lane: the world of chapter 16.
 
-Stands in for the flights of P4, of which only page 84 is at hand: no field, path or noise of its
-own is known.
+Stands in for the flights of P4, of which only page 84 and the abstract are at hand: no field, path
+or noise of its own is known.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def field_flights(
     """Fly over a square field lane by lane, turn by half circles, and come home across the lanes.
 
     The autopilot holds the lanes: the true path is the same in every run, 5 m/s, 0.4 s a step.
-    What the aircraft is told of it, its speed and turn rate, carries noise, and so does every
+    What the aircraft measures of it, its speed and turn rate, carries noise, and so does every
     measurement; the trees and the path do not depend on the sensor.
 
     Parameters
@@ -52,7 +52,7 @@ def field_flights(
     n_landmarks : int, optional
         Trees, at random places; one in 100 m^2 if left out.
     sigmas : (float, float), default (0.5, 0.03)
-        Noise of the speed (m/s) and of the turn rate (rad/s) told in a step.
+        Noise of the speed (m/s) and of the turn rate (rad/s) measured in a step.
     felled : float, default 0.0
         Share of trees that are missing on the right half of the field, in [0, 1].
 

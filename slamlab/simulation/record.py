@@ -47,7 +47,7 @@ class Odometer(Protocol):
 
 
 class PerfectEstimator:
-    """The estimator that is told where it is: for lessons about driving, not about knowing.
+    """The estimator that is given where it is: for lessons about driving, not about knowing.
 
     Examples
     --------

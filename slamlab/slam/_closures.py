@@ -1,7 +1,7 @@
 """Back end of `ScanGraphSlam`: has the robot been here before, and is that to be believed.
 
-Candidates, verification, the rival test (Olson 2009), witnesses (pairwise consistency, Mangelson
-et al. 2018). Chapter 13 shows what each of them is for.
+Candidates, verification, the second-best match (Olson 2009), pairwise consistency
+(Mangelson et al. 2018). Chapter 13 shows what each of them is for.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Closure:
     fit : float
         How well the scans lie on the old place, at most 1.
     state : str
-        "waiting" for witnesses, "confirmed", or "rejected" by the solver.
+        "waiting" for consistent closures, "confirmed", or "rejected" by the solver.
     """
 
     j: int

@@ -144,9 +144,9 @@ def nearest_neighbour(
         A measurement starts a landmark only if it lies outside this wider gate of every landmark;
         between the two gates it is left out. At least `probability`.
     margin : float, default 0.0
-        Ambiguous pairs are left out: those with a rival, another landmark for the measurement or
-        another measurement for the landmark, whose squared distance is larger by less than this.
-        4.6 asks for odds of ten to one.
+        Ambiguous pairs are left out: those with a second candidate, another landmark for the
+        measurement or another measurement for the landmark, whose squared distance is larger by
+        less than this. 4.6 asks for odds of ten to one.
     covs : array_like, shape (k, 2, 2), optional
         Covariances of the measurements, if they are not the sensor's.
 

@@ -30,7 +30,7 @@ class Innovation:
     nis : ndarray, shape (M,)
         Squared, weighted innovation of the landmarks known before.
     dof : ndarray of int, shape (M,)
-        How much is due: two for each of these landmarks.
+        What is expected: two for each of these landmarks.
     """
 
     nis: Array

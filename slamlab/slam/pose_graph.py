@@ -439,10 +439,10 @@ class PoseGraph:
             Levenberg-Marquardt takes only steps that lower it.
         kernel : {None, "huber", "dcs", "max-mixture"}
             Robust cost against false loop closures: Huber's; dynamic covariance scaling; or the
-            best of the edge and of "false" (Olson and Agarwal 2013), which doubts an edge wholly
+            best of the edge and of "false" (Olson and Agarwal 2013), which rejects an edge wholly
             or not at all.
         kernel_width : float or sequence of float
-            Mahalanobis distance of an edge from which the kernel begins to doubt it; for DCS its
+            Mahalanobis distance of an edge from which the kernel weighs it down; for DCS its
             square is the Phi of Agarwal et al. 2013. Of several, each begins where the one before
             ended: from a drifted start, wide ones first.
         hypotheses : sequence of sequences of int

@@ -60,8 +60,8 @@ class ScanGraphSlam(ScanSystem):
     loops : bool, default True
         Look for closures. Without them: the front end alone.
     ambiguous : {"reject", "inflate"}
-        What to do with a closure that has a rival, as in a corridor: reject it, or keep it with a
-        covariance stretched along the direction that the walls do not hold.
+        What to do with a closure that has a second-best match, as in a corridor: reject it, or
+        keep it with a covariance stretched along the direction that the walls do not hold.
 
     Attributes
     ----------

@@ -95,7 +95,8 @@ class Sessions:
 
     Where another drive began in the map is not known: it is joined by confirmed closures alone.
     Until there are any it waits beside the map, in a frame of its own; each drive that is joined
-    later may tie it as well.
+    later may tie it as well. Two that wait are not tied to each other, even if they share places:
+    there is one map, and each is compared with that alone. For a map of the two begin another one.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class WallSighting:
     ids : tuple
         For each of them the id in the map, None if it was left out.
     nis : float
-        Squared, weighted innovation of the walls known before; 2 a wall is due.
+        Squared, weighted innovation of the walls known before; 2 per wall are expected.
     """
 
     walls: Walls

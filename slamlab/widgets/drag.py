@@ -40,9 +40,9 @@ class Sighting(Figure):
     way : float, default 10.0
         Length of the blind drive from the origin along x (m).
     sigma_position : float, default 0.1
-        Doubt about the start, each coordinate (m).
+        Standard deviation of the start, each coordinate (m).
     heading : {1, 2, 5, 10, 20, 30, 40}, default 20
-        Doubt about the heading at the start (degrees); a slider changes it.
+        Standard deviation of the heading at the start (degrees); a slider changes it.
     sigma_range, sigma_bearing : float
         Noise of the sensor (m, rad).
     robot, landmark : array_like, shape (2,)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_count, as_instance, as_rng, as_scalar
-from slamlab.geometry import wrap_angle
+from slamlab.geometry import transform, wrap_angle
 from slamlab.models import World
 
 __all__ = ["Solid", "free_poses"]
@@ -141,3 +141,78 @@ def checked_footprint(footprint: ArrayLike) -> Array:
     if len(footprint) < 3 or not ((bends >= 0).all() or (bends <= 0).all()) or not bends.any():
         raise ValueError("footprint: expected the vertices of a convex polygon in order")
     return footprint
+
+
+# A footprint is drawn in by this much (m), so that touching does not count.
+_DRAW_IN = 1e-9
+
+
+def swept_boxes(
+    footprint: Array, starts: Array, ends: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Footprint (n, k, 2) before and after each motion, its turn (rad), a box around its sweep.
+
+    The box is given by its lower left and its upper right corner, (n, 2) each.
+    """
+    centre = footprint.mean(0)
+    arms = footprint - centre
+    lengths = np.maximum(np.hypot(*arms.T), _DRAW_IN)[:, None]
+    drawn_in = centre + np.maximum(1.0 - _DRAW_IN / lengths, 0.0) * arms
+    a, b = transform(starts, drawn_in), transform(ends, drawn_in)
+    turn = ends[:, 2] - starts[:, 2]
+    turn = turn - 2 * np.pi * np.rint(turn / (2 * np.pi))
+    low, high = np.minimum(a, b).min(1), np.maximum(a, b).max(1)
+    # A vertex that turns stays on a circle about the robot.
+    radius = np.hypot(*np.moveaxis(a - starts[:, None, :2], -1, 0)).max(1)[:, None]
+    turns = (turn != 0.0)[:, None]
+    low = np.where(turns, np.minimum(low, starts[:, :2] - radius), low)
+    high = np.where(turns, np.maximum(high, starts[:, :2] + radius), high)
+    return a, b, turn, low, high
+
+
+def sweep_meets(a: Array, b: Array, pivot: Array, turn: float, obstacles: Array) -> bool:
+    """Tell whether a footprint that moves from `a` to `b`, (k, 2), meets a convex obstacle.
+
+    A straight drive sweeps the hull of both: separating axes decide. A turn about the pivot first
+    meets an obstacle where a vertex of one touches an edge of the other, on an arc. `obstacles`
+    (n, m, 2) have m = 2 vertices each, or more in order.
+    """
+    if turn == 0.0:
+        return bool(_overlap(a, b, obstacles).any())
+    standing = _overlap(a, a, obstacles) | _overlap(b, b, obstacles)
+    # Seen from the footprint an obstacle turns the other way.
+    return bool(
+        standing.any()
+        or _arcs_meet(a, pivot, turn, obstacles).any()
+        or _arcs_meet(obstacles.reshape(-1, 2), pivot, -turn, a[None]).any()
+    )
+
+
+def _overlap(a: Array, b: Array, obstacles: Array) -> NDArray[np.bool_]:
+    """Tell which obstacles (n, m, 2) the hull of `a` and its shifted copy `b` overlaps, (n,)."""
+    n, hull = len(obstacles), np.concatenate([a, b])
+    sides = np.roll(obstacles, -1, 1) - obstacles
+    own = np.concatenate([np.roll(a, -1, 0) - a, b[:1] - a[:1]])
+    axes = np.concatenate([np.broadcast_to(own, (n, *own.shape)), sides], 1)
+    axes = axes[..., ::-1] * [-1.0, 1.0]  # normals, (n, k + 1 + m, 2)
+    ours, theirs = axes @ hull.T, axes @ obstacles.transpose(0, 2, 1)
+    apart = (ours.max(-1) < theirs.min(-1)) | (theirs.max(-1) < ours.min(-1))
+    # A side without length separates nothing.
+    return ~(apart & axes.any(-1)).any(-1)
+
+
+def _arcs_meet(points: Array, pivot: Array, turn: float, polygons: Array) -> NDArray[np.bool_]:
+    """Tell which points (n, 2), turned about the pivot, cross an edge of polygons (p, m, 2)."""
+    arm = points - pivot
+    squared, begin = (arm**2).sum(-1), np.arctan2(arm[:, 1], arm[:, 0])
+    edges = (np.roll(polygons, -1, 1) - polygons).reshape(-1, 2)
+    starts = polygons.reshape(-1, 2) - pivot
+    # |start + u edge| = radius, a quadratic in u.
+    A, B = (edges**2).sum(-1), (starts * edges).sum(-1)
+    root = B**2 - A * ((starts**2).sum(-1) - squared[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = (-B + np.array([-1.0, 1.0])[:, None, None] * np.sqrt(root)) / A
+    on_edge = (u >= 0.0) & (u <= 1.0)  # NaN without an answer
+    x, y = np.moveaxis(starts + np.where(on_edge, u, 0.0)[..., None] * edges, -1, 0)
+    angle = np.copysign(1.0, turn) * (np.arctan2(y, x) - begin[:, None])
+    return (on_edge & (angle % (2 * np.pi) <= abs(turn))).any((0, 2))

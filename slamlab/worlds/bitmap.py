@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_scalar, as_shaped, shown
+from slamlab._checks import Array, as_array, as_choice, as_scalar, as_shaped, shown
 from slamlab.grids import Grid
-from slamlab.kernels.cast import cast_everywhere, cast_grid
-from slamlab.kernels.clearance import grid_clearance
-from slamlab.kernels.collide import hits_grid
+from slamlab.kernels import compiled
 from slamlab.worlds._image import read_map
-from slamlab.worlds._world import Solid
+from slamlab.worlds._world import Solid, sweep_meets, swept_boxes
 
 __all__ = ["BitmapWorld"]
 
@@ -151,8 +149,7 @@ class BitmapWorld(Grid, Solid):
         """
         points = as_array("points", points, ("...", 2))
         flat = np.ascontiguousarray(self.scaled(points).reshape(-1, 2))
-        out = np.empty(len(flat))
-        grid_clearance(*self._nearest_columns, flat, out)
+        out = grid_clearance(*self._nearest_columns, flat)
         return out.reshape(points.shape[:-1]) * self.resolution
 
     def cast(self, origins: ArrayLike, angles: ArrayLike, max_range: float = np.inf) -> Array:
@@ -178,16 +175,15 @@ class BitmapWorld(Grid, Solid):
             If a shape is wrong, a number is not finite or `max_range` is negative.
         """
         x, y, angles, reach = checked_beams(origins, angles, max_range)
-        out = np.empty(angles.size)
         x = ((x - self.origin[0]) / self.resolution).ravel()
         y = ((y - self.origin[1]) / self.resolution).ravel()
-        cast_grid(self._skip, x, y, angles.ravel(), (reach / self.resolution).ravel(), out)
+        out = cast_grid(self._skip, x, y, angles.ravel(), (reach / self.resolution).ravel())
         return out.reshape(angles.shape) * self.resolution
 
     def cast_everywhere(
         self, angles: ArrayLike, max_range: float = np.inf, stride: int = 1
     ) -> Array:
-        """Cast the same directions from the centres of all cells: the answers of `cast`, faster.
+        """Cast the same directions from the centres of all cells.
 
         Parameters
         ----------
@@ -209,20 +205,15 @@ class BitmapWorld(Grid, Solid):
             If an argument is out of range.
         """
         angles = as_array("angles", angles, ("n_angles",))
-        reach = as_scalar("max_range", max_range, 0.0) / self.resolution
-        stride = as_count("stride", stride, 1)
-        rows, columns = (-(-n // stride) for n in self.occupied.shape)
-        out = np.empty((len(angles), rows, columns))
+        max_range, centres = as_scalar("max_range", max_range, 0.0), self.centres(stride)
+        out = np.empty((len(angles), *centres.shape[:-1]))
         for sheet, angle in zip(out, angles, strict=True):
-            cast_everywhere(self._skip, angle, reach, stride, sheet)
-        out *= self.resolution
+            sheet[:] = self.cast(centres, angle, max_range)
         return out
 
     def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
-        out = np.empty(len(start), dtype=np.bool_)
         left, bottom = self.origin
-        hits_grid(self.occupied, self.resolution, left, bottom, footprint, start, end, out)
-        return out
+        return hits_grid(self.occupied, self.resolution, left, bottom, footprint, start, end)
 
     @cached_property
     def _skip(self) -> NDArray[np.uint16]:
@@ -256,3 +247,126 @@ def checked_beams(
     beams = np.empty((4, *shape))
     beams[0], beams[1], beams[2], beams[3] = origins[..., 0], origins[..., 1], angles, reach
     return beams[0], beams[1], beams[2], beams[3]
+
+
+# A jump ends this far (cells) short of its safe square, which is far more than any rounding; a
+# beam that passes a corner at this distance or less goes through it: blocked if the cells on both
+# sides are occupied, free otherwise.
+_TOUCH = 1e-9
+# Directions this close to an axis run along it: the cosine of a quarter turn is 6e-17, not 0.
+_AXIS = 1e-12
+# From farther away than a billion cells rounding would choose the cell.
+_FAR = 1e9
+
+
+@compiled("cast.cast_grid")
+def cast_grid(
+    skip: NDArray[np.uint16], x: Array, y: Array, angles: Array, max_range: Array
+) -> Array:
+    """Ranges (cells) of beams (n,) through a grid; infinite where a beam met nothing.
+
+    `skip` (rows, columns) is the chessboard distance to the nearest occupied cell, 0 in one. All
+    beams go on together, from grid line to grid line (Amanatides and Woo 1987), or by a jump.
+    """
+    size, out = np.array(skip.shape[::-1]), np.full(len(x), np.inf)
+    start, way = np.stack([x, y], -1), np.stack([np.cos(angles), np.sin(angles)], -1)
+    way[np.abs(way) <= _AXIS] = 0.0
+    step, t = np.where(way > 0, 1, -1), _entry(start, way, size)
+    i = np.flatnonzero(t <= np.minimum(max_range, _FAR))  # the beams that go on
+    t = t[i]
+    cell = np.floor(start[i] + t[:, None] * way[i]).astype(int)
+    cell = np.where((t > 0.0)[:, None] | (cell == size), cell.clip(0, size - 1), cell)
+    while len(i):
+        free = skip[cell[:, 1], cell[:, 0]].astype(int)
+        out[i[free == 0]] = t[free == 0]
+        # How far it is to the grid lines ahead: the far sides of this cell.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            lines = (cell + (way[i] > 0) - start[i]) / way[i]
+        lines[way[i] == 0] = np.inf
+        corner = np.abs(lines[:, 0] - lines[:, 1]) <= _TOUCH
+        across = corner[:, None] | (lines == lines.min(1, keepdims=True))
+        # All cells nearer than `free` are empty: nothing can be met on the way.
+        jump = t + (free - 1) / np.abs(way[i]).max(1) - _TOUCH
+        far = cell + across * step[i]
+        shut = (free == 1) & corner & _corner_is_shut(skip, cell, far)
+        out[i[shut]] = np.where(lines[shut, 0] <= max_range[i[shut]], lines[shut, 0], np.inf)
+        # A start on a grid line may cross it late, after a jump: never step back.
+        ahead = np.maximum(t, np.where(corner, lines.max(1), lines.min(1)))
+        t = np.where(free > 1, jump, ahead)
+        landed = np.floor(start[i] + t[:, None] * way[i])
+        cell = np.where((free > 1)[:, None], landed, far).astype(int)
+        on = (free > 0) & ~shut & (t <= max_range[i]) & ((cell >= 0) & (cell < size)).all(1)
+        i, t, cell = i[on], t[on], cell[on]
+    return out
+
+
+def _entry(start: Array, way: Array, size: NDArray[np.int_]) -> Array:
+    """Distance at which beams enter the grid: 0 if they start there, inf if they pass by."""
+    inside = (start >= 0) & (start < size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.stack([-start / way, (size - start) / way])
+    # Along an axis a beam is always between its two lines, or never.
+    near = np.where(way == 0, np.where(inside, -np.inf, np.inf), ends.min(0)).max(1).clip(0.0)
+    far = np.where(way == 0, np.inf, ends.max(0)).min(1)
+    met = near < np.minimum(far, _FAR)
+    return np.where(inside.all(1), 0.0, np.where(met, near, np.inf))
+
+
+def _corner_is_shut(
+    skip: NDArray[np.uint16], cell: NDArray[np.int_], far: NDArray[np.int_]
+) -> NDArray[np.bool_]:
+    """Tell whether both cells beside the corner between `cell` and `far` are occupied, (n,)."""
+    there = np.asarray(((far >= 0) & (far < skip.shape[::-1])).all(1))
+    far = np.where(there[:, None], far, cell)
+    return there & (skip[cell[:, 1], far[:, 0]] == 0) & (skip[far[:, 1], cell[:, 0]] == 0)
+
+
+@compiled("clearance.grid_clearance")
+def grid_clearance(before: NDArray[np.int32], after: NDArray[np.int32], points: Array) -> Array:
+    """Distance (cells) of points (n, 2: x, y in cells) to the nearest occupied square.
+
+    In each row only the nearest occupied column on either side can matter; rows farther away than
+    the best distance so far need no look.
+    """
+    rows, columns = before.shape
+    inside = ((points >= 0) & (points < (columns, rows))).all(1)
+    best = np.where(inside, np.inf, 0.0)
+    for k in range(rows):
+        i = np.flatnonzero(best > np.maximum(k - 1, 0) ** 2)
+        if not len(i):
+            break
+        x, y = points[i].T
+        c, r = points[i].T.astype(int)
+        for row, dy in ((r - k, y - (r - k + 1)), (r + k, r + k - y)):
+            there = np.clip(row, 0, rows - 1)
+            dx = np.minimum(x - (before[there, c] + 1), after[there, c] - x).clip(0.0)
+            squared = np.where((there == row) & (dx < 1e8), dx**2 + dy.clip(0.0) ** 2, np.inf)
+            best[i] = np.minimum(best[i], squared)
+    return np.sqrt(best)
+
+
+@compiled("collide.hits_grid")
+def hits_grid(
+    solid: NDArray[np.bool_],
+    resolution: float,
+    left: float,
+    bottom: float,
+    footprint: Array,
+    starts: Array,
+    ends: Array,
+) -> NDArray[np.bool_]:
+    """Tell for each motion (n, 3) whether it sweeps over a solid cell or leaves the grid."""
+    a, b, turn, low, high = swept_boxes(footprint, starts, ends)
+    size, origin = np.array(solid.shape[::-1]), np.array([left, bottom])
+    far = origin + resolution * size
+    out = np.asarray(((high <= origin) | (low >= far)).any(1))
+    square = resolution * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    for i in np.flatnonzero(~out):
+        first, last = ((ends - origin) // resolution for ends in (low[i], high[i]))
+        x, y = (np.arange(u, v + 1, dtype=int) for u, v in zip(first, last, strict=True))
+        cells = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+        within = np.asarray(((cells >= 0) & (cells < size)).all(1))
+        column, row = np.where(within[:, None], cells, 0).T
+        met = origin + resolution * cells[~within | solid[row, column]]
+        out[i] = sweep_meets(a[i], b[i], starts[i, :2], turn[i], met[:, None] + square)
+    return out

@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from slamlab._checks import Array, as_array, as_count, as_rng
-from slamlab.kernels.clearance import segment_clearance
 from slamlab.models import Bounds
 from slamlab.worlds.bitmap import BitmapWorld
-from slamlab.worlds.walls import WallWorld
+from slamlab.worlds.walls import WallWorld, segment_clearance
 
 __all__ = [
     "box_room",
@@ -240,9 +239,7 @@ def ring_corridor(size: tuple[float, float], rng: np.random.Generator) -> WallWo
 def _distance(outline: Array, points: Array) -> float:
     """Distance from the nearest of points (n, 2) to the sides of an outline."""
     segments = np.stack([outline, np.roll(outline, -1, axis=0)], 1)
-    out = np.empty(len(points))
-    segment_clearance(segments, points, out)
-    return float(out.min())
+    return float(segment_clearance(segments, points).min())
 
 
 def _empty(rows: int, columns: int) -> NDArray[np.bool_]:

@@ -5,22 +5,22 @@ It answers the same questions as `BitmapWorld`. Chapters 05, 06, 07 and 09.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_instance, as_scalar
 from slamlab.geometry import transform
-from slamlab.kernels.cast import cast_segments, inside_segments
-from slamlab.kernels.clearance import segment_clearance
-from slamlab.kernels.collide import hits_segments
 from slamlab.models import Bounds
-from slamlab.worlds._world import Solid
+from slamlab.worlds._world import Solid, sweep_meets, swept_boxes
 from slamlab.worlds.bitmap import BitmapWorld, checked_beams
 
 __all__ = ["WallWorld"]
+
+Answers = TypeVar("Answers", Array, NDArray[np.bool_])
 
 
 class WallWorld(Solid):
@@ -194,13 +194,10 @@ class WallWorld(Solid):
         """
         points = as_array("points", points, ("...", 2))
         flat = np.array(points.reshape(-1, 2), dtype=float)
-        out = np.empty(len(flat))
-        segment_clearance(self.segments, flat, out)
+        out = _in_parts(segment_clearance, self.segments, flat)
         out[out < 1e-12] = 0.0
         if self.closed:
-            inside = np.empty(len(flat), np.bool_)
-            inside_segments(self.segments, flat, inside)
-            out[~inside] = 0.0
+            out[~_in_parts(inside_segments, self.segments, flat)] = 0.0
         return out.reshape(points.shape[:-1])
 
     def cast(self, origins: ArrayLike, angles: ArrayLike, max_range: float = np.inf) -> Array:
@@ -226,8 +223,8 @@ class WallWorld(Solid):
             If a shape is wrong, a number is not finite or `max_range` is negative.
         """
         x, y, angles, reach = checked_beams(origins, angles, max_range)
-        out = np.empty(angles.size)
-        cast_segments(self.segments, x.ravel(), y.ravel(), angles.ravel(), out)
+        beams = x.ravel(), y.ravel(), angles.ravel()
+        out = _in_parts(cast_segments, self.segments, *beams)
         out[out > reach.ravel()] = np.inf
         free = self.is_free(origins) if self.closed else np.True_
         if not free.all():
@@ -241,9 +238,68 @@ class WallWorld(Solid):
 
     def _crosses(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
         start, end = np.array(start, dtype=float), np.array(end, dtype=float)
-        out = np.empty(len(start), dtype=np.bool_)
-        hits_segments(self.segments, footprint, start, end, out)
-        return out
+        return hits_segments(self.segments, footprint, start, end)
+
+
+def _in_parts(answer: Callable[..., Answers], segments: Array, *columns: Array) -> Answers:
+    """Every row of `columns` with every segment, so many rows at once as fit into the cache."""
+    n = 1 + len(columns[0]) * len(segments) // 2**15
+    parts = zip(*(np.array_split(column, n) for column in columns), strict=True)
+    return cast(Answers, np.concatenate([answer(segments, *part) for part in parts]))
+
+
+def cast_segments(segments: Array, x: Array, y: Array, angles: Array) -> Array:
+    """Distances at which beams (n,) meet segments (k, 2, 2), infinite where they meet none.
+
+    Solves origin + t d = a + u e for 0 <= t, 0 <= u <= 1, every beam with every wall.
+    """
+    dx, dy = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    ax, ay = segments[:, 0, 0] - x[:, None], segments[:, 0, 1] - y[:, None]
+    ex, ey = (segments[:, 1] - segments[:, 0]).T
+    length, cross = np.hypot(ex, ey), dx * ey - dy * ex
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t, u = (ax * ey - ay * ex) / cross, (ax * dy - ay * dx) / cross
+    # Walls that share a corner leave no gap between them.
+    met = (t >= -1e-12) & (u >= -1e-9 / length) & (u <= 1.0 + 1e-9 / length)
+    t = np.where(met, np.maximum(t, 0.0), np.inf)
+    # Along the wall: met end on if the beam's line is the wall's.
+    i, k = np.nonzero(np.abs(cross) < 1e-12 * length)
+    dx, dy, ax, ay = dx[i, 0], dy[i, 0], ax[i, k], ay[i, k]
+    t0, t1 = dx * ax + dy * ay, dx * (ax + ex[k]) + dy * (ay + ey[k])
+    end_on = (np.abs(dx * ay - dy * ax) <= 1e-9) & (np.maximum(t0, t1) >= 0.0)
+    t[i, k] = np.where(end_on, np.minimum(t0, t1).clip(0.0), np.inf)
+    return t.min(1)
+
+
+def segment_clearance(segments: Array, points: Array) -> Array:
+    """Distance of points (n, 2) to the nearest of segments (k, 2, 2)."""
+    x, y = points[:, :1], points[:, 1:]
+    (px, py), (ex, ey) = segments[:, 0].T, (segments[:, 1] - segments[:, 0]).T
+    u = (((x - px) * ex + (y - py) * ey) / (ex**2 + ey**2)).clip(0.0, 1.0)
+    return np.sqrt(((px + u * ex - x) ** 2 + (py + u * ey - y) ** 2).min(1))
+
+
+def inside_segments(segments: Array, points: Array) -> NDArray[np.bool_]:
+    """Tell which points (n, 2) see an odd number of walls to their right."""
+    x, y = points[:, :1], points[:, 1:]
+    (x0, y0), (x1, y1) = segments[:, 0].T, segments[:, 1].T
+    # Half-open, so that a corner counts once.
+    between = (y0 > y) != (y1 > y)
+    at = x0 + (y - y0) / np.where(y0 == y1, 1.0, y1 - y0) * (x1 - x0)
+    return np.asarray((between & (at > x)).sum(1) % 2 == 1)
+
+
+def hits_segments(
+    segments: Array, footprint: Array, starts: Array, ends: Array
+) -> NDArray[np.bool_]:
+    """Tell for each motion (n, 3) whether the footprint sweeps over a segment (k, 2, 2)."""
+    out = np.zeros(len(starts), np.bool_)
+    a, b, turn, low, high = swept_boxes(footprint, starts, ends)
+    left_bottom, right_top = segments.min(1), segments.max(1)
+    for i in range(len(out)):
+        near = segments[((right_top >= low[i]) & (left_bottom <= high[i])).all(1)]
+        out[i] = sweep_meets(a[i], b[i], starts[i, :2], turn[i], near)
+    return out
 
 
 def _runs(border: NDArray[np.bool_]) -> Array:

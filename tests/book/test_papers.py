@@ -135,7 +135,7 @@ GOOD = {"name": "(1)", "kind": "formula", "says": "x", "read": "clear", "verdict
 BAD = [
     {"tests": []}, {"tests": ["tests/book/test_papers.py::test_nobody_wrote_this"]},
     {"at": ["01: words that no chapter has, surely"]}, {"cells": ["01: One number by hand"]},
-    {"verdict": "fine"}, {"verdict": "wrong", "read": "doubtful"},
+    {"verdict": "fine"}, {"verdict": "wrong", "read": "unclear"},
     {"verdict": "not judged", "tests": []}, {"verdict": "wrong as read"},
     {"errata": ["(99)"]}, {"kind": "poem"}, {"verdict": "unsupported", "tests": []},
     {"verdict": "on record", "notes": ["a book"]}, {"sources": ["thrun2005probabilistic"]},

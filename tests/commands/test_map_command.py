@@ -337,6 +337,49 @@ def test_scans_that_lie_nowhere_name_what_may_be_wrong(tmp_path, capsys):
     assert "suspects" not in said(capsys)
 
 
+def round_a_block(file, controls=1.0):
+    """A CARMEN log of 180 degrees: five sides of a corridor, wheels whose lengths are scaled."""
+    from tests.slam.test_sessions import drive
+
+    log, odometry, lines = drive(0, 0, 5), np.zeros(3), []
+    for k, (u, scan) in enumerate(zip(log.u, log.ranges, strict=True)):
+        odometry = compose(odometry, u * [controls, controls, 1.0])
+        pose = " ".join(f"{v:.6f}" for v in odometry)
+        readings = " ".join(f"{r if r < 8.0 else 81.91:.3f}" for r in scan)
+        lines.append(f"FLASER {len(scan)} {readings} {pose} {pose} {k}.0 robot {k}.0")
+    file.write_text("\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("degrees", "scale", "words"),
+    [
+        (120, 1.0, "a turn of 10 degrees by the wheels is 6."),
+        (270, 1.0, "a turn of 10 degrees by the wheels is 1"),
+        (360, 1.0, "1 m of the wheels is 0."),
+        (180, 1.4, "1 m of the wheels is 0."),
+        (180, 1.0, ""),
+        (180, 1.1, ""),
+    ],
+)
+def test_scans_that_fit_each_other_but_not_the_wheels_name_the_field_of_view(
+    degrees, scale, words, tmp_path, capsys
+):
+    round_a_block(tmp_path / "ring.log", scale)
+    out = ["-o", str(tmp_path / "out"), "--field-of-view", str(degrees)]
+    assert main(["map", str(tmp_path / "ring.log"), *out]) == 0
+    told = said(capsys)
+    if not words:
+        assert "wheels" not in told
+        assert "suspects" not in told
+        return
+    assert words in told["wheels"]
+    assert told["wheels"].endswith("one of the two is wrong: do not trust the map")
+    assert told["suspects"].startswith(f"the field of view ({degrees} degrees were taken)")
+    assert "the scale of the odometry" in told["suspects"]
+    # At 360 degrees scans lie nowhere; at 120 and 270 nearly all lie well on each other.
+    assert ("do not trust" in told["lost"]) == (degrees == 360)
+
+
 def test_a_large_picture_is_shrunk_and_keeps_its_walls_and_its_place():
     from slamlab.commands.map import _smaller
 
@@ -370,3 +413,32 @@ def test_a_map_of_twenty_million_cells_is_drawn_in_little_memory():
     words = [sys.executable, "-c", code]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert float(done.stdout) < 350.0  # MB; the picture as a whole took 900
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="only Linux says it")
+def test_a_log_of_two_thousand_scans_over_a_long_way_takes_less_than_a_gigabyte(tmp_path):
+    """1.7 km to and fro over 130 m; the map, its picture and its page take what there is."""
+    n, rng = 2000, np.random.default_rng(0)
+    along = np.linspace(0.0, 1700.0, n) % 260.0
+    x = np.column_stack([130.0 - np.abs(along - 130.0), np.arange(n) * 0.065, np.zeros(n)])
+    u = np.diff(x, axis=0, prepend=x[:1])
+    scans, lidar = rng.uniform(1.0, 30.0, (n, 91)), Lidar(91, max_range=40.0)
+    log = Log(
+        np.arange(n), u, np.r_[0.0, np.ones(n - 1)], 1e-4 * np.eye(3), ranges=scans, scan=lidar
+    )
+    replace(log, controls="displacement").save(tmp_path / "long.npz")
+    code = (
+        "import re, sys\n"
+        "from pathlib import Path\n"
+        "from slamlab.commands import main\n"
+        "assert main(sys.argv[1:]) == 0\n"
+        "status = Path('/proc/self/status').read_text()\n"
+        "print(int(re.search(r'VmHWM:\\s+(\\d+)', status)[1]) / 1024)\n"
+    )
+    # Scan matching adds its minute, and no memory: 480 MB where the wheels alone took 510.
+    words = ["map", str(tmp_path / "long.npz"), "-o", str(tmp_path / "out")]
+    words = [sys.executable, "-c", code, *words, "--method", "odometry"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert float(done.stdout.splitlines()[-1]) < 900.0  # MB
+    assert (tmp_path / "out" / "map.png").exists()

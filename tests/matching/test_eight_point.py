@@ -128,3 +128,30 @@ def test_a_matrix_that_allows_a_point_no_line_gives_no_distance():
     with pytest.raises(ValueError, match="point 1"):
         epipolar_distances(forward, points, points)
     assert np.isfinite(epipolar_distances(forward, points[:1], points[:1])).all()
+
+
+@pytest.mark.parametrize("normalised", [True, False])
+@pytest.mark.parametrize("case", ["stood still", "only turned", "one plane", "come again"])
+def test_pairs_that_many_f_fit_are_refused(case, normalised):
+    rng, n = np.random.default_rng(3), 12
+    pixels = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
+
+    def picture(points, turn=0.0, shift=(0.0, 0.0, 0.0)):
+        c, s = np.cos(turn), np.sin(turn)
+        seen = (points @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T + shift) @ pixels.T
+        return seen[:, :2] / seen[:, 2:]
+
+    points = rng.uniform([-5, -3, 4], [5, 3, 20], (n, 3))
+    motion = {"stood still": (0.0,), "only turned": (0.1,)}.get(case, (0.1, (-0.5, 0.0, 0.1)))
+    if case == "one plane":
+        points[:, 2] = 8.0 + 0.3 * points[:, 0]
+    if case == "come again":
+        points = points[np.arange(n) % 7]
+    pairs = picture(points), picture(points, *motion)
+    with pytest.raises(ValueError, match="first, second: expected pairs that determine F"):
+        fundamental_matrix(*pairs, normalised=normalised)
+    # A millimetre of motion, and points in a relief, are enough.
+    points = rng.uniform([-5, -3, 4], [5, 3, 20], (n, 3))
+    pairs = picture(points), picture(points, 0.0, (-1e-3, 0.0, 0.0))
+    F = fundamental_matrix(*pairs, normalised=normalised)
+    assert epipolar_distances(F, *pairs).max() < 1e-6

@@ -132,6 +132,22 @@ def test_a_drive_that_waits_is_joined_when_another_has_shown_its_place():
     assert ate(paths(found), np.concatenate(truth)).rmse < 0.05
 
 
+def test_two_that_wait_share_places_and_are_joined_to_the_map_alone():
+    apart = [mapped(6, 2, 1), mapped(9, 2, 1)]  # the same side of the ring
+    assert Sessions(*apart[0]).add(*apart[1]).frame is not None  # as a map of their own
+    found = Sessions(*mapped(0, 0, 1))
+    for one in apart:
+        assert found.add(*one).frame is None
+    assert len(found.waiting) == 2
+    before = [one.trajectory for one in found.waiting]
+    for (system, _), path in zip(apart, before, strict=True):
+        np.testing.assert_allclose(path, system.trajectory, atol=1e-12)
+    assert found.add(*mapped(7, 0, 4)).frame is not None
+    assert found.waiting == []
+    truth = [mapped(*each)[1].truth for each in ((0, 0, 1), (7, 0, 4), (6, 2, 1), (9, 2, 1))]
+    assert ate(paths(found), np.concatenate(truth)).rmse < 0.05
+
+
 def test_systems_are_not_changed_and_two_calls_agree():
     first, second = mapped(*FIRST), mapped(*SECOND)
     before = copy.deepcopy(second[0].closures), second[0].trajectory
