@@ -42,7 +42,7 @@ FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py 
 
 .DEFAULT_GOAL := help
 .PHONY: help book paper pdf slides test lab set-up lint-and-warm lint unit quick fuzz speed notebooks same pages-and-figures \
-  pages figures book-tests seeds steady chromium exercises check-library check-oldest check-newest check-tag \
+  pages figures book-tests seeds steady trials chromium exercises check-library check-oldest check-newest check-tag \
   dist site lock vendor slim clean
 
 help:  ## Show this list
@@ -153,6 +153,10 @@ seeds: $(VENV)/.dev-installed  ## Run the chapters with their seeds moved, N tim
 steady: $(VENV)/.dev-installed
 	@echo "== Steady chapters with their seeds moved: nothing raises, no verdict turns"
 	@$(BIN)/python tools/seeds.py --steady
+
+# make trials AGAIN=1: a sample, compared with what is stored; MISSING=1: what is not stored yet.
+trials: $(VENV)/.dev-installed  ## Make every stored trial again, over all its seeds (many hours)
+	@$(BIN)/python tools/trials.py $(if $(AGAIN),--again) $(if $(MISSING),--missing) $(TRIAL)
 
 chromium:
 	@if command -v chromium >/dev/null; then :; \

@@ -1,6 +1,10 @@
-"""nbval starts kernels without TCP ports (see tools/kernels.py); less garbage is looked for."""
+"""nbval starts kernels without TCP ports (see tools/kernels.py); less garbage is looked for.
+
+pytest --seed-shift K adds 1000 K to every integer seed, as `make seeds` does in the chapters.
+"""
 
 import gc
+import os
 import sys
 from collections.abc import Iterator
 
@@ -11,6 +15,21 @@ if "nbval.plugin" in sys.modules:
     from tools.kernels import settle_nbval
 
     settle_nbval()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let seeds be moved."""
+    parser.addoption("--seed-shift", type=int, default=0, help="add 1000 K to integer seeds")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Move the seeds before any test is imported."""
+    shift = config.getoption("--seed-shift", 0)
+    if shift:
+        from tools.seeds import START_UP, STEP
+
+        os.environ["SLAMLAB_SEED_SHIFT"] = str(STEP * shift)
+        exec(START_UP, {})
 
 
 def pytest_collection_finish() -> None:

@@ -1,25 +1,10 @@
-"""The league: one row made again, a page that shows what is stored, every entrant explained."""
+"""The league: a page that shows what is stored, every entrant explained."""
 
-import importlib.util
-import json
-import sys
-from pathlib import Path
+import numpy as np
 
-import pytest
+from tools import league
 
-ROOT = Path(__file__).resolve().parents[1]
-SPEC = importlib.util.spec_from_file_location("league", ROOT / "tools" / "league.py")
-league = importlib.util.module_from_spec(SPEC)
-sys.modules["league"] = league
-SPEC.loader.exec_module(league)
-STORED = json.loads(league.STORED.read_text())
-
-
-def test_a_stored_row_can_be_had_again():
-    row = league.rows_of("points", only="EKF-SLAM")["EKF-SLAM"]
-    stored = STORED["points"]["EKF-SLAM"]
-    assert row["error"] == pytest.approx(stored["error"], rel=0.01)
-    assert row["covered"] == pytest.approx(stored["covered"], abs=0.01)
+STORED = league.TRIAL.read()
 
 
 def test_the_page_shows_what_is_stored():
@@ -37,3 +22,16 @@ def test_the_most_accurate_stands_first():
     lines = [line for line in league.table("csail", STORED["csail"]).split("\n") if "|" in line]
     errors = [float(line.split("|")[2]) for line in lines[2:]]
     assert errors == sorted(errors)
+
+
+def test_a_row_of_several_drives_shows_its_median_and_least_to_most():
+    assert league.middle([{"error": e, "covered": None} for e in (0.1, 0.5, 0.2)])["error"] == 0.2
+    assert league.spread([0.1, 0.5, 0.2], league.short) == " (0.1 to 0.5)"
+    assert league.spread([0.1], league.short) == ""
+    errors = [run["error"] for run in STORED["points"]["EKF-SLAM"]]
+    line = next(
+        line
+        for line in league.table("points", STORED["points"]).split("\n")
+        if "[EKF-SLAM]" in line
+    )
+    assert f"{np.median(errors):.2g} ({min(errors):.2g} to {max(errors):.2g})" in line

@@ -1,74 +1,51 @@
-"""Measure grid FastSLAM on two real logs and two corridors: the stored tables of chapter 15.
+"""Grid FastSLAM on two real logs: the stored table of chapter 15b.
 
-SLAMLAB_DATA=FOLDER python tools/grid_table.py [SEEDS [ROW ...]]      (a minute a row; the folder
-holds the two "corrected" logs of the Radish archive, csail and freiburg-101; rows count from 0)
-python tools/grid_table.py loops [SEEDS [ROW ...]]      (half an hour; corridors, no folder)
+SLAMLAB_DATA=FOLDER python tools/grid_table.py      (some minutes a row; the folder holds the two
+"corrected" logs of the Radish archive, csail and freiburg-101; options as in tools/trials.py)
+
+Writes slamlab/datasets/data/grid_logs.json. Before the table it prints the scans that the
+reference turns.
 """
 
 import os
 import sys
 import time
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.filters.particle import lineage
 from slamlab.geometry import wrap_angle
 from slamlab.matching import LikelihoodGrid, match_correlative
-from slamlab.simulation import drifted, ring_laps
+from slamlab.simulation import drifted
 from slamlab.slam import GridFastSlam
 from slamlab.slam._grid_maps import EMPTY
+from tools.trials import Trial, main
 
-# Log, particles, power of the likelihood, share below which a match is lost, and whether scans are
-# left out that the reference turns.
-ROWS = [
-    ("freiburg-101", 10, 0.3, 0.0, False),
-    ("freiburg-101", 30, 0.3, 0.0, False),
-    ("csail", 10, 0.3, 0.0, False),
-    ("csail", 30, 0.3, 0.0, False),
-    ("csail", 30, 0.03, 0.0, False),
-    ("csail", 30, 1.0, 0.0, False),
-    ("csail", 30, 0.3, 0.6, False),
-    ("csail", 30, 1.0, 0.6, False),
-    ("csail", 30, 0.3, 0.0, True),
-    ("csail", 30, 1.0, 0.0, True),
-    ("freiburg-101", 30, 1.0, 0.0, False),
-]
-
-# Corridors: size (m), model, particles.
-LOOPS = [
-    ((12.0, 8.0), "matching", 10),
-    ((12.0, 8.0), "matching", 30),
-    ((12.0, 8.0), "penetration", 30),
-    ((12.0, 8.0), "penetration", 200),
-    ((24.0, 16.0), "matching", 10),
-    ((24.0, 16.0), "matching", 30),
-    ((24.0, 16.0), "matching", 200),
-    ((24.0, 16.0), "penetration", 30),
-    ((24.0, 16.0), "penetration", 200),
-    ((24.0, 16.0), "penetration", 1000),
-]
+LOGS = {"Freiburg 101": "freiburg-101", "CSAIL": "csail"}
+# Particles, power of the likelihood, share below which a match is lost (then it climbs from more
+# places), and whether scans are left out that the reference turns.
+ROWS = {
+    ("Freiburg 101", "10 particles"): (10, 0.3, 0.0, False),
+    ("Freiburg 101", "30 particles"): (30, 0.3, 0.0, False),
+    ("Freiburg 101", "30 particles, power 1"): (30, 1.0, 0.0, False),
+    ("CSAIL", "10 particles"): (10, 0.3, 0.0, False),
+    ("CSAIL", "30 particles"): (30, 0.3, 0.0, False),
+    ("CSAIL", "30 particles, power 0.03"): (30, 0.03, 0.0, False),
+    ("CSAIL", "30 particles, power 1"): (30, 1.0, 0.0, False),
+    ("CSAIL", "30 particles, more climbs"): (30, 0.3, 0.6, False),
+    ("CSAIL", "30 particles, power 1, more climbs"): (30, 1.0, 0.6, False),
+    ("CSAIL", "30 particles, without five"): (30, 0.3, 0.0, True),
+    ("CSAIL", "30 particles, power 1, without five"): (30, 1.0, 0.0, True),
+}
 
 
-def loop(size, model, n, seed):
-    """Return how far off its place a drive ends, and its path error (m)."""
-    log = ring_laps(size, np.random.default_rng(seed))
-    rng = np.random.default_rng(seed)
-    result = run(GridFastSlam(log.scan, log.truth[0], n, model=model, rng=rng), log)
-    return np.hypot(*(result.poses[-1] - log.truth[-1])[:2]), ate(result).rmse
-
-
-def loops(seeds=10, *rows):
-    """Print both errors of every drive."""
-    for size, model, n in [LOOPS[row] for row in rows] or LOOPS:
-        for seed in range(1, seeds + 1):
-            end, path = loop(size, model, n, seed)
-            print(f"{size} {model} {n} seed {seed}: end {end:.3f}, path {path:.3f}", flush=True)
-
-
+@cache
 def read(name):
     folder = Path(os.environ["SLAMLAB_DATA"])
     return read_carmen(folder / f"{name}-corrected.log.gz", corrected=True)
@@ -114,38 +91,48 @@ def followed(path, truth, off, within=4.0):
     return np.count_nonzero(np.abs(found - due)[jumps] < within), np.count_nonzero(jumps)
 
 
-def main():
-    seeds = int(sys.argv[1] if sys.argv[1:] else 10)
-    rows = [ROWS[int(row)] for row in sys.argv[2:]] or ROWS
-    logs = {name: read(name) for name in ("csail", "freiburg-101")}
-    wrong, offs = {}, {}
-    for name, log in logs.items():
-        off = offs[name] = turned(log)
-        wrong[name] = np.flatnonzero(np.abs(off) > 5)
-        print(f"{name}: scans {wrong[name].tolist()} are turned by {off[wrong[name]].tolist()}")
-        print(f"the others at most {np.abs(np.delete(off, wrong[name])).max():.0f} degrees")
-    for name, n, temper, lost, left_out in rows:
-        whole = without(logs[name], wrong[name]) if left_out else logs[name]
-        for seed in range(1, seeds + 1):
-            result, system, ms = drive(whole, seed, n, temper, lost)
-            parents = lineage(result.recorded["ancestors"])
-            paths = np.array(result.recorded["poses"])[np.arange(len(whole))[:, None], parents]
-            best = paths[:, system.log_weights.argmax()]
-            turns, jumps = followed(best, whole.truth, offs[name])
-            copies = np.count_nonzero(system._maps.shared.table) * EMPTY.nbytes
-            print(
-                f"{name:13s} {n:3d} particles, power {temper:g}, lost below {lost:g}, "
-                f"{len(wrong[name]) if left_out else 0} scans left out, seed {seed:2d}: "
-                f"as believed on the way {ate(result).rmse:.3f} m, "
-                f"path of the best in the end {ate(best, whole.truth).rmse:.3f} m, "
-                f"{turns} of {jumps} turns followed, "
-                f"{ms:.1f} ms a scan, tiles / copies {system.map_bytes / copies:.2f}",
-                flush=True,
-            )
+@cache
+def turns_of(name):
+    """Turn (degrees) of each scan of a log off the reference, and the scans where it is over 5."""
+    off = turned(read(name))
+    wrong = np.flatnonzero(np.abs(off) > 5)
+    print(f"{name}: scans {wrong.tolist()} are turned by {off[wrong].tolist()}")
+    print(f"the others at most {np.abs(np.delete(off, wrong)).max():.0f} degrees", flush=True)
+    return off, wrong
 
+
+def one(log, row, seed):
+    """One drive: path error as believed on the way and of the best particle in the end (m).
+
+    Also the turns to such scans that the best path followed, milliseconds a scan, and the memory
+    of the tiles as a share of what copies would need.
+    """
+    n, temper, lost, left_out = ROWS[log, row]
+    off, wrong = turns_of(LOGS[log])
+    whole = without(read(LOGS[log]), wrong) if left_out else read(LOGS[log])
+    result, system, ms = drive(whole, seed, n, temper, lost)
+    parents = lineage(result.recorded["ancestors"])
+    paths = np.array(result.recorded["poses"])[np.arange(len(whole))[:, None], parents]
+    best = paths[:, system.log_weights.argmax()]
+    copies = np.count_nonzero(system._maps.shared.table) * EMPTY.nbytes
+    return {
+        "error": round(float(ate(result).rmse), 3),
+        "best": round(float(ate(best, whole.truth).rmse), 3),
+        "followed": int(followed(best, whole.truth, off)[0]),
+        "ms": round(ms, 1),
+        "tiles": round(float(system.map_bytes / copies), 2),
+    }
+
+
+TRIAL = Trial(
+    "grid_logs",
+    dict.fromkeys(ROWS, range(1, 21)),
+    one,
+    sample=(("Freiburg 101", "10 particles", 4), ("CSAIL", "10 particles", 2)),
+    off=0.002,
+    needs_data=tuple(LOGS),
+    machine=("ms",),
+)
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["loops"]:
-        loops(*(int(word) for word in sys.argv[2:]))
-    else:
-        main()
+    sys.exit(main(TRIAL))

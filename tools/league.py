@@ -1,14 +1,12 @@
 """The league: every system of the course on the same logs, and the page that shows it.
 
-SLAMLAB_DATA=FOLDER python tools/league.py [LOG ...]     (minutes; all logs without names)
-python tools/league.py --page                            (only the page, from what is stored)
+SLAMLAB_DATA=FOLDER python tools/league.py      (an hour; options as in tools/trials.py)
+python tools/league.py --page                   (only the page, from what is stored)
 
-Without the folder (the two "corrected" logs of the Radish archive and the relations of Killian
-Court) those rows stay as they are. Writes slamlab/datasets/data/league.json and
-book/league_tables.md.
+The folder holds the two "corrected" logs of the Radish archive and the relations of Killian Court.
+Writes slamlab/datasets/data/league.json and book/league_tables.md.
 """
 
-import json
 import os
 import pickle
 import sys
@@ -17,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slamlab import datasets
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from slamlab.datasets import killian, read_carmen, read_relations
 from slamlab.evaluation import ate, relation_error, run
 from slamlab.gaussian import mahalanobis_squared
@@ -47,9 +45,9 @@ from slamlab.slam import (
 )
 from slamlab.slam.association import joint_compatibility
 from slamlab.worlds import Terrain
+from tools.trials import Trial, main
 
 ROOT = Path(__file__).resolve().parents[1]
-STORED = Path(datasets.__file__).parent / "data" / "league.json"
 PAGE = ROOT / "book" / "league_tables.md"
 GATE = 5.991  # 95 % of chi-square with two degrees of freedom
 CHAPTERS = {
@@ -85,7 +83,7 @@ ENTRANTS = {
     "EKF-SLAM, walls": ("09", "straight walls, lidar and wheels", "rooms without long walls"),
 }  # fmt: skip
 TITLES = {
-    "points": "24 landmarks in a room, two rounds, 60 s, simulated: mean of three drives",
+    "points": "24 landmarks in a room, two rounds, 60 s, simulated: median of {} drives",
     "office": "Office of 12 m x 8 m, simulated: lidar of 180 beams, 8 m",
     "ring": "Corridor round a block, 30 m x 20 m, simulated: lidar of 180 beams, 5 m",
     "ground": "Rough ground, two rounds of 63 m in all, simulated: heights from a stereo rig",
@@ -93,6 +91,23 @@ TITLES = {
     "csail": "MIT CSAIL: real scans, odometry made worse (seed 1)",
     "killian": "MIT Killian Court: real scans, scan-matched odometry; no truth: relations decide",
 }
+GRAPH = "landmark graph, all at once"
+SCANS = ("dead reckoning", "Hector", "Hector, no wheels", "scan matching", "scan graph")
+ROOMS = (*SCANS, "grid FastSLAM", "EKF-SLAM, walls", "Monte Carlo, map given")
+TAKE_PART = {
+    "points": (
+        *("dead reckoning", "EKF-SLAM", "EKF-SLAM, first estimates", "compressed EKF-SLAM"),
+        *("FastSLAM 1.0", "FastSLAM 2.0", "Monte Carlo, map given"),
+        *("EKF-SLAM, nearest neighbour", "EKF-SLAM, joint compatibility", GRAPH),
+    ),
+    "office": ROOMS,
+    "ring": ROOMS,
+    "ground": ("dead reckoning", "Gamma-SLAM"),
+    "freiburg-101": (*SCANS, "grid FastSLAM"),
+    "csail": (*SCANS, "grid FastSLAM"),
+    "killian": SCANS,
+}
+N_DRIVES = 20  # of "points"; a drive of another log has seed 1
 PEERS = {"points": "EKF-SLAM", "ground": "dead reckoning"}  # whose time is 1; else scan matching
 
 
@@ -100,8 +115,8 @@ PEERS = {"points": "EKF-SLAM", "ground": "dead reckoning"}  # whose time is 1; e
 
 
 @cache
-def room(seed):
-    return room_drives(3, np.random.default_rng([seed, 20]), start_cov=None)
+def room():
+    return room_drives(N_DRIVES, np.random.default_rng([0, 20]), start_cov=None)
 
 
 @cache
@@ -135,8 +150,7 @@ def real(name):
 
 def landmark_systems(log, seed):
     pose, motion, rng = log.truth[0], YOUBOT, np.random.default_rng(seed)
-    bounds = [[-6.0, 6.0], [-5.0, 5.0]]
-    known = {
+    return {
         "dead reckoning": DeadReckoning(motion, pose),
         "EKF-SLAM": EKFSlam(motion, ROOM_SENSOR, pose),
         "EKF-SLAM, first estimates": EKFSlam(
@@ -146,16 +160,13 @@ def landmark_systems(log, seed):
         "FastSLAM 1.0": FastSlam(motion, ROOM_SENSOR, pose, 100, 1, rng=rng),
         "FastSLAM 2.0": FastSlam(motion, ROOM_SENSOR, pose, 100, 2, rng=rng),
         "Monte Carlo, map given": MonteCarloLocalization(
-            log.landmarks, motion, ROOM_SENSOR, 1000, bounds, rng
+            log.landmarks, motion, ROOM_SENSOR, 1000, [[-6.0, 6.0], [-5.0, 5.0]], rng
         ),
-    }
-    unknown = {
         "EKF-SLAM, nearest neighbour": EKFSlam(motion, ROOM_SENSOR, pose),
         "EKF-SLAM, joint compatibility": EKFSlam(
             motion, ROOM_SENSOR, pose, associate=joint_compatibility
         ),
     }
-    return known, unknown
 
 
 def scan_systems(log, name):
@@ -204,52 +215,31 @@ def judged(result):
     }
 
 
-def landmark_rows(seed=0, only=None):
-    rows = {}
-    for m in range(3):
-        log = room(seed).single(m)
-        known, unknown = landmark_systems(log, m)
-        for systems, told in ((known, True), (unknown, False)):
-            for name, system in systems.items():
-                if only is None or name == only:
-                    result = run(system, log, known_ids=told)
-                    rows.setdefault(name, []).append(judged(result))
-        if only in (None, "landmark graph, all at once"):
-            graph = PoseGraph.from_log(log, YOUBOT, ROOM_SENSOR, log.truth[0])
-            poses = graph.optimize().poses
-            error = ate(poses, log.truth).rmse
-            row = {"error": error, "covered": None, "seconds": None, "bytes": None}
-            rows.setdefault("landmark graph, all at once", []).append(row)
-    return {name: mean(parts) for name, parts in rows.items()}
+def landmark_row(system, seed):
+    log = room().single(seed)
+    if system == GRAPH:
+        graph = PoseGraph.from_log(log, YOUBOT, ROOM_SENSOR, log.truth[0])
+        error = ate(graph.optimize().poses, log.truth).rmse
+        return {"error": error, "covered": None, "seconds": None, "bytes": None}
+    told = system not in ("EKF-SLAM, nearest neighbour", "EKF-SLAM, joint compatibility")
+    return judged(run(landmark_systems(log, seed)[system], log, known_ids=told))
 
 
-def mean(parts):
-    return {
-        key: None if parts[0][key] is None else float(np.mean([part[key] for part in parts]))
-        for key in parts[0]
-    }
-
-
-def scan_rows(name, only=None):
+def scan_row(name, system):
     log = toured(name) if name in ENVIRONMENTS else ground() if name == "ground" else real(name)
-    rows = {}
-    for system_name, system in scan_systems(log, name).items():
-        if only is not None and system_name != only:
-            continue
-        result = run(system, log)
-        rows[system_name] = judged(result)
-        if name == "killian":
-            relations = read_relations(
-                Path(os.environ["SLAMLAB_DATA"]) / "mit-killian.relations.gz"
-            )
-            error = relation_error(killian().timestamps, result.trajectory, relations)
-            rows[system_name]["relations"] = float(error.translation.mean())
-        print(name, system_name, rows[system_name], flush=True)
-    return rows
+    result = run(scan_systems(log, name)[system], log)
+    row = judged(result)
+    if name == "killian":
+        relations = read_relations(Path(os.environ["SLAMLAB_DATA"]) / "mit-killian.relations.gz")
+        error = relation_error(killian().timestamps, result.trajectory, relations)
+        row["relations"] = float(error.translation.mean())
+    return row
 
 
-def rows_of(name, only=None):
-    return landmark_rows(only=only) if name == "points" else scan_rows(name, only)
+def one(name, system, seed):
+    """One system on one drive: error (m), share inside, seconds a step, bytes."""
+    row = landmark_row(system, seed) if name == "points" else scan_row(name, system)
+    return {key: rounded(value, 4) for key, value in row.items()}
 
 
 # The page.
@@ -259,8 +249,26 @@ def rounded(value, digits):
     return None if value is None else float(f"{value:.{digits}g}")
 
 
-def table(name, rows):
-    """One Markdown table, the most accurate first."""
+def short(metres):
+    return f"{metres:.2g}" if metres < 1 else f"{metres:.1f}"
+
+
+def spread(values, form):
+    """Least to most, in brackets; nothing for one value."""
+    return f" ({form(min(values))} to {form(max(values))})" if len(values) > 1 else ""
+
+
+def middle(runs):
+    """Medians of runs; one run stays as it is."""
+    return {
+        key: None if runs[0][key] is None else float(np.median([run[key] for run in runs]))
+        for key in runs[0]
+    }
+
+
+def table(name, stored):
+    """One Markdown table, the most accurate first; of several drives medians, least to most."""
+    rows = {system: middle(runs) for system, runs in stored.items()}
     peer = PEERS.get(name, "scan matching")
     base, measure = rows[peer]["seconds"], "relations" if name == "killian" else "error"
     head = ["system", "error (m)", "inside its 95 % ellipse", f"time a step, {peer} = 1",
@@ -270,42 +278,51 @@ def table(name, rows):
     lines = ["| " + " | ".join(head) + " |", "|---|---:|---:|---:|---:|---|---|"]
     for system in sorted(rows, key=lambda one: rows[one][measure]):
         row, (chapter, needs, fails) = rows[system], ENTRANTS[system]
+        errors, shares = ([run[key] for run in stored[system]] for key in (measure, "covered"))
         covered, seconds, size = row["covered"], row["seconds"], row["bytes"]
         file = f"../notebooks/{CHAPTERS[chapter]}.ipynb"
         label = f"[{system}]({file})" if (ROOT / "book" / file).resolve().exists() else system
         cells = [
             label,
-            f"{row[measure]:.2g}" if row[measure] < 1 else f"{row[measure]:.1f}",
-            "claims none" if covered is None else f"{covered:.0%}",
+            short(row[measure]) + spread(errors, short),
+            "claims none"
+            if covered is None
+            else f"{covered:.0%}" + spread(shares, "{:.0%}".format),
             "" if seconds is None else f"{rounded(seconds / base, 1):g}",
             "" if size is None else f"{rounded(size / 1000, 2):g}",
             needs,
             fails,
         ]
         lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join([f"## {TITLES[name]}", "", ":::{container} sortable", *lines, ":::", ""])
+    title = TITLES[name].format(len(stored[peer]))
+    return "\n".join([f"## {title}", "", ":::{container} sortable", *lines, ":::", ""])
 
 
 def page(stored):
     return "\n".join(table(name, stored[name]) for name in TITLES if name in stored)
 
 
-def main():
-    stored = json.loads(STORED.read_text()) if STORED.exists() else {}
-    names = sys.argv[1:] or list(TITLES)
-    if names != ["--page"]:
-        for name in names:
-            if name in TITLES and (
-                name in ("points", "ground", *ENVIRONMENTS) or "SLAMLAB_DATA" in os.environ
-            ):
-                rows = rows_of(name)
-                stored[name] = {
-                    system: {key: rounded(value, 4) for key, value in row.items()}
-                    for system, row in rows.items()
-                }
-                STORED.write_text(json.dumps(stored, indent=1) + "\n")
-    PAGE.write_text(page(stored))
+def write_page():
+    PAGE.write_text(page(TRIAL.read()))
 
+
+TRIAL = Trial(
+    "league",
+    {
+        (name, system): range(N_DRIVES) if name == "points" else (1,)
+        for name, systems in TAKE_PART.items()
+        for system in systems
+    },
+    one,
+    sample=(("points", "EKF-SLAM", 0), ("points", "FastSLAM 1.0", 13)),
+    off=1e-4,
+    needs_data=("freiburg-101", "csail", "killian"),
+    machine=("seconds", "bytes"),
+    finish=write_page,
+)
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:] == ["--page"]:
+        write_page()
+    else:
+        sys.exit(main(TRIAL))

@@ -1,14 +1,19 @@
-"""Measure the matchers of chapter 14 on two real logs: the stored table of that chapter.
+"""The matchers of chapter 14 on two real logs: the stored table of that chapter.
 
-SLAMLAB_DATA=FOLDER python tools/matching_table.py      (a few minutes; the folder holds the two
-"corrected" logs of the Radish archive, csail and freiburg-101)
+SLAMLAB_DATA=FOLDER python tools/matching_table.py      (a minute a run; the folder holds the two
+"corrected" logs of the Radish archive, csail and freiburg-101; options as in tools/trials.py)
+
+Writes slamlab/datasets/data/matching.json.
 """
 
 import os
+import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.geometry import compose
@@ -17,6 +22,18 @@ from slamlab.matching import match_icp, voxel_downsample
 from slamlab.robots import RelativePose
 from slamlab.simulation import drifted
 from slamlab.slam import HectorSlam, ScanGraphSlam
+from tools.trials import Trial, main
+
+LOGS = {"CSAIL": "csail", "Freiburg 101": "freiburg-101"}
+
+
+def slam(make):
+    """Take the path that a system reports on the way."""
+    return lambda log: run(make(log), log).poses
+
+
+def scans(n):
+    return slam(lambda log: ScanGraphSlam(log.scan, log.truth[0], n_keyframes=n, loops=False))
 
 
 def chain(log, metric):
@@ -29,29 +46,43 @@ def chain(log, metric):
     return np.array(poses)
 
 
-def main():
-    folder = Path(os.environ["SLAMLAB_DATA"])
-    for name in ("csail", "freiburg-101"):
-        whole = read_carmen(folder / f"{name}-corrected.log.gz", corrected=True)
-        rows = {}
-        for seed in (1, 2, 3):
-            log = drifted(whole, np.random.default_rng(seed))
-            start = log.truth[0]
-            paths = {"odometry": run(DeadReckoning(RelativePose(), start), log).poses}
-            paths["point to point, last scan"] = chain(log, "point")
-            paths["point to line, last scan"] = chain(log, "line")
-            for n in (1, 5, 20):
-                slam = ScanGraphSlam(log.scan, start, n_keyframes=n, loops=False)
-                paths[f"field, search, line; {n} scans"] = run(slam, log).poses
-            paths["Hector, 3 levels"] = run(HectorSlam(log.scan, start), log).poses
-            paths["Hector, 1 level"] = run(HectorSlam(log.scan, start, levels=1), log).poses
-            slam = run(ScanGraphSlam(log.scan, start), log).system
-            paths["20 scans and closures"] = slam.trajectory
-            for key, path in paths.items():
-                rows.setdefault(key, []).append(ate(path, log.truth).rmse)
-        for key, errors in rows.items():
-            print(f"{name:14s} {key:28s}", *(f"{error:7.3f}" for error in errors), flush=True)
+METHODS = {
+    "wheels alone": slam(lambda log: DeadReckoning(RelativePose(), log.truth[0])),
+    "point to point, last scan": lambda log: chain(log, "point"),
+    "point to line, last scan": lambda log: chain(log, "line"),
+    "Hector, 1 level": slam(lambda log: HectorSlam(log.scan, log.truth[0], levels=1)),
+    "Hector, 3 levels": slam(lambda log: HectorSlam(log.scan, log.truth[0])),
+    "climb, search, line; 5 scans": scans(5),
+    "climb, search, line; 20 scans": scans(20),
+    "20 scans and closures": lambda log: (
+        run(ScanGraphSlam(log.scan, log.truth[0]), log).system.trajectory
+    ),
+}
 
+
+@cache
+def whole(name):
+    folder = Path(os.environ["SLAMLAB_DATA"])
+    return read_carmen(folder / f"{LOGS[name]}-corrected.log.gz", corrected=True)
+
+
+def one(name, method, seed):
+    """Path error (m) with the drifting wheels of a seed."""
+    log = drifted(whole(name), np.random.default_rng(seed))
+    return {"error": round(float(ate(METHODS[method](log), log.truth).rmse), 3)}
+
+
+TRIAL = Trial(
+    "matching",
+    {(name, method): range(1, 21) for name in LOGS for method in METHODS},
+    one,
+    sample=(
+        ("CSAIL", "point to line, last scan", 1),
+        ("CSAIL", "climb, search, line; 5 scans", 2),
+    ),
+    off=0.006,
+    needs_data=tuple(LOGS),
+)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(TRIAL))

@@ -1,23 +1,23 @@
 """Ranges over twenty fields of trees: chapter 16b's stored trial.
 
-python tools/range_trial.py      (some minutes)
+python tools/range_trial.py      (some minutes; options as in tools/trials.py)
 
 Writes slamlab/datasets/data/range_trial.json, which `slamlab.datasets.range_trial_runs` reads.
 """
 
-import json
+import sys
 from pathlib import Path
 
 import numpy as np
 
-from slamlab import datasets
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from slamlab.evaluation import nees, run
 from slamlab.robots import Unicycle
 from slamlab.sensors import PointSensor
 from slamlab.simulation import FIELD_SENSOR, field_flights
 from slamlab.slam import AdaptiveRange, EKFSlamBatch
+from tools.trials import Trial, main
 
-STORED = Path(datasets.__file__).parent / "data" / "range_trial.json"
 SEEDS = tuple(range(1, 21))
 FAR = PointSensor(FIELD_SENSOR.cov, max_range=40.0)
 LAW = {"n_target": 5, "min_range": 8.0, "max_range": 40.0}
@@ -52,14 +52,16 @@ def one(field, name, seed, n_runs=50):
     }
 
 
-def main():
-    found = {}
-    for field, (_, ranges) in FIELDS.items():
-        found[field] = {name: [one(field, name, seed) for seed in SEEDS] for name in ranges}
-        for name, rows in found[field].items():
-            print(field, name, {key: np.mean([row[key] for row in rows]) for key in rows[0]})
-    STORED.write_text(json.dumps(found, indent=1) + "\n")
-
+TRIAL = Trial(
+    "range_trial",
+    {(field, name): SEEDS for field, (_, ranges) in FIELDS.items() for name in ranges},
+    one,
+    sample=(
+        ("clearing", "fixed, 20 m", 3),
+        ("clearing", "law, 5 wanted", 17),
+        ("even", "law, 5 wanted", 8),
+    ),
+)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(TRIAL))

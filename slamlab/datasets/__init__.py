@@ -6,7 +6,7 @@ from slamlab.datasets.relations import Relations, read_relations
 from slamlab.datasets.rosbag import read_rosbag
 from slamlab.datasets.simulator_log import read_simulator
 from slamlab.datasets.synthetic import ManhattanGraph, manhattan_graph, town_with_false_closures
-from slamlab.datasets.trials import range_trial_runs
+from slamlab.datasets.trials import range_trial_runs, stored_runs
 from slamlab.datasets.tum import read_tum, write_tum
 from slamlab.datasets.victoria_park import (
     read_landmark_log,
@@ -27,6 +27,7 @@ __all__ = [
     "read_rosbag",
     "read_simulator",
     "read_tum",
+    "stored_runs",
     "town_with_false_closures",
     "victoria_park",
     "victoria_park_runs",

@@ -1,4 +1,4 @@
-"""Stored trials: results over many seeds that are made apart and read by a page. Chapter 16."""
+"""Stored trials: results over many seeds, made apart and read by a page. Chapters 14 to 16."""
 
 from __future__ import annotations
 
@@ -9,7 +9,40 @@ import numpy as np
 
 from slamlab._checks import Array
 
-__all__ = ["range_trial_runs"]
+__all__ = ["range_trial_runs", "stored_runs"]
+
+
+def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
+    """Return the stored runs of a trial: of its tool in `tools/`, one number a seed.
+
+    Parameters
+    ----------
+    trial : str
+        "grid_loops": grid FastSLAM round two corridors, "end" (m); "grid_logs": the same on two
+        real logs, "error" of the path (m); "matching": scan matchers on these logs, "error" of the
+        path (m); "range_trial": see `range_trial_runs`.
+
+    Returns
+    -------
+    dict
+        ``stored_runs(trial)[log][system]`` maps names to arrays of shape (number of seeds,).
+
+    Examples
+    --------
+    >>> float(stored_runs("matching")["CSAIL"]["20 scans and closures"]["error"][0])
+    0.09
+    """
+    names = ("grid_logs", "grid_loops", "matching", "range_trial")
+    if trial not in names:
+        raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
+    stored = json.loads((Path(__file__).parent / "data" / f"{trial}.json").read_text())
+    return {
+        first: {
+            second: {key: np.array([run.get(key, np.nan) for run in runs]) for key in runs[0]}
+            for second, runs in rows.items()
+        }
+        for first, rows in stored.items()
+    }
 
 
 def range_trial_runs() -> dict[str, dict[str, dict[str, Array]]]:
@@ -28,11 +61,4 @@ def range_trial_runs() -> dict[str, dict[str, dict[str, Array]]]:
     >>> len(runs["fixed, 20 m"]["error"])
     20
     """
-    stored = json.loads((Path(__file__).parent / "data" / "range_trial.json").read_text())
-    return {
-        field: {
-            name: {key: np.array([row[key] for row in rows], float) for key in rows[0]}
-            for name, rows in ranges.items()
-        }
-        for field, ranges in stored.items()
-    }
+    return stored_runs("range_trial")

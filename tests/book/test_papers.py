@@ -81,6 +81,9 @@ def faults(name, line):
         found.append("wrong is said of what was read clearly")
     if verdict == "wrong as read" and line["read"] == "clear":
         found.append("it was read clearly: wrong")
+    spoken = line["kind"] in ("claim", "text", "experiment")
+    if spoken and verdict in ("wrong", "refuted", "unsupported") and "ru" not in line:
+        found.append("a sentence is judged, and its own words are missing")
     return found
 
 
@@ -137,7 +140,7 @@ BAD = [
     {"errata": ["(99)"]}, {"kind": "poem"}, {"verdict": "unsupported", "tests": []},
     {"verdict": "on record", "notes": ["a book"]}, {"sources": ["thrun2005probabilistic"]},
     {"verdict": "on record", "notes": ["a book"], "sources": ["nobody1900"]},
-    {"verdict": "no claim", "notes": ["a drawing"]},
+    {"verdict": "no claim", "notes": ["a drawing"]}, {"kind": "claim", "verdict": "refuted"},
 ]  # fmt: skip
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from slamlab.evaluation.tours import path_length
-from slamlab.localization import DeadReckoning
 from slamlab.navigation import YOUBOT_BODY, CollisionGuard, CoveragePilot, ReturnPilot
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
@@ -16,7 +15,6 @@ from slamlab.simulation.expedition import (
     RETURN_METHODS,
     MiscalibratedOdometry,
     come_home,
-    explore,
     results,
 )
 from slamlab.testing import check_motion_model
@@ -158,18 +156,6 @@ def test_near_its_start_again_it_drives_its_first_metres_once_more():
 def test_a_way_that_is_none_is_refused():
     with pytest.raises(ValueError, match="way"):
         come_home(None, "stairs")
-
-
-def test_a_stored_run_can_be_had_again():
-    stored = results()["corridor"]["dead reckoning"]
-    out = explore(ENVIRONMENTS["corridor"], ESTIMATORS["dead reckoning"], 0)
-    assert out.coverage == pytest.approx(stored["coverage"][0], abs=1e-3)
-    back = come_home(out, "path by wheels")
-    k = RETURN_METHODS.index("path by wheels")
-    assert back.error == pytest.approx(stored["error"][0, k], abs=0.01)
-    assert back.nees == pytest.approx(stored["nees"][0, k], rel=0.1)
-    assert back.touched == stored["touched"][0, k]
-    assert isinstance(out.belief, DeadReckoning)
 
 
 def test_every_belief_went_out_thirty_times_into_every_building_and_touched_nothing():

@@ -1,0 +1,53 @@
+"""Grid FastSLAM round two corridors: the stored table of chapter 15b.
+
+python tools/grid_loops.py      (an hour; options as in tools/trials.py)
+
+Writes slamlab/datasets/data/grid_loops.json, which `slamlab.datasets.grid_loop_runs` reads.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from slamlab.evaluation import run
+from slamlab.simulation import ring_laps
+from slamlab.slam import GridFastSlam
+from tools.trials import Trial, main
+
+SIZES = {"28 m": (12.0, 8.0), "68 m": (24.0, 16.0)}
+# Particles that match scans to their map first, and particles that are only weighed ("blind").
+ROWS = {
+    ("28 m", "10 that match"): ("matching", 10),
+    ("28 m", "30 that match"): ("matching", 30),
+    ("28 m", "30 blind"): ("penetration", 30),
+    ("28 m", "200 blind"): ("penetration", 200),
+    ("68 m", "10 that match"): ("matching", 10),
+    ("68 m", "30 that match"): ("matching", 30),
+    ("68 m", "200 that match"): ("matching", 200),
+    ("68 m", "30 blind"): ("penetration", 30),
+    ("68 m", "200 blind"): ("penetration", 200),
+    ("68 m", "1000 blind"): ("penetration", 1000),
+}
+
+
+def one(corridor, particles, seed):
+    """How far off its place a drive ends (m)."""
+    model, n = ROWS[corridor, particles]
+    log = ring_laps(SIZES[corridor], np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    result = run(GridFastSlam(log.scan, log.truth[0], n, model=model, rng=rng), log)
+    return {"end": round(float(np.hypot(*(result.poses[-1] - log.truth[-1])[:2])), 3)}
+
+
+TRIAL = Trial(
+    "grid_loops",
+    dict.fromkeys(ROWS, range(1, 21)),
+    one,
+    sample=(("28 m", "10 that match", 3), ("28 m", "30 blind", 12)),
+    off=0.006,
+)
+
+if __name__ == "__main__":
+    sys.exit(main(TRIAL))
