@@ -504,6 +504,7 @@ check_hits_needed = Check(
         "one hit is enough": (0.9, 0.5, 0.85),
         "a floor that is mostly free": (0.6, 0.1, 0.9),
         "sure enough before the first": (0.7, 0.5, 0.2),
+        "exactly the goal is enough": (0.75, 0.5, 0.75),
         "any sensor": _goal,
     },
     picture=_hits_drawn,
@@ -511,6 +512,10 @@ check_hits_needed = Check(
 
 # %% tags=["mistakes"]
 check_hits_needed.mistakes = {
+    "one hit too many where the goal is reached exactly": (
+        "int(np.ceil((end - start) / (step - start)))"
+        " => int(np.floor((end - start) / (step - start) + 1e-12)) + 1"
+    ),
     "rounded down: after so many hits the map is not sure yet": "np.ceil => np.floor",
     "rounded to the nearest: after so many hits the map may not be sure yet": (
         "np.ceil => np.round"
@@ -720,6 +725,12 @@ check_insert = Check(
 
 # %% tags=["mistakes"]
 check_insert.mistakes = {
+    "rows go up: row 0 is at the bottom": (
+        lambda log_odds, *given: insert(log_odds[::-1], *given)[::-1]
+    ),
+    "a beam that met nothing frees up to the reach itself, not half a cell less": (
+        "np.minimum(end - cell / 2, max_range) => np.minimum(end, max_range) - cell / 2"
+    ),
     "what was known before was forgotten: evidence adds to the old log odds": (
         "new = log_odds.copy() => new = np.zeros_like(log_odds)"
     ),
