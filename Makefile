@@ -33,7 +33,7 @@ PYTEST := $(BIN)/python -m pytest -q -p no:nbval
 # Three on two cores: while one waits for its kernel, two have work.
 NBVAL := PYTHONWARNINGS=error::RuntimeWarning $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder \
   --nbval --nbval-current-env --nbval-cell-timeout 300
-PARTS := set-up lint-and-warm unit speed notebooks same pages-and-figures book-tests
+PARTS := set-up lint-and-warm unit speed notebooks same steady pages-and-figures book-tests
 # The long ones first, so that no core waits for them in the end.
 NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb notebooks/solutions/*.ipynb \
   notebooks/exercises/*.ipynb
@@ -150,9 +150,12 @@ book-tests: $(VENV)/.dev-installed  ## Open the built pages in Chromium
 seeds: $(VENV)/.dev-installed  ## Run the chapters with their seeds moved, N times: what turns, what varies
 	@$(BIN)/python tools/seeds.py --shifts $(or $(N),5) $(CH)
 
-steady: $(VENV)/.dev-installed
-	@echo "== Steady chapters with their seeds moved: nothing raises, no verdict turns"
-	@$(BIN)/python tools/seeds.py --steady
+# Three on two cores, as for the notebooks. Second pages: make seeds.
+steady: $(VENV)/.dev-installed  ## One shift of the seeds: lessons and derivation tests must hold
+	@echo "== Lessons with their seeds moved: nothing raises, no verdict turns"
+	@$(BIN)/python tools/seeds.py --steady --jobs 3
+	@echo "== Derivation tests with their seeds moved: wrong forms fail, right ones pass"
+	$(PYTEST) -n 2 --dist worksteal -m "not slow" --seed-shift 1 tests/derivations
 
 # make trials AGAIN=1: a sample, compared with what is stored; MISSING=1: what is not stored yet.
 trials: $(VENV)/.dev-installed  ## Make every stored trial again, over all its seeds (many hours)

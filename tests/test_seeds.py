@@ -1,6 +1,8 @@
 """Moved seeds: what `make seeds` finds in a notebook that is made to fail."""
 
 import os
+import subprocess
+import sys
 
 import nbformat
 import pytest
@@ -12,6 +14,7 @@ from tools.seeds import (
     UNSTEADY,
     chapters,
     executed,
+    lessons,
     lines_of,
     ranges,
     report,
@@ -126,3 +129,22 @@ def test_every_chapter_is_steady_or_has_its_reason():
 def test_a_chapter_has_all_its_pages():
     assert {path.stem for path in chapters(["02"])} >= {"02_kalman_filter"}
     assert {path.stem[:2] for path in chapters([])} == set(STEADY) | UNSTEADY.keys()
+
+
+def test_steady_runs_the_lesson_of_each_steady_chapter_and_is_a_part_of_make_test():
+    assert sorted(path.stem[:3] for path in lessons()) == [f"{number}_" for number in STEADY]
+    makefile = (ROOT / "Makefile").read_text()
+    parts = next(line for line in makefile.splitlines() if line.startswith("PARTS :="))
+    assert "steady" in parts.split()
+
+
+@pytest.mark.parametrize(("option", "code"), [([], 0), (["--seed-shift", "1"], 1)])
+def test_seeds_of_tests_move_with_the_option(tmp_path, option, code):
+    test = tmp_path / "test_drawn.py"
+    test.write_text(
+        "import numpy as np\n\n\n"
+        "def test_it():\n    assert np.random.default_rng(0).random() > 0.6\n"
+    )
+    words = ["-m", "pytest", "-q", "-p", "no:nbval", "-p", "no:cacheprovider", "-p", "conftest"]
+    done = subprocess.run([sys.executable, *words, *option, str(test)], cwd=ROOT)
+    assert done.returncode == code

@@ -2,7 +2,7 @@
 
 make seeds [CH=09] [N=5]     (one shift of all chapters takes minutes)
 python tools/seeds.py [--shifts N] [--jobs N] [NOTEBOOK or NUMBER ...]
-python tools/seeds.py --steady     (make steady: one shift of the chapters in STEADY)
+python tools/seeds.py --steady     (make steady: one shift of the lessons in STEADY; in make test)
 
 Shift k adds 1000 k to each integer seed that goes into `numpy.random.default_rng` or
 `SeedSequence`, by a start-up file of the kernel: no notebook is touched. Outputs are compared with
@@ -30,7 +30,8 @@ from tools.kernels import LocalAsyncKernelManager, find_fonts
 from tools.notebooks import ROOT, SETTINGS, n_cores
 
 STEP = 1000
-# Chapters that one shift of `make test` may hold to: nothing raises, no verdict turns.
+# Chapters whose lessons `make test` holds to one shift: nothing raises, no verdict turns. Their
+# second pages take as long again, and are left to `make seeds`.
 STEADY = tuple("00 01 02 03 04 05 06 07 08 09 10 11 12 13 14 15 16 17 18 19 20".split())
 # The others: what raised or turned, in how many of two shifts. A page that is mended moves up.
 UNSTEADY: dict[str, str] = {}
@@ -281,16 +282,22 @@ def chapters(names: list[str]) -> list[Path]:
     return found
 
 
+def lessons() -> list[Path]:
+    """Find the lessons of the steady chapters, the later and longer ones first."""
+    paths = [path for path in chapters(list(STEADY)) if path.stem[2] == "_"]
+    return sorted(paths, key=lambda path: path.stem[0] == "0")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("chapters", nargs="*", help="paths or numbers; all chapters without")
     parser.add_argument("--shifts", type=int, default=5, help="how many shifts (5)")
     parser.add_argument("--jobs", type=int, default=n_cores(), help="kernels side by side")
-    parser.add_argument("--steady", action="store_true", help="one shift of the steady chapters")
+    parser.add_argument("--steady", action="store_true", help="one shift of the steady lessons")
     arguments = parser.parse_args()
     if arguments.shifts < 1 or arguments.jobs < 1:
         parser.error("expected at least one shift and one job")
-    paths = chapters(list(STEADY) if arguments.steady else arguments.chapters)
+    paths = lessons() if arguments.steady else chapters(arguments.chapters)
     shifts = [1] if arguments.steady else list(range(1, arguments.shifts + 1))
     find_fonts()
     os.environ.update(SETTINGS["own"] | {"SLAMLAB_TEXT_ONLY": "1"})

@@ -188,7 +188,7 @@ def test_12_13_are_the_derivatives_of_the_step(robot):
 
 def test_14_is_the_spread_of_drawn_steps_and_its_transpose_is_not():
     V = YOUBOT.control_cov([0.5, 0.1, 0.3, 0.2])
-    pose, u = POSES[5], CONTROLS[5]
+    pose, u = np.array([0.4, -0.2, 0.9]), np.array([0.3, -0.1, 0.4])
     ends = YOUBOT.sample(np.tile(pose, (200_000, 1)), u, DT, V, np.random.default_rng(2))
     spread = ends - YOUBOT.step(pose, u, DT)
     spread[:, 2] = wrap_angle(spread[:, 2])

@@ -49,14 +49,14 @@ def delay(late, early):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_on_an_odometers_points_a_tuned_kalman_filter_delays_little_and_gains_nothing(seed):
-    """P3: "brings in too high a delay". Two samples in velocity at most; and no error removed."""
+    """P3: "brings in too high a delay". Three samples in velocity at most; no error removed."""
     truth, z = drive()[:, :2], believed(seed)
     # Tuned without the truth: both noises that make the data most likely.
     choices = [(s, q) for s in np.geomspace(1e-4, 0.05, 8) for q in np.geomspace(0.01, 10, 9)]
     tuned = max((filtered(z, *c) for c in choices), key=lambda f: f.log_likelihood.sum())
     place, speed = tuned.means[..., 0].T, tuned.means[..., 1].T
     assert delay(place, z) <= 0.05
-    assert delay(speed, np.gradient(truth, DT, axis=0)) <= 0.25
+    assert delay(speed, np.gradient(truth, DT, axis=0)) <= 0.3
     raw = np.hypot(*(z - truth).T)
     for estimate in (place, kalman.smooth(tuned).means[..., 0].T):
         error = np.hypot(*(estimate - truth).T)

@@ -69,22 +69,26 @@ def test_p5_2_2_the_likeliest_topology_is_found_by_one_run_from_a_fair_start():
 
 
 def test_p5_2_2_from_a_poor_start_the_choice_may_be_the_wrong_one():
-    rng = np.random.default_rng(1)
-    walk = manhattan_graph(200, 230, rng, sigma_heading=0.1).graph
-    chosen = np.flatnonzero(walk.closures)[::3]
-    count = len(chosen)
-    other = np.random.default_rng(2).permutation(200)[:count]
-    graph = PoseGraph(
-        walk.poses,
-        np.vstack([walk.edges, np.column_stack([walk.edges[chosen, 0], other])]),
-        np.vstack([walk.measurements, walk.measurements[chosen]]),
-        walk.information[0],
-    )
-    pairs = np.column_stack([chosen, len(walk.edges) + np.arange(count)]).tolist()
-    found = graph.optimize(hypotheses=pairs, max_iterations=100)
-    assert found.converged
-    assert (found.weights[chosen] == 0).any()  # a true edge lost against its twin
-    true = walk.chordal_initialisation().optimize()
-    assert found.history[-1] > 5 * true.chi2
-    again = graph.with_poses(true.poses).optimize(hypotheses=pairs)
-    assert (again.weights[chosen] == 1).all()  # from the right map it is the right one
+    lost, dearer = [], []
+    for seed in range(1, 9):
+        rng = np.random.default_rng(seed)
+        walk = manhattan_graph(200, 230, rng, sigma_heading=0.1).graph
+        chosen = np.flatnonzero(walk.closures)[::3]
+        count = len(chosen)
+        other = (walk.edges[chosen, 0] + rng.integers(40, 160, count)) % 200
+        graph = PoseGraph(
+            walk.poses,
+            np.vstack([walk.edges, np.column_stack([walk.edges[chosen, 0], other])]),
+            np.vstack([walk.measurements, walk.measurements[chosen]]),
+            walk.information[0],
+        )
+        pairs = np.column_stack([chosen, len(walk.edges) + np.arange(count)]).tolist()
+        found = graph.optimize(hypotheses=pairs, max_iterations=100)
+        true = walk.chordal_initialisation().optimize()
+        if (found.weights[chosen] == 0).any():  # a true edge lost against its twin
+            lost.append(seed)
+            dearer.append(found.history[-1] / true.chi2)
+        again = graph.with_poses(true.poses).optimize(hypotheses=pairs)
+        assert (again.weights[chosen] == 1).all()  # from the right map it is the right one
+    assert lost
+    assert min(dearer) > 2

@@ -239,19 +239,24 @@ def particle_belief(N, seed, threshold=0.5, forget=None):
     joint = np.zeros((2, CELLS))
     cells = belief.particles.astype(int)
     np.add.at(joint, (cells[:, 1], cells[:, 0]), belief.weights)
-    return joint
+    return joint, (belief.weights**2).sum() ** 0.5
+
+
+def errors_allowed(N, threshold, forget=None):
+    """Largest error of a cell, in standard deviations of a share of that many equal draws."""
+    due = joint_by_enumeration(CONTROLS, MEASURED)
+    # Four clouds; particles that never resample are worth as many draws as their weights say.
+    clouds = [particle_belief(N // 4, seed, threshold, forget) for seed in range(4)]
+    sigma = max(np.mean([one[1] for one in clouds]) / 2, N**-0.5)
+    return np.abs(np.mean([one[0] for one in clouds], axis=0) - due).max() / sigma
 
 
 @pytest.mark.parametrize("threshold", [0.0, 0.5, 1.0])
 def test_p5_14_15_particles_converge_to_the_enumerated_belief(threshold):
-    N = 200_000
-    due = joint_by_enumeration(CONTROLS, MEASURED)
-    error = np.abs(particle_belief(N, 1, threshold) - due).max()
-    # The weights spread: a particle is worth a fraction of an independent draw.
-    assert error < 6 / np.sqrt(N)
+    # Resampling adds noise of its own, which the last weights do not show.
+    assert errors_allowed(200_000, threshold) < 6
 
 
 @pytest.mark.parametrize("forget", ["ratio", "old weights"])
 def test_p5_14_15_particles_with_a_forgotten_factor_do_not(forget):
-    due = joint_by_enumeration(CONTROLS, MEASURED)
-    assert np.abs(particle_belief(200_000, 1, 0.0, forget) - due).max() > 0.02
+    assert errors_allowed(200_000, 0.0, forget) > 6
