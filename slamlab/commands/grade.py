@@ -289,7 +289,7 @@ def _is_of_canvas(line: dict[str, str]) -> bool:
 
 
 def _keys(line: dict[str, str]) -> set[str]:
-    """Words by which a line can be told: its entries, the full name, a participant's number."""
+    """Words that tell a line apart: its entries, the full name, a participant's number."""
     entries = [entry.strip() for entry in line.values()]
     names = [line.get(first, "").strip() for first in ("First name", "Last name", "Surname")]
     entries.append(" ".join(name for name in names if name))
