@@ -502,6 +502,7 @@ check_hits_needed = Check(
     {
         "half a doubt, hits of 0.7, sure to 0.99": (0.7, 0.5, 0.99),
         "one hit is enough": (0.9, 0.5, 0.85),
+        "exactly the goal is enough": (0.7, 0.5, 0.7),
         "a floor that is mostly free": (0.6, 0.1, 0.9),
         "sure enough before the first": (0.7, 0.5, 0.2),
         "any sensor": _goal,
