@@ -368,6 +368,7 @@ check_looks_needed = Check(
     {
         "one place in six, an eye right four times of five": (1 / 6, 0.8, 0.95),
         "believed before the first look": (0.6, 0.8, 0.5),
+        "believed far more than is asked for": (0.99, 0.6, 0.5),
         "one look is enough": (0.4, 0.9, 0.8),
         "exactly the goal is enough": (0.5, 0.75, 0.75),
         "far above the goal before the first look": (0.99, 0.6, 0.5),
@@ -408,6 +409,14 @@ check_looks_needed.mistakes = {
     "the prior is a probability, not odds": "prior / (1 - prior), 0 => prior, 0",
     "the places that disagree got nothing taken off: odds grow by p / (1 - p)": (
         "odds * p_right / (1 - p_right) => odds * p_right / 0.5"
+    ),
+    "a negative number of looks: a belief that is already enough needs none": (
+        lambda prior, p_right, goal: int(
+            np.ceil(
+                np.log(goal / (1 - goal) * (1 - prior) / prior) / np.log(p_right / (1 - p_right))
+                - 1e-9
+            )
+        )
     ),
     "looks were taken for chances to be wrong all the time: evidence multiplies odds": (
         lambda prior, p_right, goal: int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))

@@ -500,7 +500,7 @@ check_hits_needed = Check(
     hits_needed,
     "hits",
     {
-        "half a doubt, hits of 0.7, sure to 0.99": (0.7, 0.5, 0.99),
+        "a prior of one half, hits of 0.7, sure to 0.99": (0.7, 0.5, 0.99),
         "one hit is enough": (0.9, 0.5, 0.85),
         "a floor that is mostly free": (0.6, 0.1, 0.9),
         "sure enough before the first": (0.7, 0.5, 0.2),
