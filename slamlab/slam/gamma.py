@@ -48,7 +48,8 @@ class GammaSlam(MapParticles):
         sample variances, which is not comparable between particles that sort the same heights
         into different cells.
     temper : float, default 0.3
-        Power of the likelihood: neighbouring points are far from independent.
+        Power of the likelihood. With 1 all particles soon descend from one, and the filter is
+        overconfident; so it is, less, with the default (chapter 15 uses 0.1).
     threshold : float, default 0.5
         Resample when the effective sample size falls below this share of the particles.
 
