@@ -58,11 +58,16 @@ def read_simulator(path: str | Path) -> Log:
     n = len(names) - len(_HEAD)
     if n < 1 or names != [*_HEAD, *(f"r{i}" for i in range(n))]:
         raise ValueError(f"{path.name}: line 2: expected {','.join(_HEAD)},r0,r1,..., got none")
-    rows = [_row(line, f"{path.name}: line {k}", n) for k, line in enumerate(lines[2:], 3) if line]
-    if not rows:
+    numbers = [k for k, line in enumerate(lines[2:], 3) if line]
+    if not numbers:
         raise ValueError(f"{path.name}: the file ends without a step")
-    table = np.array(rows)
-    dt = np.diff(table[:, 0], prepend=table[0, 0])
+    table = np.array([_row(lines[k - 1], f"{path.name}: line {k}", n) for k in numbers])
+    with np.errstate(over="ignore"):
+        dt = np.diff(table[:, 0], prepend=table[0, 0])
+    for i in np.flatnonzero(~((dt >= 0) & (dt < np.inf)))[:1]:
+        before, now = table[i - 1 : i + 1, 0]
+        place = f"{path.name}: line {numbers[i]}"
+        raise ValueError(f"{place}: expected a time not before {before:g} s, got {now:g} s")
     scan = ScanGeometry(2 * np.pi * np.arange(n) / n)
     motion, truth, ranges = table[:, 1:4], table[:, 4:7], table[:, 7:]
     parts: dict[str, Any] = dict(ranges=ranges, scan=scan, truth=truth, controls="displacement")

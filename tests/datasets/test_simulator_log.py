@@ -68,6 +68,8 @@ GOOD = ["# slamlab simulator, 2 beams", HEAD + "r0,r1", "0,0,0,0,1,2,0.5,3,inf"]
         ([*GOOD, "1,0,0,0,1,2,nan,3,3"], "line 4: expected finite"),
         ([*GOOD, "1,0,0,0,1,2,0.5,-3,3"], "line 4: .*not negative"),
         ([*GOOD, "1,0,0,0,1,2,0.5,far,3"], "line 4: expected numbers"),
+        ([*GOOD, "", "-2,0,0,0,1,2,0.5,3,3"], "b.csv: line 5: expected a time not before 0 s"),
+        ([*GOOD, *("".join([t, GOOD[2][1:]]) for t in ("-0", "9e307", "-9e307"))], "line 6"),
     ],
 )
 def test_a_damaged_file_is_named(tmp_path, lines, message):
