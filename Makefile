@@ -114,9 +114,10 @@ quick: $(VENV)/.dev-installed  ## The tests of the library without the slow ones
 	$(PYTEST) -n 2 --dist worksteal -m "not slow" --ignore=tests/benchmarks --ignore=tests/book \
 	  --benchmark-disable tests
 
-# make fuzz N=3: three times as many damaged files as in the unit tests, and every spoilt call.
+# make fuzz N=3 SEED=7: three times as many damaged files as in the unit tests, damaged in other
+# ways, and every spoilt call.
 fuzz: $(VENV)/.dev-installed  ## Damage files and spoil arguments, N times as often as the unit tests
-	@$(BIN)/python tools/fuzz.py $(or $(N),2)
+	@$(BIN)/python tools/fuzz.py $(or $(N),2) $(or $(SEED),0)
 
 speed: $(VENV)/.dev-installed  ## Ratios against peers, one at a time
 	@echo "== Speed against peers"

@@ -136,10 +136,8 @@ def search(points, scan, guess, radius, turn, step=np.deg2rad(1.5), cell=0.1):
     angles = np.arange(-turn, turn + 0.5 * step, step)
     images = np.zeros((len(angles), *field.shape), np.float32)
     for image, angle in zip(images, angles):
-        ij = np.floor((transform([half, half, guess[2] + angle], scan)) / cell).astype(
-            int
-        )
-        np.add.at(image, tuple(ij.T), 1.0 / len(scan))
+        ij = np.floor(transform([half, half, guess[2] + angle], scan) / cell)
+        np.add.at(image, tuple(ij.T.astype(int)), 1.0 / len(scan))
     product = fft.rfft2(field) * np.conj(fft.rfft2(images))
     m = int(radius / cell)
     scores = np.roll(fft.irfft2(product, s=field.shape), (m, m), (1, 2))
@@ -182,10 +180,7 @@ def candidates(k, poses, travel, since):
     if len(near) == 0:
         return [], radius
     first = np.split(near, np.flatnonzero(np.diff(travel[near]) > MIN_LOOP) + 1)[0]
-    return {
-        int(near[distance[near].argmin()]),
-        int(first[distance[first].argmin()]),
-    }, radius
+    return {int(some[distance[some].argmin()]) for some in (near, first)}, radius
 
 
 def verify(j, k, radius, nodes, poses, travel):
@@ -194,9 +189,8 @@ def verify(j, k, radius, nodes, poses, travel):
     merged = [transform(between(poses[k], poses[n]), nodes[n][0]) for n in around]
     scan = voxel_downsample(np.concatenate(merged), 0.2)
     scan = scan[np.hypot(*scan.T) < SEARCH_RANGE]
-    place = range(
-        *np.searchsorted(travel, [travel[j] - SUBMAP_LENGTH, travel[j] + SUBMAP_LENGTH])
-    )
+    ends = travel[j] - SUBMAP_LENGTH, travel[j] + SUBMAP_LENGTH
+    place = range(*np.searchsorted(travel, ends))
     submap = local_map([nodes[n] for n in place], poses[place])
     x, score, second_peak = search(submap[0], scan, poses[k], radius, SEARCH_ANGLE)
     if score < MIN_SCORE or second_peak > MAX_SECOND_PEAK:
@@ -218,9 +212,8 @@ def is_consistent(one, others, poses, travel):
         by_one = compose(z, between(poses[k], poses[b]))
         by_other = compose(between(poses[j], poses[a]), other)
         dx, dy, turn = between(by_one, by_other)
-        agree += np.hypot(dx, dy) < 0.25 + 0.02 * path and abs(turn) < np.deg2rad(
-            2 + 0.15 * path
-        )
+        near_enough = np.hypot(dx, dy) < 0.25 + 0.02 * path
+        agree += near_enough and abs(turn) < np.deg2rad(2 + 0.15 * path)
         near += 1
     return agree >= MIN_CONSISTENT and 2 * agree >= near
 
@@ -245,7 +238,7 @@ def solve(poses, edges, z, covs, robust, rounds=5):
     root = np.swapaxes(np.linalg.cholesky(np.linalg.inv(covs)), 1, 2)
     rows = np.arange(3 * len(i)).reshape(-1, 3, 1).repeat(6, 2)
     columns = np.concatenate([3 * i[:, None] + range(3), 3 * j[:, None] + range(3)], 1)
-    columns = columns[:, None].repeat(3, 1)
+    places = rows.ravel(), columns[:, None].repeat(3, 1).ravel()
     for width in KERNEL_WIDTHS:
         for _ in range(rounds):
             e, J = residuals(poses, i, j, z)
@@ -253,9 +246,7 @@ def solve(poses, edges, z, covs, robust, rounds=5):
             chi2 = (e**2).sum(1)
             w = np.where(robust, width / (width + chi2), 1.0)  # root of the weight
             values = w[:, None, None] * (root @ J)
-            J = sparse.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())))[
-                :, 3:
-            ]
+            J = sparse.csr_matrix((values.ravel(), places))[:, 3:]
             step = -splu((J.T @ J).tocsc()).solve(J.T @ (w[:, None] * e).ravel())
             poses[1:] += step.reshape(-1, 3)
             if np.abs(step).max() < 1e-3:
@@ -293,15 +284,9 @@ def occupancy(ranges, angles, poses, cell=0.1, hit=0.9, miss=-0.4):
 # 9. The loop over a log.
 def slam(ranges, angles, odometry, covs, loops=True):
     """Poses (T, 3) of all scans; accepted closures; node of each scan, pose there."""
-    x, cov, nodes, poses, travel = (
-        np.zeros(3),
-        np.zeros((3, 3)),
-        [],
-        np.zeros((0, 3)),
-        np.zeros(0),
-    )
+    x, cov, nodes, submap = np.zeros(3), np.zeros((3, 3)), [], None
+    poses, travel = np.zeros((0, 3)), np.zeros(0)
     chain, steps, pending, accepted, last_tried, last_closed = [], [], [], [], 0.0, 0.0
-    submap = None
     for r, u, Q in zip(ranges, odometry, covs):
         x, cov = propagate(x, cov, u, Q)
         scan = scan_points(r, angles)
@@ -313,9 +298,8 @@ def slam(ranges, angles, odometry, covs, loops=True):
             if nodes:
                 R = rotation(-poses[-1, 2])
                 chain.append((off, R @ cov @ R.T + MIN_COV))
-            travel = np.append(
-                travel, np.hypot(*off[:2]) + (travel[-1] if nodes else 0.0)
-            )
+            way = np.hypot(*off[:2]) + (travel[-1] if nodes else 0.0)
+            travel = np.append(travel, way)
             nodes.append((scan, estimate_normals(scan)))
             poses, cov, off = np.vstack([poses, x]), np.zeros((3, 3)), np.zeros(3)
             k = len(nodes) - 1 - N_AROUND
@@ -325,13 +309,9 @@ def slam(ranges, angles, odometry, covs, loops=True):
                 new = [verify(j, k, radius, nodes, poses, travel) for j in old]
                 pending += [one for one in new if one]
                 every = pending + accepted
-                fresh = [
-                    one for one in pending if is_consistent(one, every, poses, travel)
-                ]
+                fresh = [p for p in pending if is_consistent(p, every, poses, travel)]
                 if fresh:
-                    pending = [
-                        one for one in pending if not any(one is f for f in fresh)
-                    ]
+                    pending = [p for p in pending if not any(p is f for f in fresh)]
                     accepted, last_closed = accepted + fresh, travel[k]
                     poses = optimize(poses, chain, accepted)
                     x = poses[-1]

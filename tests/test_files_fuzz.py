@@ -27,7 +27,8 @@ from slamlab.navigation import Cubic, PathMemory
 from slamlab.sensors import Lidar
 from slamlab.slam import PoseGraph, ScanGraphSlam, Sessions
 from slamlab.worlds import BitmapWorld, rooms
-from tests.fuzzing import ROUNDS
+from tests import fuzzing
+from tests.fuzzing import ROUNDS, damage
 
 SECONDS, MEGABYTES = 2.0, 300.0
 
@@ -186,7 +187,7 @@ def test_a_mutated_file_is_read_or_refused_soon(tmp_path, name, record_property)
     write, read, count = READERS[name]
     path = tmp_path / "file.npz"
     path = write(path) or path
-    good, rng = path.read_bytes(), np.random.default_rng(len(name))
+    good, rng = path.read_bytes(), damage(len(name))
     assert complaint(read, path, name) == ""
     slowest, before, answers = 0.0, peak(), []
     for _ in range(count * ROUNDS):
@@ -206,3 +207,13 @@ def test_numbers_beyond_any_path_do_not_start_a_search_without_end():
         Cubic(np.full((4, 2), 1e308))
     with pytest.raises(ValueError, match="point: expected metres"):
         PathMemory(0.05).add([1e12, 0.0])
+
+
+def test_another_seed_damages_in_other_ways_and_none_as_ever(monkeypatch):
+    def drawn(seed):
+        monkeypatch.setattr(fuzzing, "SEED", seed)
+        return fuzzing.damage(3).integers(2**60, size=4).tolist()
+
+    assert drawn(0) == np.random.default_rng(3).integers(2**60, size=4).tolist()
+    assert drawn(7) == drawn(7)
+    assert drawn(0) != drawn(7) != drawn(8)

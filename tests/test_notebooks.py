@@ -124,7 +124,10 @@ def raw_markup(notebook):
 
 
 def dead_links(path):
-    """Links to files that are not there, and to works that the bibliography lacks."""
+    """Links to files that are not there, to works that the bibliography lacks, to headings.
+
+    A heading has another address in JupyterLab than in the book, so notebooks link to pages.
+    """
     notebook = nbformat.read(path, as_version=4)
     keys = set(re.findall(r"(?m)^@\w+\{([\w-]+),", (ROOT / "book/references.bib").read_text()))
     found = []
@@ -136,7 +139,8 @@ def dead_links(path):
             if re.match(r"https?:", file):
                 continue
             lacking = file.endswith("bibliography.md") and anchor and anchor not in keys
-            if lacking or (file and not (path.parent / file).exists()):
+            heading = file.endswith(".ipynb") and anchor
+            if lacking or heading or (file and not (path.parent / file).exists()):
                 found.append(target)
     return found
 
@@ -400,10 +404,10 @@ def test_plain_markup_passes():
 
 
 def test_a_dead_link_is_seen(tmp_path):
-    source = "[a](nowhere.ipynb), [b](../book/bibliography.md#nobody1900nothing)"
+    source = "[a](no.ipynb), [b](../book/bibliography.md#nobody1900nothing), [c](x.ipynb#there)"
     cells = [nbformat.v4.new_markdown_cell(source)]
     nbformat.write(nbformat.v4.new_notebook(cells=cells), tmp_path / "x.ipynb")
-    assert len(dead_links(tmp_path / "x.ipynb")) == 2
+    assert len(dead_links(tmp_path / "x.ipynb")) == 3
 
 
 def test_the_book_runs_every_notebook_of_its_contents():

@@ -169,6 +169,10 @@ def test_the_source_distribution_is_complete(tmp_path):
         if (ROOT / name).exists():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, tmp_path / name)
+    left = ["examples/.ruff_cache/0.17.5/1", "tests/.hypothesis/a", "slamlab/__pycache__/a.pyc"]
+    for name in [*left, "notebooks/.ipynb_checkpoints/a.ipynb", "book/.pytest_cache/CACHEDIR.TAG"]:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
     code = "from setuptools.build_meta import build_sdist; print(build_sdist('dist'))"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True)
     assert done.returncode == 0, done.stderr.decode()
@@ -176,6 +180,10 @@ def test_the_source_distribution_is_complete(tmp_path):
     with tarfile.open(archive) as file:
         inside = {name.partition("/")[2] for name in file.getnames()}
     assert {name for name in tracked if not name.startswith(".")} - inside <= {"MANIFEST.in"}
+    caches = {
+        name for name in inside if re.search(r"/[._]\w*(cache|hypothesis|checkpoints)", name)
+    }
+    assert caches == set()
 
 
 def public_functions():

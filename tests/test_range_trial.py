@@ -16,6 +16,12 @@ def test_the_law_errs_less_than_a_fixed_range_in_every_field(field):
     assert law["seen"].mean() == pytest.approx(fixed["seen"].mean(), rel=0.1)
 
 
+def test_a_law_that_never_reaches_the_next_lane_gains_nothing():
+    fixed, law, near = (found["error"] for found in RUNS["even"].values())
+    assert (near > 0.8 * fixed).all()
+    assert (law < 0.4 * fixed).all()
+
+
 def test_the_camera_used_whole_errs_least_and_sees_three_times_as_many():
     law, whole = (RUNS["clearing"][name] for name in ("law, 5 wanted", "fixed, 40 m"))
     assert (whole["error"] < law["error"]).all()

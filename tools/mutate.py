@@ -414,15 +414,15 @@ def try_all(solution: Solution, known: Container[str] = ()) -> tuple[int, list[s
 
 def main(chapters: list[str]) -> int:
     known, bad = equivalent(), 0
-    print(f"{'exercise':32s} mutants  refused  equivalent  passed  score")
+    print(f"{'exercise':32s} inputs  mutants  refused  equivalent  passed  score")
     for solution in solutions(chapters):
         total, passed = try_all(solution)
         same = [text for text in passed if f"{solution.name} | {text}" in known]
         left = [text for text in passed if text not in same]
         out = total - len(passed)
         score = 100 * out / max(total - len(same), 1)
-        row = f"{total:7d} {out:8d} {len(same):11d} {len(left):7d}  {score:.0f} %"
-        print(f"{solution.name:32s} {row}")
+        row = f"{total:8d} {out:8d} {len(same):11d} {len(left):7d}  {score:.0f} %"
+        print(f"{solution.name:32s} {len(solution.check.inputs):6d} {row}", flush=True)
         for text in left:
             print(f"{solution.name} | {text} | ")
         bad += len(left)

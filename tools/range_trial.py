@@ -34,7 +34,15 @@ FIELDS = {
         0.75,
         {"fixed, 20 m": fixed(20.0), "law, 5 wanted": LAW, "fixed, 40 m": fixed(40.0)},
     ),
-    "even": (0.0, {"fixed, 14 m": fixed(14.0), "law, 5 wanted": LAW}),
+    # Lanes are 30 m apart: from 15 m on, trees of the next lane are seen.
+    "even": (
+        0.0,
+        {
+            "fixed, 14 m": fixed(14.0),
+            "law, 5 wanted": LAW,
+            "law, up to 15 m": LAW | {"max_range": 15.0},
+        },
+    ),
 }
 
 

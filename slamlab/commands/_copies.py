@@ -77,13 +77,14 @@ def same_code(
         for name, text in functions.items():
             if text not in references:
                 owners[name, text].append(student)
-    shared: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    alike: dict[tuple[str, ...], list[str]] = defaultdict(list)
     for (name, _), students in owners.items():
-        for student in students:
-            for other in students:
-                if other != student:
-                    shared[student][other].append(name)
-    return {
-        student: [f"same code as {other}: {', '.join(names)}" for other, names in others.items()]
-        for student, others in shared.items()
-    }
+        alike[tuple(students)].append(name)
+    told: dict[str, list[str]] = defaultdict(list)
+    for group, names in alike.items():
+        for student in group if len(group) > 1 else ():
+            others = [other for other in group if other != student]
+            more = f" and {len(others) - 3} more" if len(others) > 4 else ""
+            shown = ", ".join(others[:3] if more else others)
+            told[student].append(f"same code as {shown}{more}: {', '.join(names)}")
+    return dict(told)

@@ -12,11 +12,18 @@ from io import BytesIO
 from typing import Any
 
 _STYLE = """
+:root { color-scheme: light dark; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem;
-       color: #222; background: #fff; }
+       color: #222; background: #fff; overflow-wrap: break-word; }
 table { border-collapse: collapse; margin: 1rem 0; }
 th, td { text-align: left; padding: .25rem .75rem; border-bottom: 1px solid #ccc; }
-img { max-width: 100%; }
+.picture { overflow-x: auto; }
+img { max-width: 100%; background: #fff; }
+@media (max-width: 600px) { .picture img { width: 540px; max-width: none; } }
+@media (prefers-color-scheme: dark) {
+  body { color: #ddd; background: #16181c; }
+  th, td { border-color: #444; }
+}
 """
 
 
@@ -64,4 +71,4 @@ def png_of(figure: Any) -> bytes:
 def picture(png: bytes, alt: str) -> str:
     """Put a PNG image into the page itself, with the text for those who do not see it."""
     data = base64.b64encode(png).decode()
-    return f'<p><img alt="{escape(alt)}" src="data:image/png;base64,{data}"></p>'
+    return f'<p class="picture"><img alt="{escape(alt)}" src="data:image/png;base64,{data}"></p>'

@@ -78,7 +78,7 @@ def marked(
     others which fail, it is judged again with the right ones in their place.
     """
     process, told = None, False
-    left = list(checks)
+    left, raised = list(checks), dict[str, str]()
     try:
         while left:
             if process is None:
@@ -92,6 +92,7 @@ def marked(
             try:
                 seen = checks[name].observe(RemoteFunction(process, name))
                 mark.reports[name] = checks[name].judge(seen)
+                raised |= {name: seen[0].raised} if all(one.raised for one in seen) else {}
                 if pictures and checks[name].has_picture:
                     mark.pictures[name] = _drawn(checks[name], process, seconds)
             except Gone as error:
@@ -99,6 +100,10 @@ def marked(
                 process.__exit__()
                 process = None
         _judge_again(mark, cells, checks, seconds, megabytes, folders)
+        zero = [name for name in raised if not mark.share(name)]
+        mark.notes += [f"{name}: raised on every input, first {raised[name]}" for name in zero]
+        if not mark.reports and not mark.notes:
+            mark.notes.append(f"defines none of {', '.join(checks)}")
     except Gone as error:
         mark.notes.append(f"its cells: {str(error).removeprefix('setup: ')}")
     except Exception as error:  # one submission must not cost the others their marks

@@ -25,6 +25,7 @@ import csv
 import inspect
 import re
 import textwrap
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -222,10 +223,13 @@ def _in_part(share: float, right: float) -> str:
 
 
 def read_roster(path: Path) -> list[dict[str, str]]:
-    """Read the lines of a class list, as Moodle or Canvas exports it."""
+    """Read the lines of a class list, as Moodle or Canvas exports it: by commas, or semicolons."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file, strict=True))
+            head = file.readline()
+            file.seek(0)
+            delimiter = max(",;\t", key=head.count)
+            rows = list(csv.DictReader(file, delimiter=delimiter, strict=True))
     except (UnicodeDecodeError, csv.Error) as error:
         raise ValueError(f"roster: expected a table of text in {path.name} ({error})") from error
     if not rows or any(None in row or None in row.values() for row in rows):
@@ -242,27 +246,55 @@ def write_gradebook(
 ) -> int:
     """Write the class list with the points of each chapter; return how many lines have no file.
 
-    A file is of a line if a word of its path is an entry of the line: a user name, an address, an
-    ID. Of several files of a chapter the best counts.
+    A file is of a line if a word of its path is an entry of this line and of no other: a user
+    name, an address, an ID, a full name. Of several files of a chapter the best counts. Of
+    Canvas' own lines "Points Possible" gets the number of exercises; it takes no feedback.
     """
     titles = {chapter: f"slamlab {chapter} (of {len(names)})" for chapter, names in checks.items()}
+    canvas = any(name.startswith("SIS ") for name in roster[0])
+    keys = [_keys(line) for line in roster]
+    known = Counter(key for line in keys for key in line)
     missing = 0
     with output.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file:
-        table = csv.DictWriter(file, [*roster[0], *titles.values(), "Feedback"])
+        more = [*titles.values()] + ([] if canvas else ["Feedback"])
+        table = csv.DictWriter(file, [*roster[0], *more])
         table.writeheader()
-        for line in roster:
-            keys = {key.strip().casefold() for key in line.values() if len(key.strip()) > 2}
-            own = [m for m, words in zip(marks, owners, strict=True) if keys & words]
+        for line, words in zip(roster, keys, strict=True):
+            own = [
+                mark
+                for mark, owner in zip(marks, owners, strict=True)
+                if any(known[word] == 1 for word in words & owner)
+            ]
             points, notes = {}, []
             for chapter, title in titles.items():
                 files = [mark for mark in own if mark.chapter == chapter]
                 best = max(files, key=lambda mark: mark.points, default=None)
                 points[title] = "" if best is None else f"{best.points:.2f}"
                 notes += [] if best is None else best.notes
-            missing += not own
-            told = "; ".join(notes) if own else "no file"
-            table.writerow(line | points | {"Feedback": _harmless(told)})
+            if canvas and _is_of_canvas(line):
+                if "Points Possible" in " ".join(line.values()):
+                    points = {
+                        titles[chapter]: str(len(names)) for chapter, names in checks.items()
+                    }
+            else:
+                missing += not own
+            told = {} if canvas else {"Feedback": "; ".join(notes) if own else "no file"}
+            table.writerow(line | points | {name: _harmless(text) for name, text in told.items()})
     return missing
+
+
+def _is_of_canvas(line: dict[str, str]) -> bool:
+    """Say whether a line is one of those that Canvas writes below its head: no student's."""
+    return not any(line.get(name, "").strip() for name in ("ID", "SIS User ID", "SIS Login ID"))
+
+
+def _keys(line: dict[str, str]) -> set[str]:
+    """Words that tell a line apart: its entries, the full name, a participant's number."""
+    entries = [entry.strip() for entry in line.values()]
+    names = [line.get(first, "").strip() for first in ("First name", "Last name", "Surname")]
+    entries.append(" ".join(name for name in names if name))
+    entries += [entry.removeprefix("Participant ") for entry in entries]
+    return {entry.casefold() for entry in entries if len(entry) > 2}
 
 
 def _labels(path: Path) -> set[str]:

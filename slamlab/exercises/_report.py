@@ -36,6 +36,7 @@ import inspect
 import textwrap
 import warnings
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -446,7 +447,17 @@ class Check:
         if self._use is None:
             names = self._names(self.inputs[0][1])
             found += general_mistakes(self.reference, names, self.returns)
+            found += self._constants(names)
         return found
+
+    def _constants(self, names: Sequence[str]) -> Iterator[tuple[str, Function, bool]]:
+        """Yield the answers into which a number of an input was written for an argument."""
+        for k, name in enumerate(names):
+            given = [arguments[k] for _, arguments in self.inputs]
+            if type(given[0]) in (int, float):
+                for value, _ in Counter(given).most_common(3):
+                    message = f"`{name}` has no effect, as if it were always {value:g}"
+                    yield message, _with_constant(self.reference, k, value), False
 
     def mistaken(self, wrong: Mistake) -> Function:
         """Return the function of a mistake, be it given as one or as edits of the reference."""
@@ -507,6 +518,10 @@ def _own_lines(observations: Sequence[Observation]) -> Iterator[str]:
         yield f"the result shares its memory with `{name}`: who changes one changes the other"
     if any(s.reused for s in observations):
         yield "one array serves two calls: make a new one in each, the second changes the first"
+
+
+def _with_constant(reference: Function, k: int, value: float) -> Function:
+    return lambda *given: reference(*given[:k], value, *given[k + 1 :])
 
 
 def _edited(reference: Function, edits: tuple[str, ...]) -> Function:

@@ -202,5 +202,7 @@ def show(value: Any) -> str:
         return f"array of shape {array.shape}"
     if array.dtype.kind in "biu":
         return str(array.tolist())
+    if array.ndim == 0 and float(f"{array:.5g}").is_integer():  # 1 - 1e-16 is not shown as one
+        return repr(float(array))
     shown = np.array([float(f"{x:.5g}") for x in array.ravel().tolist()]).reshape(array.shape)
     return str(shown.tolist()).replace("-0.0,", "0.0,").replace("-0.0]", "0.0]")

@@ -351,6 +351,7 @@ def _occupancy(ax: Any, odds: Array, low: Array, cell: float = 0.1) -> None:
     known = np.argwhere(np.abs(odds) > 0)
     if len(known):
         (bottom, left), (top, right) = known.min(0), known.max(0)
+        ax.set_aspect("equal", adjustable="box")  # both limits are set
         ax.set_xlim(low[0] + cell * left, low[0] + cell * right)
         ax.set_ylim(low[1] + cell * bottom, low[1] + cell * top)
 

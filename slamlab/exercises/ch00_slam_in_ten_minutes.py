@@ -140,6 +140,9 @@ def _turned_by(turn: Function, wrap: Function = wrap_angle) -> Function:
 
 
 check_dead_reckoning.mistakes = {
+    "only the way ahead was added: a motion has a part to the left too": (
+        "compose(poses[-1], motion) => compose(poses[-1], motion * [1.0, 0.0, 1.0])"
+    ),
     "the motion was added in the world frame: turn it by the heading of the robot first": (
         _turned_by(lambda heading, turn: np.eye(2))
     ),
@@ -282,6 +285,14 @@ check_edge_error = Check(
 
 # %% tags=["mistakes"]
 check_edge_error.mistakes = {
+    "the turn lost its sign: an error has one": (
+        "np.append(position, wrap_angle(pose_j[2] - pose_i[2] - z[2]))"
+        " => np.append(position, np.abs(wrap_angle(pose_j[2] - pose_i[2] - z[2])))"
+    ),
+    "the turn is in degrees: expected radians": (
+        "wrap_angle(pose_j[2] - pose_i[2] - z[2]) => "
+        "np.rad2deg(wrap_angle(pose_j[2] - pose_i[2] - z[2]))"
+    ),
     "the heading difference is not wrapped: a full turn must not count as an error": (
         "wrap_angle( => ("
     ),
@@ -635,6 +646,9 @@ check_relax = Check(
 
 # %% tags=["mistakes"]
 check_relax.mistakes = {
+    "all poses moved, the first one too: it is held, and the others move": (
+        "step[3:] = np.linalg.solve(H[3:, 3:], -b[3:]) => step = np.linalg.lstsq(H, -b)[0]"
+    ),
     "every edge pulls: the last edge of a pose has overwritten what the others said in b": (
         "b[rows] += A.T => b[rows] = A.T"
     ),
@@ -808,6 +822,7 @@ check_slam = Check(
 
 # %% tags=["mistakes"]
 check_slam.mistakes = {
+    "two steps are not enough: the edges bend while the poses turn": "range(15) => range(2)",
     "the closures were not used: they are edges like the others": (
         ("np.vstack([motions, closures]), np.vstack([odometry, z]) => motions, odometry"),
         (

@@ -109,7 +109,15 @@ def _open(belief: Array, p_stay: float, p_step: float, p_slip: float) -> Array:
     return moved
 
 
+def _in_place(belief: Array, p_stay: float, p_step: float, p_slip: float) -> Any:
+    new = belief.copy()
+    for i in range(len(new)):
+        new[i] = p_stay * new[i] + p_step * new[i - 1] + p_slip * new[i - 2]
+    return new
+
+
 check_predict.mistakes = {
+    "the belief was overwritten while it was read: work on a copy": _in_place,
     "the belief moved to the left: place i receives what stood at i - 1": (
         "belief, 1) => belief, -1)",
         "belief, 2) => belief, -2)",
@@ -253,6 +261,11 @@ check_update = Check(
 
 # %% tags=["mistakes"]
 check_update.mistakes = {
+    "a wall changed nothing: seeing a wall is a measurement too": (
+        lambda belief, doors, sees_door, p_right: (
+            update(belief, doors, sees_door, p_right) if sees_door else belief.copy()
+        )
+    ),
     "the result is not normalised: divide by its sum": " / posterior.sum() => ",
     "belief and likelihood were added: evidence multiplies": "belief * => belief +",
     "the prior was forgotten: multiply the likelihood with the old belief": "belief *  => ",
@@ -277,7 +290,7 @@ check_update.mistakes = {
 # ## Solution 2: update
 
 # %% [markdown] tags=["solution"]
-# Listening only when a door is seen throws half of the news away. A wall is a measurement too:
+# An update that uses doors only wastes what a wall tells. A wall is a measurement too:
 
 # %% active="ipynb" tags=["solution"]
 # def only_doors(belief, doors, sees_door, p_right):
@@ -358,14 +371,33 @@ check_looks_needed = Check(
         "believed far more than is asked for": (0.99, 0.6, 0.5),
         "one look is enough": (0.4, 0.9, 0.8),
         "exactly the goal is enough": (0.5, 0.75, 0.75),
+        "far above the goal before the first look": (0.99, 0.6, 0.5),
         "an eye that hardly knows": (0.5, 0.55, 0.9),
         "any eye": _an_eye,
     },
     picture=_looks_drawn,
 )
 
+
 # %% tags=["mistakes"]
+def _looks(prior: float, p_right: float, goal: float) -> float:
+    """Looks needed, not rounded."""
+    old, each, new = (np.log(p / (1 - p)) for p in (prior, p_right, goal))
+    return float((new - old) / each)
+
+
 check_looks_needed.mistakes = {
+    "a number of looks is not negative: the prior may be above the goal already": (
+        lambda prior, p_right, goal: int(np.ceil(_looks(prior, p_right, goal) - 1e-12))
+    ),
+    "one look too many where the goal is reached exactly": (
+        lambda prior, p_right, goal: max(
+            0, int(np.floor(_looks(prior, p_right, goal) + 1e-12)) + 1
+        )
+    ),
+    "no look is needed where the prior is enough": (
+        lambda prior, p_right, goal: max(1, looks_needed(prior, p_right, goal))
+    ),
     "one look too few: afterwards the belief is still below the goal": (
         "    return n =>     return n - 1"
     ),
@@ -451,7 +483,7 @@ def wander(belief: Array, doors: Array, steps: Array, seen: Ints, p_right: float
 #        np.array([1]), 0.9)
 
 # %% [markdown] tags=["hint"]
-# A loop over the steps: first the motion, then the look, then write the belief down.
+# A loop over the steps: first the motion, then the measurement, then write the belief down.
 
 # %% [markdown] tags=["hint"]
 # Closed eyes are no wall: what does a filter do that is given nothing?

@@ -249,6 +249,10 @@ check_update = Check(
 
 # %% tags=["mistakes"]
 check_update.mistakes = {
+    "R is missing, and a pseudo-inverse hides that S has no inverse": (
+        " + R => ",
+        "np.linalg.inv => np.linalg.pinv",
+    ),
     "R must not be added to the gain, as P1 prints (34)": "inv(S) => inv(S) + R",
     "R is missing in S: the sensor is not perfect": " + R => ",
     "this is the transposed gain: K is n x m, P H^T S^-1": (
@@ -297,7 +301,7 @@ check_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: Joseph's form
 #
-# Someone hands you a gain that is not the optimal one. How sure are you after using it?
+# You are given a gain that is not the optimal one. How uncertain is the state after using it?
 
 
 # %% tags=["exercise"]
@@ -516,6 +520,9 @@ check_track = Check(
 
 # %% tags=["mistakes"]
 check_track.mistakes = {
+    "this is the Q of the chapter, one push for each step: here noise acts all the time": (
+        "[[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]] => [[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]]"
+    ),
     "the first reading met the start itself: predict before every update": (
         "predict(mean, cov, F, Q) => predict(mean, cov, F, Q) if means else (mean, cov)"
     ),

@@ -544,6 +544,24 @@ check_follow = Check(
 
 # %% tags=["mistakes"]
 check_follow.mistakes = {
+    "H was taken at the pose before the motion: expected the predicted one": (
+        "mean = mean + dt => old, mean = mean, mean + dt",
+        "jacobian(mean, landmark) => jacobian(old, landmark)",
+    ),
+    "F_x and F_u were taken at the heading after the motion: expected the one before it": (
+        "F_x = np => ahead = np.array([v * c, v * s, omega])\n        "
+        "turned = mean[2] + dt * omega\n        c, s = np.cos(turned), np.sin(turned)\n        "
+        "F_x = np",
+        "np.array([v * c, v * s, omega])\n        cov => ahead\n        cov",
+    ),
+    "F was taken at the heading after the motion: expected the one before it": (
+        "-v * dt * s], [0, 1, v * dt * c] => -v * dt * np.sin(mean[2] + dt * omega)],"
+        " [0, 1, v * dt * np.cos(mean[2] + dt * omega)]"
+    ),
+    "motion and derivatives were taken at the heading half-way: expected the one before": (
+        "np.cos(mean[2]), np.sin(mean[2])"
+        " => np.cos(mean[2] + omega * dt / 2), np.sin(mean[2] + omega * dt / 2)"
+    ),
     "the innovation is not wrapped: a landmark across the back throws the filter off": (
         "innovation(seen, range_bearing(mean, landmark)) => (seen - range_bearing(mean, landmark))"
     ),

@@ -511,8 +511,17 @@ check_mean_pose = Check(
     picture=_mean_pose_drawn,
 )
 
+
 # %% tags=["mistakes"]
+def _about_the_first(poses: Array, weights: Array) -> Any:
+    w, first = weights / weights.sum(), poses[0, 2]
+    turn = w @ ((poses[:, 2] - first + np.pi) % (2 * np.pi) - np.pi)
+    return np.append(w @ poses[:, :2], (first + turn + np.pi) % (2 * np.pi) - np.pi)
+
+
 check_mean_pose.mistakes = {
+    "this is the mean of the angles about one of them, another mean: here the direction of the "
+    "mean of unit vectors is asked for": _about_the_first,
     "headings were averaged as numbers: the mean of 3.1 and -3.1 is not 0": (
         "np.arctan2(s, c) => weights @ poses[:, 2]"
     ),

@@ -120,6 +120,9 @@ check_wheels = Check(
 
 # %% tags=["mistakes"]
 check_wheels.mistakes = {
+    "the wheels come in another order: the left side first": (
+        lambda *given: wheel_speeds(*given)[[0, 2, 1, 3]]
+    ),
     "left and right are swapped: V_2 is positive to the left, so front-left slows down": (
         "= u[0], u[1] => = u[0], -u[1]"
     ),
@@ -508,6 +511,9 @@ _PATTERN = "[1, 1, -1, -1]"
 
 
 check_slip.mistakes = {
+    "this pattern is strafing to the right: diagonal against diagonal is a motion": (
+        f"{_PATTERN} => [1.0, -1.0, -1.0, 1.0]"
+    ),
     "this pattern is a turn: right against left is what a rotating robot does": (
         f"{_PATTERN} => [-1.0, 1.0, -1.0, 1.0]"
     ),

@@ -200,6 +200,12 @@ def _fenced(occupied: Ints, x: float, y: float, angle: float) -> float:
 
 
 check_first_hit.mistakes = {
+    "rows and columns are exchanged: the row comes first, occupied[row, column]": (
+        "occupied[row, column] => occupied[column, row]"
+    ),
+    "a negative index counts from the other end: a beam that leaves the grid met nothing": (
+        "while 0 <= row < rows and 0 <= column < columns => while row < rows and column < columns"
+    ),
     "one step a pixel of the longer side, as P5 has it: cells cut near a corner are skipped": (
         lambda o, x, y, a: _sampled(o, x, y, a, 1 / max(abs(np.cos(a)), abs(np.sin(a))))
     ),
@@ -661,6 +667,10 @@ def _turned_after(pose: Array, ranges: Array, angles: Array) -> Array:
 
 
 check_nearest_wall.mistakes = {
+    "the ends belong to a wall: s from 0 to 1, both included": (
+        "(s >= 0) & (s <= 1) => (s > 0) & (s < 1)"
+    ),
+    "a lidar on a wall meets it at zero: t >= 0": "(t >= 0) => (t > 0)",
     "walls behind the lidar are met as well: only those ahead count, t >= 0": (
         "(t >= 0) &  => ",
         "t[met].min() => np.abs(t[met]).min()",

@@ -272,6 +272,7 @@ check_corner = Check(
         "far from the origin, the other way round": (_BEND[::-1] + [30.0, -40.0],),
         "three points": ([[0, 0], [1, 2], [3, 0]],),
         "a chord along y": ([[1, 0], [1.5, 1], [0.2, 2], [1, 3]],),
+        "a point beyond the end of the chord": ([[0, 0], [-3, 0.5], [1, 1], [2, 0]],),
         "any stretch": _stretch,
     },
     draws=12,
@@ -297,7 +298,14 @@ def _off(points: Array) -> Array:
     return off
 
 
+def _from_segment(points: Array) -> int:
+    chord = points[-1] - points[0]
+    s = np.clip((points - points[0]) @ chord / (chord @ chord), 0.0, 1.0)
+    return int(np.argmax(np.hypot(*(points - points[0] - s[:, None] * chord).T)))
+
+
 check_corner.mistakes = {
+    "the distance from the segment was taken: its line goes on beyond both ends": _from_segment,
     "the distance has a sign: a corner on the other side of the chord was overlooked": (
         "np.abs( => ("
     ),
@@ -431,6 +439,7 @@ check_wall_cov = Check(
 
 # %% tags=["mistakes"]
 check_wall_cov.mistakes = {
+    "the turn moves r with the wrong sign": "middle * row_alpha => -middle * row_alpha",
     "r and alpha err together: the corner elements are not zero": (
         lambda t, w: wall_cov(t, w) * np.eye(2)
     ),

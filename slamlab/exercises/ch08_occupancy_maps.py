@@ -159,7 +159,7 @@ check_fuse.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Leave the prior in, and four hints that say nothing new make a cell freer and freer. With the
-# prior one half nobody notices:
+# prior one half it does not show:
 
 # %% active="ipynb" tags=["solution"]
 # def prior_everywhere(prior, hints):
@@ -265,7 +265,7 @@ check_beam_evidence = Check(
 
 # %% tags=["mistakes"]
 check_beam_evidence.mistakes = {
-    "nobody saw what lies behind the wall: no evidence there": (
+    "nothing was seen of what lies behind the wall: no evidence there": (
         "evidence[:end] = miss => evidence[:] = miss"
     ),
     "this is P5's dot: the beam also says that the cells before its end are free": (
@@ -308,8 +308,8 @@ check_beam_evidence.mistakes = {
 # ## Solution 2: the evidence of one beam
 
 # %% [markdown] tags=["solution"]
-# A reading at the limit of the range looks like any other number. Who draws a wall there builds a
-# ring of walls around the robot in every large hall:
+# A reading at the limit of the range looks like any other number. Walls drawn there make a ring
+# around the robot in every large hall:
 
 # %% active="ipynb" tags=["solution"]
 # def ring_of_walls(n_cells, distance, max_range, hit, miss):
@@ -500,11 +500,11 @@ check_hits_needed = Check(
     hits_needed,
     "hits",
     {
-        "half a doubt, hits of 0.7, sure to 0.99": (0.7, 0.5, 0.99),
+        "a prior of one half, hits of 0.7, sure to 0.99": (0.7, 0.5, 0.99),
         "one hit is enough": (0.9, 0.5, 0.85),
-        "exactly the goal is enough": (0.7, 0.5, 0.7),
         "a floor that is mostly free": (0.6, 0.1, 0.9),
         "sure enough before the first": (0.7, 0.5, 0.2),
+        "exactly the goal is enough": (0.75, 0.5, 0.75),
         "any sensor": _goal,
     },
     picture=_hits_drawn,
@@ -512,6 +512,10 @@ check_hits_needed = Check(
 
 # %% tags=["mistakes"]
 check_hits_needed.mistakes = {
+    "one hit too many where the goal is reached exactly": (
+        "int(np.ceil((end - start) / (step - start)))"
+        " => int(np.floor((end - start) / (step - start) + 1e-12)) + 1"
+    ),
     "rounded down: after so many hits the map is not sure yet": "np.ceil => np.floor",
     "rounded to the nearest: after so many hits the map may not be sure yet": (
         "np.ceil => np.round"
@@ -535,7 +539,7 @@ check_hits_needed.mistakes = {
 # negative.
 
 # %% [markdown] tags=["solution"]
-# Whoever lets the prior stand in every hit needs too many of them where the floor is mostly free:
+# With the prior left in every hit too many of them are needed where the floor is mostly free:
 
 # %% active="ipynb" tags=["solution"]
 # def prior_in_every_hit(p_hit, prior, goal):
@@ -550,7 +554,7 @@ check_hits_needed.mistakes = {
 # Now the whole plane. For every cell ask: in which direction does its centre lie, seen from the
 # robot, and which beam points nearest to that direction? If the centre is nearer than the end of
 # that beam by more than half a cell, the cell was looked through: add `miss`. If it lies within
-# half a cell of the end, add `hit`. Behind that nobody has seen anything. A beam of `max_range`
+# half a cell of the end, add `hit`. Behind that nothing was seen. A beam of `max_range`
 # or more met nothing, and frees what is nearer than `max_range`. NaN says nothing at all.
 
 
@@ -721,6 +725,12 @@ check_insert = Check(
 
 # %% tags=["mistakes"]
 check_insert.mistakes = {
+    "rows go up: row 0 is at the bottom": (
+        lambda log_odds, *given: insert(log_odds[::-1], *given)[::-1]
+    ),
+    "a beam that met nothing frees up to the reach itself, not half a cell less": (
+        "np.minimum(end - cell / 2, max_range) => np.minimum(end, max_range) - cell / 2"
+    ),
     "what was known before was forgotten: evidence adds to the old log odds": (
         "new = log_odds.copy() => new = np.zeros_like(log_odds)"
     ),
@@ -774,8 +784,8 @@ check_insert.mistakes = {
 # beam needs no line of its own.
 
 # %% [markdown] tags=["solution"]
-# Freeing what lies behind a wall is the mistake that costs most: a corridor on the other side of
-# it vanishes from the map whenever the robot looks at the wall.
+# Do not free what lies behind a wall: a corridor on the other side of it would vanish from the map
+# whenever the robot sees the wall.
 
 # %% active="ipynb" tags=["solution"]
 # def free_behind(log_odds, pose, ranges, angles, cell, max_range, hit, miss):

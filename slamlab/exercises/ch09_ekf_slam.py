@@ -652,6 +652,10 @@ check_update = Check(
 
 # %% tags=["mistakes"]
 check_update.mistakes = {
+    "the expected bearing was wrapped, the innovation was not: wrap their difference": (
+        "wrap_angle(v[1]) => z[1] - wrap_angle(z[1] - v[1])"
+    ),
+    "the range was wrapped too: it is no angle": "v[1] = wrap_angle(v[1]) => v = wrap_angle(v)",
     "landmark i begins at 3 + 2 i: each takes two rows": "3 + 2 * i => 3 + i",
     "the pose takes three rows: landmark i begins at 3 + 2 i": "3 + 2 * i => 2 + 2 * i",
     "always the first landmark: which one was seen is given by i": "3 + 2 * i => 3",
@@ -848,6 +852,23 @@ check_slam = Check(
 
 # %% tags=["mistakes"]
 check_slam.mistakes = {
+    "a new landmark's derivative by the heading lacks the beam: it swings by its length": (
+        "[[1.0, 0.0, -seen[0] * s], [0.0, 1.0, seen[0] * c]] => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]"
+    ),
+    "F and G were taken at the heading after the motion: expected the one before it": (
+        "F = np.array([[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c]"
+        " => ahead = np.array([c, s])\n        turned = mean[2] + omega * dt\n        "
+        "c, s = np.cos(turned), np.sin(turned)\n        "
+        "F = np.array([[1.0, 0.0, -v * dt * s], [0.0, 1.0, v * dt * c]",
+        "mean[:2] += v * dt * np.array([c, s]) => mean[:2] += v * dt * ahead",
+    ),
+    "F was taken at the heading after the motion: expected the one before it": (
+        "-v * dt * s], [0.0, 1.0, v * dt * c] => -v * dt * np.sin(mean[2] + omega * dt)],"
+        " [0.0, 1.0, v * dt * np.cos(mean[2] + omega * dt)]"
+    ),
+    "V acts on a velocity for dt: G V G^T has dt squared in it, not dt": (
+        "G @ V @ G.T => G @ V @ G.T / dt"
+    ),
     "the cross-covariances did not move: P_xm becomes F P_xm": (
         "P[:3, :] = F @ P[:3, :] => P[:3, :3] = F @ P[:3, :3]",
         "P[:, :3] = P[:, :3] @ F.T => P[:3, :3] = P[:3, :3] @ F.T",

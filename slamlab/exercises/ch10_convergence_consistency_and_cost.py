@@ -629,6 +629,10 @@ check_update = Check(
 
 # %% tags=["mistakes"]
 check_update.mistakes = {
+    "the expected bearing was wrapped, the innovation was not: wrap their difference": (
+        "wrap_angle(v[1]) => z[1] - wrap_angle(z[1] - v[1])"
+    ),
+    "the range was wrapped too: it is no angle": "v[1] = wrap_angle(v[1]) => v = wrap_angle(v)",
     "H takes the landmark at its latest estimate: expected its first one, for ever": (
         "first[k : k + 2] - first[:2] => mean[k : k + 2] - first[:2]"
     ),
@@ -838,8 +842,25 @@ check_slam = Check(
     picture=_slam_drawn,
 )
 
+
 # %% tags=["mistakes"]
+def _sorted(*given: Any) -> Any:
+    mean, P = slam(*given)
+    names = list(dict.fromkeys(int(i) for i in given[5] if i >= 0))
+    order = [3 + 2 * k + d for k in np.argsort(names) for d in (0, 1)]
+    return mean[[0, 1, 2, *order]], P[np.ix_([0, 1, 2, *order], [0, 1, 2, *order])]
+
+
 check_slam.mistakes = {
+    "the sensor's noise is missing in a new landmark": " + G_z @ R @ G_z.T => ",
+    "a new landmark is tied to the pose only: the rest of the map is, too": (
+        "cross = G_pose @ P[:3]"
+        " => cross = np.hstack([G_pose @ P[:3, :3], np.zeros((2, len(P) - 3))])"
+    ),
+    "the landmarks were sorted by name: expected in the order of first sight": _sorted,
+    "V acts on a velocity for dt: G V G^T has dt squared in it, not dt": (
+        "G @ V @ G.T => G @ V @ G.T / dt"
+    ),
     "this is the usual EKF: F and H are taken at the latest estimates": (
         "first[1] - mean[1], mean[0] - first[0] => -v * dt * s, v * dt * c",
         "update(mean, P, first,  => update(mean, P, mean, ",

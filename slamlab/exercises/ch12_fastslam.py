@@ -757,6 +757,9 @@ def _weighed_late(poses: Array, w: Array, means: Array, covs: Array, z: Array, R
 
 
 check_observe_landmark.mistakes = {
+    "the expected bearing was wrapped, the innovation was not: wrap their difference": (
+        "wrap_angle(z[1] - bearing) => z[1] - wrap_angle(bearing)"
+    ),
     "the weight was computed with R alone: the landmark is uncertain too, S = H P H^T + R": (
         "np.linalg.inv(S) @ v - 0.5 * np.log(np.linalg.det(S)) => np.linalg.inv(R) @ v"
     ),

@@ -238,6 +238,9 @@ check_blocks = Check(
 
 # %% tags=["mistakes"]
 check_blocks.mistakes = {
+    "Omega is missing in the right side: g_i = A^T Omega e": (
+        "AO @ e, BO @ e => A.T @ e, B.T @ e"
+    ),
     "Omega was forgotten": lambda A, B, Omega, e: blocks(A, B, np.eye(3), e),
     "A and B are exchanged: A is the derivative by pose i": lambda A, B, Omega, e: blocks(
         B, A, Omega, e
@@ -358,7 +361,15 @@ check_information = Check(
 )
 
 # %% tags=["mistakes"]
+_APART = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
 check_information.mistakes = {
+    "position and heading were inverted one by one: they are correlated": (
+        "np.linalg.inv(turn @ cov @ turn.T) => np.linalg.inv(turn @ (cov * _APART) @ turn.T)"
+    ),
+    "the correlation of position and heading was dropped": (
+        "np.linalg.inv(turn @ cov @ turn.T) => np.linalg.inv(turn @ cov @ turn.T) * _APART"
+    ),
     "this is the covariance in the frame of the error: the edge needs its inverse": (
         "np.linalg.inv(turn @ cov @ turn.T) => (turn @ cov @ turn.T)"
     ),
@@ -460,6 +471,7 @@ check_weight = Check(
 
 # %% tags=["mistakes"]
 check_weight.mistakes = {
+    "this is Cauchy's weight": lambda x, width: width**2 / (width**2 + x),
     "the square is missing: s scales the error, so the square of the error gets s^2": (
         " ** 2\n => \n"
     ),
@@ -729,6 +741,10 @@ check_map = Check(
 
 # %% tags=["mistakes"]
 check_map.mistakes = {
+    "the motions were added like vectors: each is seen from the pose before it": (
+        "start.append(compose(start[-1], motion)) => start.append(start[-1] + motion)",
+        "graph.chordal_initialisation().optimize => graph.optimize",
+    ),
     "a local minimum: on the long walk dead reckoning is a start too far from the best map": (
         "graph.chordal_initialisation() => graph"
     ),

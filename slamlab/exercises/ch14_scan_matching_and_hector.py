@@ -205,6 +205,9 @@ check_weight = Check(
 
 # %% tags=["mistakes"]
 check_weight.mistakes = {
+    "this is Gauss' bell with its half: it forgets far pairs altogether": (
+        lambda e, w: np.exp(-0.5 * (e / w) ** 2)
+    ),
     "metres were added to square metres (KISS-ICP's released weight): square the error": (
         lambda e, w: w**2 / (w + e**2) ** 2
     ),

@@ -177,7 +177,7 @@ check_level.mistakes = {
 #
 # `n_seen` landmarks were seen within `reach`; `wanted` are to be seen. What should the next range
 # be, if the landmarks are as dense there as here? The law is (B) of
-# [page 16b](../16b_uav_local_range.ipynb#a-range-that-follows-the-field).
+# [page 16b](../16b_uav_local_range.ipynb).
 
 
 # %% tags=["exercise"]
@@ -296,7 +296,7 @@ check_next_range.mistakes = {
 #
 # These five lines keep the records of a region at an update. With them the compressed filter's
 # map is wrong from the first update on. Compare them with (B), (C) and (D) of
-# [the chapter](../16_uav_local_range.ipynb#the-algorithm-the-compressed-ekf), line by line, then
+# [the chapter](../16_uav_local_range.ipynb), line by line, then
 # mend them.
 
 
@@ -459,7 +459,7 @@ check_note_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: the size of a region
 #
-# Write (A) of [page 16b](../16b_uav_local_range.ipynb#how-large-should-the-region-be) as a
+# Write (A) of [page 16b](../16b_uav_local_range.ipynb) as a
 # function of many radii, and let it choose. With $N_a = 2\rho\pi R^2$ numbers in the region
 # (never more than the map's $N = 2n$), $m = 2\rho\pi r^2$ in an observation, $D = R - r$ and
 # $k = 2\rho(2rD + \pi r^2)$ observed in a region (never more than $N_a$),

@@ -123,6 +123,9 @@ check_retraced = Check(
 
 # %% tags=["mistakes"]
 check_retraced.mistakes = {
+    "this robot has turned its nose round: tail first means that it has not": (
+        lambda p: np.column_stack([p[::-1, :2], -p[::-1, 2]])
+    ),
     "the last motion must be undone first": lambda p: retraced(p)[::-1],
     "the signs are turned, but a motion is undone in the frame in which it ended": lambda p: (
         -p[::-1]

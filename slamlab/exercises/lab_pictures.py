@@ -1,7 +1,8 @@
 """The picture after a lab: what *your* system makes of each drive, beside the library's.
 
-`draw` shows it also where the score says NO: the picture then shows the failure. Lab V has
-pictures of its own, one a step (`capstone_pictures`).
+`draw` shows it also where the score says NO: the picture then shows the failure. `replay` is
+one drive to watch, and to save as one HTML file. Lab V has pictures of its own, one a step
+(`capstone_pictures`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from slamlab.exercises import lab_systems
 from slamlab.exercises.lab_scores import answer, driven
 from slamlab.exercises.labs import Task, practice
 
-__all__ = ["draw"]
+__all__ = ["draw", "replay"]
 
 System = Callable[..., Any]
 # The system of the library that stands beside the student's.
@@ -79,6 +80,65 @@ def draw(lab: str, system: System, seed: int = 0) -> Any:
     return figure
 
 
+def replay(lab: str, system: System, seed: int = 0, drive: int = 0) -> Any:
+    """Play what a system makes of a drive, beside truth and dead reckoning.
+
+    Parameters
+    ----------
+    lab : {"I", "II", "III", "IV"}
+    system : callable
+        As `lab_scores.practise` takes it.
+    seed : int, default 0
+        Other seeds, other drives.
+    drive : int, default 0
+        Which of them.
+
+    Returns
+    -------
+    slamlab.widgets.Replay
+        A notebook plays it; ``.save("my_drive.html")`` writes a page that plays anywhere.
+
+    Raises
+    ------
+    ValueError
+        If there is no such lab or drive, or the system returns what is none.
+    """
+    from slamlab.widgets import Replay
+
+    drives = practice(as_choice("lab", lab, tuple(BESIDE)), as_count("seed", seed))
+    if as_count("drive", drive) >= len(drives):
+        raise ValueError(f"drive: expected 0 to {len(drives) - 1}, got {drive}")
+    task = drives[drive]
+    shown: dict[str, Any] = {"title": f"Lab {lab}, {task.setting.name}: yours"}
+    if task.world is not None:
+        shown["walls"] = task.world.segments
+    if lab in ("I", "III"):
+        shown["dead_reckoning"] = _dead_reckoned(task)
+        if task.setting.beacons is not None:
+            shown["landmarks"] = task.setting.beacons
+        return Replay.of(run(answer(lab, task, system), task.log), **shown)
+    if lab == "II":
+        log: Any = task.log
+        probability, side, (x, y) = answer("II", task, system)
+        rows, columns = np.shape(probability)
+        shown["occupancy"] = probability
+        shown["occupancy_extent"] = [x, x + columns * side, y, y + rows * side]
+        shown["dead_reckoning"] = _dead_reckoned(task)
+    else:
+        log = driven(task, answer("IV", task, system))
+        shown["estimate"] = log.notes["believed"]
+    points = task.setting.lidar.points(log.ranges, log.truth)
+    return Replay(times=log.times, truth=log.truth, scans=points[:, ::3], **shown)
+
+
+def _dead_reckoned(task: Task) -> Any:
+    """Poses (T, 3) by the controls alone."""
+    believed = [task.setting.start]
+    for u, dt in zip(task.log.u[1:], task.log.dt[1:], strict=True):
+        believed.append(task.setting.motion.step(believed[-1], u, dt))
+    return np.array(believed)
+
+
 def _attempt(work: Callable[[], None]) -> str:
     """Draw what a system does; say in words why it cannot be drawn."""
     try:
@@ -113,15 +173,11 @@ def _library(lab: str, ax: Any, task: Task) -> None:
 def _run_drawn(ax: Any, task: Task, system: System) -> None:
     from slamlab import plots
 
-    start = task.setting.start
     if task.world is not None:
         plots.walls(ax, task.world.segments)
     if task.setting.beacons is not None:
         plots.landmarks(ax, task.setting.beacons)
-    believed = [start]
-    for u, dt in zip(task.log.u[1:], task.log.dt[1:], strict=True):
-        believed.append(task.setting.motion.step(believed[-1], u, dt))
-    plots.path(ax, np.array(believed), "dead_reckoning")
+    plots.path(ax, _dead_reckoned(task), "dead_reckoning")
     plots.path(ax, task.log.truth, "truth")
     plots.floor(ax)
     result = run(answer("I", task, system), task.log)

@@ -114,8 +114,8 @@ def update(
 ) -> tuple[Gaussian, Innovation]:
     """Correct a belief by the linear measurement z = H x + v, v ~ N(0, R), P5 (2).
 
-    The covariance is corrected in Joseph's form, which stays positive semi-definite under
-    rounding and holds for any gain; P5 (9) is its shorter form for the optimal gain.
+    The covariance is corrected in Joseph's form, which holds for any gain, a rounded one too;
+    P5 (9) is its shorter form for the optimal gain.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ from slamlab._checks import (
     as_scalar,
     as_tuple,
 )
-from slamlab.geometry import rotation, transform, wrap_angle
+from slamlab.geometry import transform, wrap_angle
 from slamlab.kernels import compiled
 from slamlab.matching._match import CAP, Match, capped_inverse, finite_points, solved
 
@@ -95,24 +95,26 @@ class PointsWithNormals:
         PointsWithNormals
         """
         points = finite_points("points", points)
-        near = cKDTree(points).query(points, 6, distance_upper_bound=0.5)[1].T
-        x, y = points.T[:, np.minimum(near, len(points) - 1)] - points.T[:, None]
-        squares = np.where(near < len(points), x**2 + y**2, np.inf)
-        # Of two that are as near the earlier one: which of them a tree finds first is chance.
-        near = np.take_along_axis(near, np.lexsort((near, squares), axis=0)[:5], 0)
+        # Cut without looking for the middle: a few hundred points are not worth it.
+        tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+        distance, near = tree.query(points, 6, distance_upper_bound=0.5)
+        as_near = np.flatnonzero(distance[:, 5] < distance[:, 4] + 1e-9)
+        if len(as_near):
+            near[as_near] = _earlier_first(points, as_near, near[as_near])
+        near = near[:, :5].T
         here = near < len(points)
-        count = here.sum(0)
-        x, y = here * points.T[:, np.where(here, near, 0)]
-        x, y = here * (x - (x / count).sum(0)), here * (y - (y / count).sum(0))
-        xx, xy, yy = (x * x).sum(0), (x * y).sum(0), (y * y).sum(0)
+        x, y = (here * (x.take(near, mode="clip") - x) for x in points.T.copy())
+        count, sum_x, sum_y, xx, xy, yy = np.array([here, x, y, x * x, x * y, y * y]).sum(1)
+        xx, xy, yy = xx - sum_x**2 / count, xy - sum_x * sum_y / count, yy - sum_y**2 / count
         half, root = 0.5 * (xx + yy), np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
         large, small = half + root, np.maximum(half - root, 0.0)  # the eigenvalues
         on_line = (count >= 3) & (large > 0) & (small <= 0.15 * large)
         angle = np.where(on_line, 0.5 * np.arctan2(2 * xy, xx - yy), np.nan)  # of the larger one
-        normals = np.stack([-np.sin(angle), np.cos(angle)], -1)
+        normals = np.empty_like(points)
+        normals[:, 0], normals[:, 1] = -np.sin(angle), np.cos(angle)
         # Noise s turns the normal by s / sqrt(large); across the wall, s^2 = small / (count - 2).
         variances = np.zeros(len(points))
-        variances[on_line] = small[on_line] / large[on_line] / (count[on_line] - 2)
+        np.divide(small, large * (count - 2), out=variances, where=on_line)
         return cls(points, normals, variances)
 
     def transformed(self, pose: ArrayLike) -> PointsWithNormals:
@@ -155,6 +157,18 @@ class PointsWithNormals:
             np.concatenate([one.normals for one in parts]),
             np.concatenate([one.normal_variances for one in parts]),
         )
+
+
+def _earlier_first(
+    points: Array, rows: NDArray[np.intp], near: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """Neighbours (k, 6) of some rows; of two that are as near the earlier one comes first.
+
+    Which of them a tree finds first is chance. Beyond the last row there is none.
+    """
+    d = points[np.minimum(near, len(points) - 1)] - points[rows, None]
+    squares = np.where(near < len(points), (d**2).sum(-1), np.inf)
+    return near[np.arange(len(near))[:, None], np.lexsort((near, squares))]
 
 
 def estimate_normals(points: ArrayLike) -> Array:
@@ -239,11 +253,11 @@ def match_icp(
     if count < 3 or not np.isfinite(pose).all():
         return Match(guess, capped_inverse(np.zeros((3, 3)), arm), 0.0, 0)
     e, J, w = errors(base.points, base.normals, points, pose, pair, width, line)
-    arms = points[pair >= 0] @ rotation(pose[2]).T
+    arms = turned_by(pose[2], points[pair >= 0])
     cov = covariance(base, pair[pair >= 0], arms, e, J, w, width, arm)
     pose[2] = wrap_angle(pose[2])
     total = float(w.sum())
-    rmse = float(np.sqrt((w[:, None] * e**2).sum() / total))
+    rmse = float(np.sqrt(w @ (e**2).sum(1) / total))
     return Match(pose, cov, total / len(points), count, rmse=rmse)
 
 
@@ -286,16 +300,24 @@ def errors(
 
     To points d is 2, to lines 1; in the order of the points that have a partner.
     """
-    j = pair[pair >= 0]
-    arm = points[pair >= 0] @ rotation(pose[2]).T
+    met = pair >= 0
+    j, arm = pair[met], turned_by(pose[2], points[met])
     e = arm + pose[:2] - reference[j]  # R p + t - q
-    J = np.zeros((len(j), 2, 3))
-    J[:, :, :2], J[:, 0, 2], J[:, 1, 2] = np.eye(2), -arm[:, 1], arm[:, 0]
+    x, y, one, zero = *arm.T, np.ones(len(j)), np.zeros(len(j))
     if line:
-        n = normals[j][:, None]
-        e, J = (n @ e[..., None])[..., 0], n @ J  # n . (R p + t - q)
+        nx, ny = normals[j].T
+        e = (normals[j] * e).sum(1, keepdims=True)  # n . (R p + t - q)
+        J = np.array([nx, ny, ny * x - nx * y]).T[:, None]
+    else:
+        J = np.array([one, zero, -y, zero, one, x]).T.reshape(-1, 2, 3)
     w = (width**2 / (width**2 + (e**2).sum(1))) ** 2  # Geman and McClure
     return e, J, w
+
+
+def turned_by(angle: float, points: Array) -> Array:
+    """R p (n, 2) of points p."""
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s], [-s, c]])
 
 
 def information(w: Array, J: Array) -> Array:
@@ -319,22 +341,26 @@ def covariance(
     """
     (n, d), e2 = e.shape, (e**2).sum(1)
     # Variance of an error, as a robust fit feels it (Huber): E[psi^2] / E[psi']^2, psi = w e.
-    slope = (w * (width**2 - 3 * e2) / (width**2 + e2)).sum() / w.sum()
-    s2 = (w**2 * e2).sum() / (w**2).sum() / max(slope, 0.2) ** 2 / d
+    slope = w @ ((width**2 - 3 * e2) / (width**2 + e2)) / w.sum()
+    s2 = w**2 @ e2 / (w @ w) / max(slope, 0.2) ** 2 / d
     s2 = max(s2 * n / max(n - 3, 1), 1e-8)
-    wJ = np.swapaxes(w[:, None, None] * J, 0, 1)  # (d, n, 3)
-    noise = np.eye(n) + (j[:, None] == j)
-    N = (np.swapaxes(wJ, 1, 2) @ noise @ wJ).sum(0)
-    nx, ny = base.normals[j].T
-    turned = np.stack([-ny, nx, nx * arms[:, 0] + ny * arms[:, 1]], -1)  # dJ by the normal's angle
+    N = np.zeros((3, 3))
+    for rows in (w[:, None, None] * J).swapaxes(0, 1):  # (n, 3), for each coordinate of the error
+        shared = np.array([np.bincount(j, column) for column in rows.T])
+        N += rows.T @ rows + shared @ shared.T
+    (nx, ny), (x, y) = base.normals[j].T, arms.T
+    turned = np.array([-ny, nx, nx * x + ny * y]).T  # dJ by the normal's angle
     H, blur = information(w, J), information(w * base.normal_variances[j], turned[:, None])
     # Heading counts as metres at the rim of the scan.
     scale = np.array([1.0, 1.0, 1.0 / max(reach, 1e-3)])
-    axes = scale[:, None] * np.linalg.eigh(scale[:, None] * H * scale)[1]
-    h = w[:, None] * ((J @ axes) ** 2).sum(1)  # information of each pair along each axis
-    crowded = h.sum(0) ** 2 >= FEW * (h**2).sum(0)
-    A, pretended = axes.T @ (H - blur) @ axes, axes.T @ blur @ axes
-    held = (np.diag(A) > np.maximum(np.diag(pretended), s2 / CAP**2)) & crowded
+    values, axes = np.linalg.eigh(scale[:, None] * H * scale)
+    axes = scale[:, None] * axes  # across these H is diagonal
+    # Information of each pair along each axis.
+    h = w[:, None] * ((J.reshape(-1, 3) @ axes) ** 2).reshape(n, d, 3).sum(1)
+    crowded = values**2 >= FEW * (h**2).sum(0)
+    pretended = axes.T @ blur @ axes
+    A = np.diag(values) - pretended
+    held = (A.diagonal() > np.maximum(pretended.diagonal(), s2 / CAP**2)) & crowded
     tight, loose = axes[:, held], CAP * axes[:, ~held]
     gain = tight @ np.linalg.inv(A[held][:, held]) @ tight.T
     cov = 0.5 * s2 * gain @ N @ gain + loose @ loose.T

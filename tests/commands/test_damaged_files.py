@@ -18,7 +18,7 @@ from slamlab.geometry import between, compose
 from slamlab.logs import Log
 from slamlab.sensors import Lidar
 from slamlab.worlds import rooms
-from tests.fuzzing import ROUNDS
+from tests.fuzzing import ROUNDS, damage
 
 SECONDS = 60.0  # of CPU at most for one call, compiling included
 # What is said of a whole text; whatever breaks the format is said with its line.
@@ -221,7 +221,7 @@ def test_a_damaged_file_gives_an_answer_or_one_sentence(
     path = tmp_path / name
     WRITERS[name](path)
     befall, times = (BYTES | LINES)[accident]
-    whole, rng, complaints = path.read_bytes(), np.random.default_rng(len(name + accident)), []
+    whole, rng, complaints = path.read_bytes(), damage(len(name + accident)), []
     for trial in range(times * ROUNDS):
         path.write_bytes(befall(whole, rng))
         monkeypatch.setattr(map_command, "_has", lambda name: trial == 0)  # noqa: B023

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from slamlab.commands import _submission, main
+from slamlab.commands._copies import same_code
 
 SOLUTION = Path(__file__).resolve().parents[2] / "notebooks/solutions/02_kalman_filter.ipynb"
 PREDICT = "def predict(mean, cov, F, Q):\n    return F @ mean, F @ cov @ F.T + Q\n"
@@ -395,3 +396,76 @@ def test_a_picture_of_a_function_that_never_ends_costs_nobody_anything(tmp_path,
     (row,) = graded(folder, "--seconds", "5").values()
     assert float(row["update"]) == 1
     assert row["note"] == "update: its picture could not be finished"
+
+
+ROSTERS = {  # the head and lines of an export, and the path of a hand-in of its first student
+    "Moodle, grades": (
+        "First name,Last name,ID number,Institution,Email address\n"
+        "Ada,Lovelace,,Uni,ada@x.org\nAda,Byron,,Uni,byron@x.org\n",
+        "Ada Lovelace_5318_assignsubmission_file/02.py",
+    ),
+    "Moodle, worksheet": (
+        "Identifier,Full name,Email address,Status\n"
+        "Participant 5318,Ada Lovelace,ada@x.org,Submitted\n"
+        "Participant 5319,Ben K,ben@x.org,Submitted\n",
+        "Ada Lovelace_5318_assignsubmission_file_02.py",
+    ),
+    "Moodle, with semicolons": (
+        "First name;Last name;ID number;Email address\n"
+        "Ada;Lovelace;b1234;ada@x.org\nBen;K;b1235;ben@x.org\n",
+        "b1234/02_kalman.py",
+    ),
+    "Canvas": (
+        "Student,ID,SIS User ID,SIS Login ID,Section\n"
+        "    Points Possible,,,,\n"
+        '"Lovelace, Ada",7001,s1,ada,SLAM 2027\n"K, Ben",7002,s2,ben,SLAM 2027\n',
+        "lovelaceada_7001_9912_02_kalman.py",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ROSTERS)
+def test_the_exports_of_moodle_and_canvas_come_back_with_points(name, tmp_path, capsys):
+    text, path = ROSTERS[name]
+    file = tmp_path / "in" / path
+    file.parent.mkdir(parents=True)
+    file.write_text(RIGHT)
+    (tmp_path / "class.csv").write_text(text)
+    words = ["--chapter", "02", "--roster", str(tmp_path / "class.csv"), "--no-pictures"]
+    assert main(["grade", str(tmp_path / "in"), *words, "-o", str(tmp_path / "marks.csv")]) == 0
+    assert "1 of " in capsys.readouterr().out
+    with (tmp_path / "marks-gradebook.csv").open(encoding="utf-8") as table:
+        *own, ada, ben = csv.DictReader(table)
+    assert (ada["slamlab 02 (of 5)"], ben["slamlab 02 (of 5)"]) == ("3.00", "")
+    assert ("Feedback" in ada) == (name != "Canvas")
+    assert [line["slamlab 02 (of 5)"] for line in own] == (["5"] if name == "Canvas" else [])
+
+
+def test_a_word_that_two_lines_share_gives_no_points_to_either(tmp_path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "ada_02.py").write_text(RIGHT)
+    (tmp_path / "class.csv").write_text("First name,Last name\nAda,Lovelace\nAda,Byron\n")
+    words = ["--chapter", "02", "--roster", str(tmp_path / "class.csv"), "--no-pictures"]
+    assert main(["grade", str(tmp_path / "in"), *words, "-o", str(tmp_path / "marks.csv")]) == 0
+    with (tmp_path / "marks-gradebook.csv").open(encoding="utf-8") as table:
+        assert {row["Feedback"] for row in csv.DictReader(table)} == {"no file"}
+
+
+def test_no_points_come_without_a_reason_in_the_row(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "ada.py").write_text("x = 1\n")
+    (folder / "ben.py").write_text("def predict(*a):\n    return undefined\n")
+    rows = graded(folder, "--no-pictures")
+    assert rows["ada"]["note"] == "defines none of predict, update, joseph, track, tune"
+    assert rows["ben"]["note"].startswith("predict: raised on every input, first NameError: ")
+
+
+def test_copies_of_a_whole_class_are_one_line():
+    prints = {f"s{k}": {"track": "one", "predict": "two"} for k in range(7)} | {
+        "eve": {"track": "x"}
+    }
+    told = same_code(prints)
+    assert told["s0"] == ["same code as s1, s2, s3 and 3 more: track, predict"]
+    assert "eve" not in told
+    assert same_code({"a": {"f": "1"}, "b": {"f": "1"}}, ["1"]) == {}

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from slamlab.commands import main
 from slamlab.datasets import read_rosbag
-from tests.fuzzing import ROUNDS
+from tests.fuzzing import ROUNDS, damage
 
 STORES = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}
 ANGLES = np.linspace(-1.0, 1.0, 5)
@@ -196,7 +196,7 @@ def test_damaged_bytes_of_a_bag_give_a_map_or_one_sentence(
     ros, tmp_path, capsys, monkeypatch, record_property
 ):
     monkeypatch.setattr("slamlab.commands.map._has", lambda name: False)
-    path, rng = tmp_path / ("drive.bag" if ros == 1 else "drive"), np.random.default_rng(ros)
+    path, rng = tmp_path / ("drive.bag" if ros == 1 else "drive"), damage(ros)
     write(path, ros, drive(ros))
     files = [path] if ros == 1 else sorted(path.iterdir())
     whole = [file.read_bytes() for file in files]

@@ -83,6 +83,13 @@ def test_the_example_solves_the_lab_and_its_pictures_say_so():
     assert yours[2] >= 5
 
 
+def test_the_map_is_drawn_without_a_message_below_it(caplog):
+    figure = draw(8, namespace(SECTIONS))
+    figure.canvas.draw()
+    plt.close(figure)
+    assert caplog.messages == []
+
+
 def test_a_picture_shows_a_failure():
     wrong = SECTIONS | {
         3: SECTIONS[3].replace("step = -np.linalg.solve", "step = np.linalg.solve")

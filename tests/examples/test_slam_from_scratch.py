@@ -1,5 +1,6 @@
 """The capstone's file: each of its eight steps, wrong forms of them, and whole logs."""
 
+import ast
 import importlib.util
 import os
 from pathlib import Path
@@ -29,6 +30,25 @@ def loaded(*edits):
 
 
 OWN = loaded()
+
+
+def code_lines(source):
+    """Lines that hold code: no blank ones, no comments, no docstrings."""
+    tree, text = ast.parse(source), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            text |= set(range(node.lineno, node.end_lineno + 1))
+    lines = enumerate(source.splitlines(), start=1)
+    return sum(bool(x.strip()) and x.strip()[0] != "#" and k not in text for k, x in lines)
+
+
+def test_it_is_at_most_240_lines_of_numpy_and_scipy_without_the_library():
+    source = FILE.read_text()
+    assert code_lines(source) <= 240, "README and Lab V say 240"
+    assert code_lines(source + "x = 1\n" * 240) > 240
+    nodes = [n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Import | ast.ImportFrom)]
+    modules = {n.module if isinstance(n, ast.ImportFrom) else n.names[0].name for n in nodes}
+    assert {name.partition(".")[0] for name in modules} == {"numpy", "scipy"}
 
 
 @pytest.mark.parametrize("step", STEPS)

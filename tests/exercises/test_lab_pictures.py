@@ -7,7 +7,7 @@ import pytest
 mpl.use("Agg")
 
 from slamlab.commands._process import Process
-from slamlab.exercises.lab_pictures import draw
+from slamlab.exercises.lab_pictures import draw, replay
 from slamlab.exercises.lab_systems import cartographers
 from slamlab.exercises.labs import practice
 from slamlab.localization import DeadReckoning
@@ -100,6 +100,50 @@ def test_a_drive_is_drawn_with_what_the_robot_believed():
     true, believed = (left.lines[k].get_xydata() for k in (-3, -2))
     assert np.ptp(true, axis=0).max() < 0.2
     assert np.ptp(believed[:, 0]) > 1.0
+
+
+@pytest.mark.parametrize("lab", ["I", "III"])
+def test_a_run_is_replayed_and_saved_as_one_file(lab, tmp_path):
+    shown = replay(lab, lambda s: DeadReckoning(s.motion, s.start, s.start_cov), drive=1)
+    arrays = shown.payload["arrays"]
+    assert {"truth", "estimate", "dead_reckoning", "ellipses"} <= set(arrays)
+    paths = [str(arrays[name]) for name in ("estimate", "dead_reckoning", "truth")]
+    assert paths[0] == paths[1] != paths[2]
+    page = shown.save(tmp_path / "my_drive.html").read_text(encoding="utf-8")
+    assert "canvas" in page
+    assert "https://" not in page, "it needs no network"
+    assert "src=" not in page, "and no other file"
+
+
+def test_a_room_and_a_drive_are_replayed():
+    shown = replay("II", true_room)
+    assert shown.payload["maps"]
+    assert "scans" in shown.payload["arrays"]
+
+    class Still:
+        measures = "scan"
+
+        def __init__(self, setting):
+            self.pose, self.pose_cov = setting.start.copy(), setting.start_cov.copy()
+
+        def predict(self, u, dt, control_cov):
+            pass
+
+        def update(self, ranges):
+            pass
+
+        def command(self, view):
+            return [0.1, 0.0, 0.0] if view.time < 1.0 else None
+
+    assert {"truth", "estimate", "scans"} <= set(replay("IV", Still).payload["arrays"])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"), [(("V", print), "lab: "), (("I", print, 0, 3), "drive: expected 0 to 2")]
+)
+def test_a_replay_of_no_lab_and_of_no_drive_is_refused(words, said):
+    with pytest.raises(ValueError, match=said):
+        replay(*words)
 
 
 def test_another_lab_is_refused_with_a_sentence():

@@ -205,3 +205,23 @@ def test_an_empty_array_or_a_number_may_serve_two_calls():
     assert empty(lambda x: nothing).passed
     zero = Check(lambda x: 0.0, "none", {"one": (1.0,), "two": (2.0,)})
     assert zero(lambda x: 0.0).passed
+
+
+def _turned(heading: float, rate: float, dt: float) -> float:
+    return heading + rate * dt
+
+
+def test_a_number_in_place_of_an_argument_is_named():
+    turned = Check(
+        _turned,
+        "heading",
+        {"half": (0.3, 1.5, 0.5), "a tenth": (0.2, -1.0, 0.1), "a quarter": (1.0, 2.0, 0.25)},
+    )
+    report = turned(lambda heading, rate, dt: heading + 0.25 * rate)
+    assert report.messages == ("`dt` has no effect, as if it were always 0.25",)
+    assert turned(lambda heading, rate, dt: heading + 0.3 * rate).messages == ()
+
+
+def test_a_number_just_below_one_is_not_shown_as_one():
+    below = Check(_turned, "heading", {"just below": (1 - 1e-12, 0.0, 1.0)})
+    assert "tried heading = 0.999999999999, rate = 0.0, dt = 1.0" in below(lambda *_: 5.0).text

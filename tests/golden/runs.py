@@ -1,7 +1,7 @@
 """What each system makes of one log: the numbers that a rewrite must not move.
 
-``python -m tests.golden.runs --write`` stores them anew (only where a commit says that a number
-moves, and why).
+``python -m tests.golden.runs --write`` stores those that the file lacks; ``--write NAME ...``
+stores some anew (only where a commit says that a number moves, and why). The others stay.
 """
 
 import json
@@ -320,14 +320,22 @@ def digits(value):
     return np.array([float(f"{x:.12g}") for x in value.flat]).reshape(value.shape).tolist()
 
 
-def write():
+def write(names=()):
+    """Store what these systems make, and what is not stored yet."""
+    known = json.loads(STORED.read_text()) if STORED.exists() else {}
     stored = {}
     for name, (make, _) in GOLDEN.items():
-        print(name, flush=True)
-        stored[name] = {key: digits(value) for key, value in make().items()}
+        if name in names or name not in known:
+            print(name, flush=True)
+            stored[name] = {key: digits(value) for key, value in make().items()}
+        else:
+            stored[name] = known[name]
     text = json.dumps(stored).replace('}, "', '},\n "')
     STORED.write_text(text + "\n")
 
 
 if __name__ == "__main__" and "--write" in sys.argv:
-    write()
+    asked = sys.argv[sys.argv.index("--write") + 1 :]
+    if unknown := sorted(set(asked) - set(GOLDEN)):
+        sys.exit(f"expected names of golden runs, got {', '.join(unknown)}")
+    write(asked)

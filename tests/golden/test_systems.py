@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from tests.golden import runs
 from tests.golden.runs import GOLDEN, STORED
 
 SYSTEMS = json.loads(STORED.read_text())
@@ -33,3 +34,18 @@ def test_a_number_that_moves_is_seen():
 
 def test_every_stored_system_runs():
     assert set(SYSTEMS) == set(GOLDEN)
+
+
+def test_a_new_system_is_stored_and_the_numbers_of_the_others_stay(tmp_path, monkeypatch):
+    file = tmp_path / "systems.json"
+    file.write_bytes(STORED.read_bytes())
+    monkeypatch.setattr(runs, "STORED", file)
+    runs.write()
+    assert file.read_bytes() == STORED.read_bytes()
+    made = {"poses": [[1.0, 2.0, 3.0 + 1e-14]]}
+    monkeypatch.setattr(runs, "GOLDEN", {"new": (lambda: made, 0), **GOLDEN})
+    monkeypatch.setitem(runs.GOLDEN, "walls", (lambda: made, 0))
+    runs.write()
+    assert json.loads(file.read_text()) == SYSTEMS | {"new": {"poses": [[1.0, 2.0, 3.0]]}}
+    runs.write(["walls"])
+    assert json.loads(file.read_text())["walls"] == {"poses": [[1.0, 2.0, 3.0]]}
