@@ -140,6 +140,14 @@ def test_logs_that_are_not_there_are_left_out_and_said(tmp_path, monkeypatch, ca
     assert capsys.readouterr().out == "toy: left out, as SLAMLAB_DATA is not set: a\n"
 
 
+def test_runs_by_lot_are_for_comparing(monkeypatch, capsys):
+    for words in (["--runs", "3"], ["--again", "--runs", "0"]):
+        monkeypatch.setattr("sys.argv", ["trials", *words])
+        with pytest.raises(SystemExit):
+            tool.main()
+        assert "expected --runs with --again" in capsys.readouterr().err
+
+
 def test_a_trial_that_there_is_not_is_refused(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["trials", "leauge"])
     with pytest.raises(SystemExit):

@@ -186,6 +186,8 @@ def main(*trials: Trial) -> int:
     parser.add_argument("--row", nargs="+", default=[], help="only rows with these words")
     parser.add_argument("--minutes", type=float, default=1e9, help="begin no run after these")
     options = parser.parse_args()
+    if options.runs is not None and (not options.again or options.runs < 1):
+        parser.error("expected --runs with --again, and at least 1")
     if not trials:
         unknown = set(options.trials) - set(TOOLS)
         if unknown:

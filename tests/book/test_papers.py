@@ -2,6 +2,7 @@
 
 import ast
 import functools
+import json
 import re
 import sys
 from pathlib import Path
@@ -148,3 +149,52 @@ BAD = [
 def test_the_guard_refuses(change):
     assert faults("P1", GOOD) == []
     assert faults("P1", {**GOOD, **change})
+
+
+# One mistake, one verdict: what a chapter's table says of a numbered formula, and this page.
+
+OF_CHAPTER = {"05": "P1", "07": "P1", "09": "P1", "10": "P2", "11": "P4", "12": "P2", "19": "P5"}
+RIGHT, WRONG = {"right", "confirmed"}, {"wrong", "wrong as read", "refuted"}
+FAULTY = WRONG | {"typo", "incomplete"}
+
+
+def verdicts_of(path):
+    """Verdicts of claims that begin with a number of a formula, as {(paper, number): verdicts}."""
+    found = {}
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        for output in cell.get("outputs", []):
+            table = "".join(output.get("data", {}).get("text/plain", ""))
+            if not re.search(r"holds if +verdict", table):
+                continue
+            for line in table.splitlines():
+                said = re.match(r"(?:(P\d) )?\((\d+[a-z]?)\)(?=[ :,]).* (\w+) *$", line)
+                if said:
+                    key = said[1] or OF_CHAPTER[path.name[:2]], said[2]
+                    found.setdefault(key, set()).add(said[3])
+    return found
+
+
+def contradictions(in_chapter, on_page):
+    """Formulas that a chapter only refutes and the page calls right, or the other way round."""
+    return [
+        key
+        for key, said in in_chapter.items()
+        if (said == {"refuted"} and not on_page[key] & FAULTY)
+        or (said == {"confirmed"} and on_page[key] & WRONG and not on_page[key] & RIGHT)
+    ]
+
+
+def test_a_formula_has_one_verdict_in_its_chapters_and_on_the_page():
+    on_page = {}
+    for name, line in LINES:
+        for number in numbers(line["name"]):
+            on_page.setdefault((name, number.strip("()")), set()).add(line["verdict"])
+    chapters = [verdicts_of(path) for path in sorted((ROOT / "notebooks").glob("[0-9]*.ipynb"))]
+    assert sum(len(one) for one in chapters) > 20
+    for one in chapters:
+        assert contradictions(one, on_page) == []
+    for key in set().union(*chapters):
+        alone = [one[key] for one in chapters if key in one and len(one[key]) == 1]
+        assert len(set(map(frozenset, alone))) <= 1, key
+    assert contradictions({("P1", "17"): {"confirmed"}}, on_page) == [("P1", "17")]
+    assert contradictions({("P1", "10"): {"refuted"}}, on_page) == [("P1", "10")]
