@@ -22,6 +22,7 @@ __all__ = ["Mark", "checks_of", "marked"]
 
 _DRAWING = Lock()
 _SECONDS_TO_DRAW = 30.0  # of the teacher's process, beside those of the submission
+_TIMES_AGAIN = 5.0  # as long where each call of a right function goes through two pipes
 
 
 def checks_of(chapter: str, variant: int | None = None) -> dict[str, Check]:
@@ -104,6 +105,9 @@ def marked(
         mark.notes += [f"{name}: raised on every input, first {raised[name]}" for name in zero]
         if not mark.reports and not mark.notes:
             mark.notes.append(f"defines none of {', '.join(checks)}")
+        if not mark.points and not mark.notes:
+            said = [f"{name}: {', '.join(mark.reports[name].messages)}" for name in mark.reports]
+            mark.notes += [one if one[-2:] != ": " else f"{one}nothing holds" for one in said]
     except Gone as error:
         mark.notes.append(f"its cells: {str(error).removeprefix('setup: ')}")
     except Exception as error:  # one submission must not cost the others their marks
@@ -151,9 +155,11 @@ def _judge_again(
             try:
                 with Process(cells, seconds, megabytes, (), folders) as process:
                     process.reference = partial(_only, right, reference)
-                    process.start_clock()
+                    process.start_clock(_TIMES_AGAIN * seconds)
                     seen = checks[name].observe(RemoteFunction(process, name, right))
-            except Gone:
+            except Gone as error:
+                said = str(error).removeprefix("call: ")
+                mark.notes.append(f"{name}: not judged with the right {', '.join(right)}: {said}")
                 continue
             report, before = checks[name].judge(seen), mark.share(name)
             if report.held > mark.reports[name].held:

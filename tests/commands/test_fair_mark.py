@@ -2,6 +2,7 @@
 
 import pytest
 
+from slamlab.commands import _submission
 from slamlab.commands._submission import Mark, checks_of, marked
 
 START = "import numpy as np\n"
@@ -69,3 +70,11 @@ def test_the_way_to_the_right_function_leads_no_further(lines):
 def test_the_students_own_function_is_back_after_each_call():
     cells = "def update(mean, cov, z, H, R):\n    return predict\n"
     assert judged(WRONG, cells, TRACK).share("update") == 0
+
+
+def test_the_second_judgement_takes_its_time_and_says_where_it_took_too_long(monkeypatch):
+    """Each call of a right function goes through two pipes: on a busy machine that takes long."""
+    monkeypatch.setattr(_submission, "_TIMES_AGAIN", 1e-3)
+    mark = judged(WRONG, UPDATE, TRACK)
+    assert mark.share("track") == 0
+    assert mark.notes[0].startswith("track: not judged with the right predict: it did not end")

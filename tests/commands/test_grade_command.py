@@ -456,8 +456,12 @@ def test_no_points_come_without_a_reason_in_the_row(tmp_path):
     folder.mkdir()
     (folder / "ada.py").write_text("x = 1\n")
     (folder / "ben.py").write_text("def predict(*a):\n    return undefined\n")
+    (folder / "eve.py").write_text("def predict(*a):\n    ...\n")
+    (folder / "zoe.py").write_text("def predict(*a):\n    return 7, 7\n")
     rows = graded(folder, "--no-pictures")
     assert rows["ada"]["note"] == "defines none of predict, update, joseph, track, tune"
+    assert rows["eve"]["note"].startswith("predict: nothing returned yet")
+    assert rows["zoe"]["note"] == "predict: nothing holds"
     assert rows["ben"]["note"].startswith("predict: raised on every input, first NameError: ")
 
 
