@@ -74,8 +74,10 @@ def best_of_two(graph: PoseGraph, kernel: str | None) -> tuple[Result, str]:
 
 def report(graph: PoseGraph, result: Result, start: str, seconds: float) -> list[tuple[str, str]]:
     """List names and values of what came of it."""
-    certificate = result.certificate
-    proof = f"no poses reach a chi2 below {certificate.bound:.6g}"
+    try:
+        proof = f"no poses reach a chi2 below {result.certificate.bound:.6g}"
+    except ValueError as error:  # numbers too far apart for a bound
+        proof = f"no bound: {error}"
     n, k = len(graph.poses), len(graph.landmarks)
     measured = 3 * len(graph.edges) + 2 * len(graph.landmark_edges)
     rows = [

@@ -153,7 +153,9 @@ def isotropic_below(information: Array) -> tuple[Array, Array]:
     tau, kappa = np.linalg.eigvalsh(information[:, :2, :2])[:, 0], information[:, 2, 2]
     root = np.sqrt(np.stack([tau, tau, kappa], 1).clip(0.0))
     root[root == 0] = np.inf
-    scaled = information / root[:, :, None] / root[:, None, :]
+    with np.errstate(over="ignore"):
+        scaled = information / root[:, :, None] / root[:, None, :]
+    scaled[~np.isfinite(scaled).all((1, 2))] = 0.0  # too far apart for numbers: 0 is below all
     scaled[np.isinf(root)[:, :, None] & np.eye(3, dtype=bool)] = 1.0
     # Least eigenvalue: how far both must shrink where position and heading are correlated.
     shrunk = np.linalg.eigvalsh(scaled)[:, 0].clip(0.0, 1.0)

@@ -22,7 +22,10 @@ from tests.fuzzing import ROUNDS, damage
 
 SECONDS = 60.0  # of CPU at most for one call, compiling included
 # What is said of a whole text; whatever breaks the format is said with its line.
-WHOLE = ("cannot unpack", "equations overflow", "not determine", "on one floor", "near the map")
+WHOLE = (
+    "cannot unpack", "equations overflow", "not determine", "on one floor", "near the map",
+    "joined to a fixed pose",
+)  # fmt: skip
 N = 14
 LIDAR = Lidar(61, field_of_view=np.pi, max_range=20.0, sigma_range=0.01)
 X = np.linspace(1.0, 8.0, N)

@@ -69,3 +69,16 @@ def test_a_kernel_says_what_it_rejected(file, capsys):
     file.write_text(text)
     assert main(["graph", str(file), "--kernel", "dcs"]) == 0
     assert said(capsys)["closures rejected"] == "1"
+
+
+def test_weights_too_far_apart_for_a_bound_leave_the_result(tmp_path, capsys):
+    file = tmp_path / "ring.g2o"
+    lines = [f"VERTEX_SE2 {k} {x} {y} 0" for k, (x, y) in enumerate([(0, 0), (1, 0), (1, 1)])]
+    for i, j, dx, dy, first in ((0, 1, 1, 0, 400), (1, 2, 0, 1, "1e-320"), (0, 2, 1, 1.1, 400)):
+        lines.append(f"EDGE_SE2 {i} {j} {dx} {dy} 0 {first} 0 0 400 0 10000")
+    file.write_text("\n".join(lines) + "\n")
+    assert main(["graph", str(file)]) == 0
+    told = said(capsys)
+    assert told["converged"].startswith("yes")
+    assert float(told["chi2 after"]) < float(told["chi2 before"])
+    assert "Eigenvalues" not in told["certified"]

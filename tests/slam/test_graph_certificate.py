@@ -209,3 +209,15 @@ def test_levenberg_marquardt_arrives_where_gauss_newton_does(seed):
         assert levenberg.certified
         assert levenberg.chi2 == pytest.approx(start.optimize().chi2, rel=1e-5)
         assert levenberg.iterations <= 40
+
+
+def test_weights_that_no_number_can_scale_bound_nothing():
+    odd = np.diag([1e-320, 400.0, 1e4])
+    odd[0, 1] = odd[1, 0] = 1e-170
+    tau, kappa = isotropic_below(np.stack([odd, np.diag([4.0, 400.0, 1e4])]))
+    assert tau.tolist() == [0.0, 4.0]
+    assert kappa[0] == 0.0
+    assert kappa[1] == pytest.approx(1e4)
+    # In the graph of a damaged file one weight was 1e-320: there the eigenvalues did not converge.
+    tau, kappa = isotropic_below(np.diag([1e-320, 400.0, 1e4])[None])
+    assert np.isfinite([*tau, *kappa]).all()
