@@ -41,8 +41,9 @@ NOTEBOOKS := notebooks/labs/*.ipynb notebooks/[12]*.ipynb notebooks/[!12]*.ipynb
 FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py jupyterlab.py drawings.py)
 
 .DEFAULT_GOAL := help
-.PHONY: help book paper pdf slides test lab set-up lint-and-warm lint unit quick fuzz speed notebooks same pages-and-figures \
-  pages figures book-tests seeds steady trials chromium exercises check-library check-oldest check-newest check-tag \
+.PHONY: help book paper pdf slides test lab set-up lint-and-warm lint unit unit-without-numba quick fuzz speed notebooks \
+  same pages-and-figures pages figures book-tests seeds steady trials chromium exercises check-library check-oldest \
+  check-newest check-tag \
   dist site lock vendor slim clean
 
 help:  ## Show this list
@@ -109,6 +110,13 @@ unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring 
 	@echo "== Tests of the library"
 	$(PYTEST) -n 2 --dist worksteal --doctest-modules \
 	  --ignore=tests/benchmarks --ignore=tests/book --benchmark-disable slamlab tests
+
+# numba comes later than a new Python, and to no browser: PLAIN are tests that pass without it.
+PLAIN := $(addprefix tests/,kernels mapping matching sensors worlds test_compiling.py test_models.py)
+
+unit-without-numba: $(VENV)/.dev-installed  ## Tests of the library where numba cannot be imported
+	@echo "== Tests of the library on plain code"
+	PYTHONPATH=$(CURDIR)/tests/without_numba $(PYTEST) -n 2 --dist worksteal --benchmark-disable $(PLAIN)
 
 quick: $(VENV)/.dev-installed  ## The tests of the library without the slow ones
 	$(PYTEST) -n 2 --dist worksteal -m "not slow" --ignore=tests/benchmarks --ignore=tests/book \

@@ -1,6 +1,7 @@
 """nbval starts kernels without TCP ports (see tools/kernels.py); less garbage is looked for.
 
 pytest --seed-shift K adds 1000 K to every integer seed, as `make seeds` does in the chapters.
+Tests marked `needs_numba` are skipped where numba cannot be imported, with the reason they give.
 """
 
 import gc
@@ -37,6 +38,16 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 50)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what is too slow on plain code, or speaks of compiled code, where there is none."""
+    marker = item.get_closest_marker("needs_numba")
+    if marker is not None:
+        from slamlab.kernels import COMPILED
+
+        if not COMPILED:
+            pytest.skip(marker.kwargs["reason"])
 
 
 @pytest.fixture(autouse=True)

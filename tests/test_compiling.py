@@ -89,6 +89,7 @@ print(sum(solve3.stats.cache_hits.values()))
 """
 
 
+@pytest.mark.needs_numba(reason="there is nothing to compile")
 def test_a_second_run_compiles_nothing(tmp_path):
     command = [sys.executable, "-c", FRESH]
     for first in (True, False):

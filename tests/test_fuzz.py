@@ -613,11 +613,15 @@ def tried(function, arguments, finite):
 CALLS = {"bad": 0, "dressed": 0}
 
 
+def named_parameters(function):
+    """Those that can be spoilt one by one."""
+    parameters = inspect.signature(function).parameters.values()
+    return [p.name for p in parameters if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
+
+
 def complaints(name, function):
-    kinds = {p.kind for p in inspect.signature(function).parameters.values()}
-    if not kinds - {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}:
-        return
-    arguments = good(name, function)
+    parameters = named_parameters(function)
+    arguments = good(name, function) if parameters else None
     if arguments is None:
         return
     try:
@@ -626,10 +630,7 @@ def complaints(name, function):
             usual = function(**copied(arguments))
     except ValueError:
         return  # what is good elsewhere is not good here
-    parameters = inspect.signature(function).parameters.values()
-    for parameter in [
-        p.name for p in parameters if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
-    ]:
+    for parameter in parameters:
         for label, bad in BAD.items():
             if label == "type" and parameter in FUNCTIONS:  # what it does is its own affair
                 continue
@@ -737,10 +738,7 @@ UNDRESSED = (
 
 def changed_by_dress(name, function):
     """In which clothes the same numbers give another answer, or are refused."""
-    kinds = {p.kind for p in inspect.signature(function).parameters.values()}
-    if not kinds - {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}:
-        return
-    arguments = good(name, function)
+    arguments = good(name, function) if named_parameters(function) else None
     if arguments is None:
         return
     try:

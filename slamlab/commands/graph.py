@@ -17,9 +17,9 @@ from slamlab._files import about
 from slamlab.commands import _page
 from slamlab.commands._results import results
 from slamlab.slam import PoseGraph, Result
+from slamlab.slam.least_squares import KERNEL_WIDTHS
 
 FILES = ("optimised.g2o", "graph.png")
-_WIDTHS = (30.0, 10.0, 3.0)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--kernel",
         choices=["none", "huber", "dcs"],
         default="none",
-        help="doubt edges that fit badly, with widths 30, 10 and 3",
+        help="doubt edges that fit badly, with widths {:g}, {:g} and {:g}".format(*KERNEL_WIDTHS),
     )
 
 
@@ -63,10 +63,10 @@ def _optimise(options: argparse.Namespace, graph: PoseGraph, folder: Path | None
 
 def best_of_two(graph: PoseGraph, kernel: str | None) -> tuple[Result, str]:
     """Least cost from the file's poses and from the initial guess, and which of both it was."""
-    own = graph.optimize(kernel=kernel, kernel_width=_WIDTHS)
+    own = graph.optimize(kernel=kernel, kernel_width=KERNEL_WIDTHS)
     if own.converged and own.certified:
         return own, "the file's own"
-    other = graph.chordal_initialisation().optimize(kernel=kernel, kernel_width=_WIDTHS)
+    other = graph.chordal_initialisation().optimize(kernel=kernel, kernel_width=KERNEL_WIDTHS)
     if other.history[-1] < own.history[-1]:
         return other, "initial guess"
     return own, "the file's own"

@@ -28,6 +28,8 @@ from slamlab.matching._match import CAP, Match, capped_inverse, finite_points, s
 
 __all__ = ["PointsWithNormals", "match_icp", "estimate_normals", "voxel_downsample"]
 
+Rows = NDArray[np.intp]
+
 # A direction whose information comes from fewer pairs than this is held by nothing.
 FEW = 3.0
 
@@ -95,12 +97,9 @@ class PointsWithNormals:
         PointsWithNormals
         """
         points = finite_points("points", points)
-        # Cut without looking for the middle: a few hundred points are not worth it.
-        tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-        distance, near = tree.query(points, 6, distance_upper_bound=0.5)
-        as_near = np.flatnonzero(distance[:, 5] < distance[:, 4] + 1e-9)
-        if len(as_near):
-            near[as_near] = _earlier_first(points, as_near, near[as_near])
+        distance, near = cKDTree(points).query(points, 6, distance_upper_bound=0.5)
+        tied = np.flatnonzero(distance[:, 5] < distance[:, 4] + 1e-9)
+        near[tied] = _earlier_first(points, tied, near[tied])
         near = near[:, :5].T
         here = near < len(points)
         x, y = (here * (x.take(near, mode="clip") - x) for x in points.T.copy())
@@ -110,11 +109,9 @@ class PointsWithNormals:
         large, small = half + root, np.maximum(half - root, 0.0)  # the eigenvalues
         on_line = (count >= 3) & (large > 0) & (small <= 0.15 * large)
         angle = np.where(on_line, 0.5 * np.arctan2(2 * xy, xx - yy), np.nan)  # of the larger one
-        normals = np.empty_like(points)
-        normals[:, 0], normals[:, 1] = -np.sin(angle), np.cos(angle)
+        normals = np.stack([-np.sin(angle), np.cos(angle)], -1)
         # Noise s turns the normal by s / sqrt(large); across the wall, s^2 = small / (count - 2).
-        variances = np.zeros(len(points))
-        np.divide(small, large * (count - 2), out=variances, where=on_line)
+        variances = np.where(on_line, small / np.where(on_line, large * (count - 2), 1.0), 0.0)
         return cls(points, normals, variances)
 
     def transformed(self, pose: ArrayLike) -> PointsWithNormals:
@@ -159,9 +156,7 @@ class PointsWithNormals:
         )
 
 
-def _earlier_first(
-    points: Array, rows: NDArray[np.intp], near: NDArray[np.intp]
-) -> NDArray[np.intp]:
+def _earlier_first(points: Array, rows: Rows, near: Rows) -> Rows:
     """Neighbours (k, 6) of some rows; of two that are as near the earlier one comes first.
 
     Which of them a tree finds first is chance. Beyond the last row there is none.
@@ -249,16 +244,15 @@ def match_icp(
     pose = guess.copy()
     pair = align(base.points, base.normals, points, pose, width, gates, rounds, line)
     arm = float(np.sqrt((points**2).sum(1).mean()))
-    count = int((pair >= 0).sum())
-    if count < 3 or not np.isfinite(pose).all():
+    met = pair >= 0
+    if met.sum() < 3 or not np.isfinite(pose).all():
         return Match(guess, capped_inverse(np.zeros((3, 3)), arm), 0.0, 0)
     e, J, w = errors(base.points, base.normals, points, pose, pair, width, line)
-    arms = turned_by(pose[2], points[pair >= 0])
-    cov = covariance(base, pair[pair >= 0], arms, e, J, w, width, arm)
+    cov = covariance(base, pair[met], turned_by(pose[2], points[met]), e, J, w, width, arm)
     pose[2] = wrap_angle(pose[2])
     total = float(w.sum())
     rmse = float(np.sqrt(w @ (e**2).sum(1) / total))
-    return Match(pose, cov, total / len(points), count, rmse=rmse)
+    return Match(pose, cov, total / len(points), int(met.sum()), rmse=rmse)
 
 
 @compiled("icp.align")
@@ -300,8 +294,7 @@ def errors(
 
     To points d is 2, to lines 1; in the order of the points that have a partner.
     """
-    met = pair >= 0
-    j, arm = pair[met], turned_by(pose[2], points[met])
+    j, arm = pair[pair >= 0], turned_by(pose[2], points[pair >= 0])
     e = arm + pose[:2] - reference[j]  # R p + t - q
     x, y, one, zero = *arm.T, np.ones(len(j)), np.zeros(len(j))
     if line:
@@ -344,10 +337,8 @@ def covariance(
     slope = w @ ((width**2 - 3 * e2) / (width**2 + e2)) / w.sum()
     s2 = w**2 @ e2 / (w @ w) / max(slope, 0.2) ** 2 / d
     s2 = max(s2 * n / max(n - 3, 1), 1e-8)
-    N = np.zeros((3, 3))
-    for rows in (w[:, None, None] * J).swapaxes(0, 1):  # (n, 3), for each coordinate of the error
-        shared = np.array([np.bincount(j, column) for column in rows.T])
-        N += rows.T @ rows + shared @ shared.T
+    same = (j[:, None] == j).astype(float)
+    N = sum(A.T @ (A + same @ A) for A in (w[:, None, None] * J).swapaxes(0, 1))
     (nx, ny), (x, y) = base.normals[j].T, arms.T
     turned = np.array([-ny, nx, nx * x + ny * y]).T  # dJ by the normal's angle
     H, blur = information(w, J), information(w * base.normal_variances[j], turned[:, None])

@@ -16,6 +16,7 @@ from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
 from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
 from slamlab.slam._tracking import Keyframe, LocalMap
+from slamlab.slam.least_squares import KERNEL_WIDTHS
 from slamlab.slam.pose_graph import PoseGraph
 
 STRIDE = 1.5  # a node is tried for closures every so many metres of travel
@@ -31,7 +32,6 @@ ELSEWHERE, RIVAL = 0.8, 0.8  # best score more than so far away (m), as a part o
 SLIDE = 0.3  # point to line must not move the result farther than this (m)
 SPAN = 15.0  # witnesses lie within this travel of both ends (m)
 FLOOR = np.diag(np.square([0.03, 0.03, np.deg2rad(0.4)]))
-WIDTHS = (30.0, 10.0, 3.0)  # of the robust kernel, one after the other
 FALSE = 60.0  # chi2 of a closure that is dropped after all
 
 
@@ -165,7 +165,7 @@ def optimized(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
             result = last.optimize(
-                "levenberg-marquardt", kernel="dcs", kernel_width=WIDTHS, tolerance=1e-5
+                "levenberg-marquardt", kernel="dcs", kernel_width=KERNEL_WIDTHS, tolerance=1e-5
             )
         first = len(last.edges) - len(ties)
         e = last.residuals(result.poses)[first:]

@@ -26,6 +26,8 @@ __all__ = ["edge_error", "edge_jacobians"]
 
 # 95 % of honest errors (three degrees of freedom) lie within this Mahalanobis distance.
 KERNEL_WIDTH = 2.7955
+# From a drifted start true edges look false: wide first, then narrower.
+KERNEL_WIDTHS = (30.0, 10.0, 3.0)
 # Levenberg-Marquardt gives up beyond this multiple of the diagonal.
 LARGEST_DAMPING = 1e12
 

@@ -377,15 +377,11 @@ class Sessions:
         scan = ScanGeometry(kept["beam_angles"], far, offset)
         scans, nodes = (_whole(name, kept[name], ("n",), 1) for name in ("n_scans", "n_nodes"))
         D, T, N = len(scans), int(scans.sum()), int(nodes.sum())
-        joined, names = kept["joined"], kept["names"]
-        if joined.shape != (D,) or joined.dtype != bool or not joined[0]:
-            raise ValueError("joined: expected true for the first drives, false for the others")
-        if (np.diff(joined.astype(int)) > 0).any():
-            raise ValueError("joined: expected the drives that wait after those of the map")
-        if names.shape != (D,) or names.dtype.kind != "U" or len(nodes) != D:
-            raise ValueError(f"names: expected a word for each of {D} drives")
-        if names.dtype.itemsize > 4 * _LONGEST:
-            raise ValueError(f"names: expected at most {_LONGEST} letters each")
+        joined, names = _joined_and_names(kept["joined"], kept["names"], D)
+        if len(nodes) != D:
+            raise ValueError(
+                f"n_nodes: expected a number for each of {D} drives, got {len(nodes)}"
+            )
         ranges = as_distances("ranges", kept["ranges"], (T, scan.n_beams)).astype(float)
         times = as_array("times", kept["times"], (T,)).astype(float)
         offsets = _poses("offsets", kept["offsets"], T)
@@ -421,6 +417,21 @@ class Sessions:
                 if part[one.k] == s
             ]
         return new
+
+
+def _joined_and_names(
+    joined: NDArray[Any], names: NDArray[Any], D: int
+) -> tuple[NDArray[np.bool_], NDArray[np.str_]]:
+    """Which of D drives are in the map, and what they are called; checked."""
+    if joined.shape != (D,) or joined.dtype != bool or not joined[0]:
+        raise ValueError("joined: expected true for the first drives, false for the others")
+    if (np.diff(joined.astype(int)) > 0).any():
+        raise ValueError("joined: expected the drives that wait after those of the map")
+    if names.shape != (D,) or names.dtype.kind != "U":
+        raise ValueError(f"names: expected a word for each of {D} drives")
+    if names.dtype.itemsize > 4 * _LONGEST:
+        raise ValueError(f"names: expected at most {_LONGEST} letters each")
+    return joined, names
 
 
 def _node_of_scan(scan_of_node: NDArray[np.intp], n_scans: int) -> NDArray[np.intp]:

@@ -367,6 +367,6 @@ def hits_grid(
         cells = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
         within = np.asarray(((cells >= 0) & (cells < size)).all(1))
         column, row = np.where(within[:, None], cells, 0).T
-        met = origin + resolution * cells[~within | solid[row, column]]
-        out[i] = sweep_meets(a[i], b[i], starts[i, :2], turn[i], met[:, None] + square)
+        near = (origin + resolution * cells[~within | solid[row, column]])[:, None] + square
+        out[i] = len(near) > 0 and sweep_meets(a[i], b[i], starts[i, :2], turn[i], near)
     return out

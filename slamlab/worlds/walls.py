@@ -298,7 +298,7 @@ def hits_segments(
     left_bottom, right_top = segments.min(1), segments.max(1)
     for i in range(len(out)):
         near = segments[((right_top >= low[i]) & (left_bottom <= high[i])).all(1)]
-        out[i] = sweep_meets(a[i], b[i], starts[i, :2], turn[i], near)
+        out[i] = len(near) > 0 and sweep_meets(a[i], b[i], starts[i, :2], turn[i], near)
     return out
 
 

@@ -8,6 +8,8 @@ from slamlab.navigation import VARIANTS, PathMemory
 from slamlab.navigation import path_memory as memory_file
 from slamlab.navigation.cubic import fit
 
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
+
 
 def fits_of(path, variant, tolerance, monkeypatch):
     """What `add` gives to `fit` along a path."""

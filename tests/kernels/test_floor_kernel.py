@@ -12,6 +12,8 @@ from slamlab.navigation import ExplorationGrid, exploration_grid
 from slamlab.sensors import Lidar
 from slamlab.worlds import free_poses, rooms
 
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
+
 NAMES = ("mark_walls", "mark_free", "wavefront", "unknown_area")
 ROOM = rooms.office()
 

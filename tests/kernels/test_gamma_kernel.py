@@ -5,12 +5,15 @@ At 60 particles and 3000 points (chapter 15) it takes 1.0 ms and the plain code 
 """
 
 import numpy as np
+import pytest
 
 from slamlab.kernels import TWINS
 from slamlab.sensors import StereoRig
 from slamlab.simulation import ground_laps
 from slamlab.slam.gamma import gather
 from slamlab.worlds import Terrain
+
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
 
 
 def pictures():

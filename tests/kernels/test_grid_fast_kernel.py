@@ -16,6 +16,8 @@ from slamlab.slam import GridFastSlam, grid_fast
 from slamlab.slam._grid_maps import TileMaps
 from slamlab.worlds import rooms
 
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
+
 LIDAR = Lidar(90, max_range=8.0, sigma_range=0.01)
 START = np.array([2.0, 4.0, 0.0])
 

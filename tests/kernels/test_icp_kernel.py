@@ -9,11 +9,11 @@ import pytest
 
 from slamlab.datasets import killian
 from slamlab.geometry import between
-from slamlab.kernels import COMPILED, TWINS
+from slamlab.kernels import TWINS
 from slamlab.matching import PointsWithNormals, voxel_downsample
 from slamlab.matching.icp import align
 
-pytestmark = pytest.mark.skipif(not COMPILED, reason="without numba there is only the plain twin")
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
 GATES = np.array([0.5, 0.2])
 
 

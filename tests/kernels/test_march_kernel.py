@@ -6,12 +6,12 @@ A picture of 5000 rays takes 2.3 ms and the plain code 61: 27 times, a second in
 import numpy as np
 import pytest
 
-from slamlab.kernels import COMPILED, TWINS
+from slamlab.kernels import TWINS
 from slamlab.sensors import StereoRig
 from slamlab.sensors.stereo import march
 from slamlab.worlds import Terrain
 
-pytestmark = pytest.mark.skipif(not COMPILED, reason="without numba there is only the plain twin")
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
 
 
 @pytest.mark.parametrize("at", [[10.0, 10.0, 0.3], [1.0, 19.0, 2.0], [30.0, 5.0, 3.0]])

@@ -20,6 +20,7 @@ from slamlab.matching.field import gauss_newton, stamp
 from slamlab.sensors import Lidar
 from slamlab.worlds import rooms
 
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
 LIDAR = Lidar(180, max_range=20.0, sigma_range=0.01)
 POSE = np.array([2.0, 4.0, 0.3])
 

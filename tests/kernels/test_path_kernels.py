@@ -12,6 +12,8 @@ from slamlab.kernels import TWINS
 from slamlab.navigation import PathMemory, cubic, spline
 from tests.kernels.test_cubic_kernel import eight
 
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
+
 
 def odometer_path(n=300):
     """Six legs with right angles and a loop, as an odometer of 8 mm and 5 mrad adds them up."""

@@ -9,11 +9,11 @@ import pytest
 
 import slamlab.kernels.occupancy as occupancy_kernels
 from slamlab.datasets import killian
-from slamlab.kernels import COMPILED, TWINS
+from slamlab.kernels import TWINS
 from slamlab.mapping import occupancy
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.skipif(not COMPILED, reason="without numba there is only the plain twin")
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
 
 
 def court_beams(n_scans):

@@ -9,6 +9,8 @@ import pytest
 from slamlab.kernels import TWINS
 from slamlab.worlds import BitmapWorld, bitmap, free_poses, rooms
 
+pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
+
 SQUARE = 0.15 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 WORLDS = {"office": rooms.office(), "thesis": rooms.thesis_room()}
 

@@ -53,6 +53,7 @@ def test_clearance_and_free_space_agree(pair):
     np.testing.assert_allclose(bitmap.clearance(points), walls.clearance(points), atol=1e-9)
 
 
+@pytest.mark.needs_numba(reason="9000 motions one by one in each world take more than 20 s")
 def test_collisions_agree_standing_driving_and_turning(pair):
     bitmap, walls = pair
     rng = np.random.default_rng(3)
