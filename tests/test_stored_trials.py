@@ -35,6 +35,13 @@ def test_a_sample_of_each_trial_can_be_had_again(name, first, second, seed):
 
 
 @pytest.mark.parametrize("name", TRIALS)
+def test_every_trial_has_a_sample_and_it_is_stored(name):
+    assert TRIALS[name].sample
+    for run in TRIALS[name].sample:
+        assert TRIALS[name].stored(*run) is not None, run
+
+
+@pytest.mark.parametrize("name", TRIALS)
 def test_every_row_is_stored_with_its_seeds_and_no_other(name):
     trial = TRIALS[name]
     stored = trial.read()

@@ -45,7 +45,7 @@ TRIAL = Trial(
     "grid_loops",
     dict.fromkeys(ROWS, range(1, 21)),
     one,
-    sample=(("28 m", "10 that match", 3), ("28 m", "30 blind", 12)),
+    sample=(("28 m", "10 that match", 3), ("28 m", "30 blind", 4)),
     off=0.006,
 )
 
