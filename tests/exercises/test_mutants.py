@@ -26,6 +26,19 @@ def test_every_mutant_that_changes_an_answer_is_refused(name):
     assert passed == []
 
 
+@pytest.mark.parametrize("name", SOLUTIONS)
+def test_every_mutant_that_is_listed_is_one_and_changes_no_answer(name):
+    """Else the list would hide a mutant, or keep one that a better input refuses."""
+    solution = SOLUTIONS[name]
+    listed = {key.partition(" | ")[2] for key in EQUIVALENT if key.partition(" | ")[0] == name}
+    same = {
+        text
+        for text, wrong in mutate.mutants(solution)
+        if text in listed and solution.check.passes(wrong)
+    }
+    assert same == listed
+
+
 def test_equivalent_mutants_have_a_reason_and_exist():
     assert all(reason for reason in EQUIVALENT.values())
     assert {key.partition(" | ")[0] for key in EQUIVALENT} <= set(SOLUTIONS)
