@@ -410,14 +410,6 @@ check_looks_needed.mistakes = {
     "the places that disagree got nothing taken off: odds grow by p / (1 - p)": (
         "odds * p_right / (1 - p_right) => odds * p_right / 0.5"
     ),
-    "a negative number of looks: a belief that is already enough needs none": (
-        lambda prior, p_right, goal: int(
-            np.ceil(
-                np.log(goal / (1 - goal) * (1 - prior) / prior) / np.log(p_right / (1 - p_right))
-                - 1e-9
-            )
-        )
-    ),
     "looks were taken for chances to be wrong all the time: evidence multiplies odds": (
         lambda prior, p_right, goal: int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))
     ),

@@ -90,5 +90,5 @@ def test_p5_2_2_from_a_poor_start_the_choice_may_be_the_wrong_one():
             dearer.append(found.history[-1] / true.chi2)
         again = graph.with_poses(true.poses).optimize(hypotheses=pairs)
         assert (again.weights[chosen] == 1).all()  # from the right map it is the right one
-    assert lost
-    assert min(dearer) > 2
+    assert len(lost) >= 2
+    assert max(dearer) > 5
