@@ -10,7 +10,8 @@ def ambiguous(count=5, seed=7):
     """A walk of which `count` closures fit a second place as well; pairs of edges."""
     walk = manhattan_graph(60, 80, np.random.default_rng(seed)).graph
     chosen = np.flatnonzero(walk.closures)[::3][:count]
-    other = np.random.default_rng(seed + 1).permutation(60)[:count]
+    away = np.random.default_rng(seed + 1).integers(10, 50, count)  # poses from the true place
+    other = (walk.edges[chosen, 1] + away) % 60
     graph = PoseGraph(
         walk.poses,
         np.vstack([walk.edges, np.column_stack([walk.edges[chosen, 0], other])]),
@@ -65,7 +66,7 @@ def test_p5_2_2_the_likeliest_topology_is_found_by_one_run_from_a_fair_start():
     best = np.flatnonzero(found.weights[twins[:, 1]] == 0)
     assert len(best) == len(twins)
     assert abs(found.history[-1] - min(costs)) < 1e-6 * min(costs)
-    assert np.sort(costs)[1] > 10 * min(costs)
+    assert np.sort(costs)[1] > 2 * min(costs)
 
 
 def test_p5_2_2_from_a_poor_start_the_choice_may_be_the_wrong_one():
