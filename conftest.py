@@ -11,6 +11,9 @@ from collections.abc import Iterator
 
 import pytest
 
+# A module that stands for numba, of tests that block it.
+collect_ignore = ["tests/without_numba"]
+
 # Where notebooks are run: pytest has loaded nbval then, and other tests leave it alone.
 if "nbval.plugin" in sys.modules:
     from tools.kernels import settle_nbval
