@@ -250,7 +250,7 @@ class Log:
                 )
             return {}
         observations = tuple(
-            _look(f"landmark_measurements[{k}]", z)
+            _measurements(f"landmark_measurements[{k}]", z)
             for k, z in enumerate(_of("landmark_measurements", self.landmark_measurements, T))
         )
         checked: dict[str, Any] = {"landmark_measurements": observations}
@@ -411,7 +411,7 @@ def _of(name: str, parts: Any, T: int) -> Sequence[Any]:
     return tuple(parts)
 
 
-def _look(name: str, z: Any) -> Array:
+def _measurements(name: str, z: Any) -> Array:
     """Measurements (k, 2), or (M, n, 2) of a batch, where NaN is allowed."""
     z = as_shaped(name, z)
     if z.size == 0:

@@ -438,8 +438,9 @@ class _Estimator:
         for names, what, call in _bad_calls(one, self.moving, rest):
             _refuses(names, what, call)
             _same(f"after {what} was refused", _belief(one), _belief(twin))
-        after, due = run(one, rest), run(twin, rest)
-        _same("going on after refusals", (after.poses, after.covs), (due.poses, due.covs))
+        after, expected = run(one, rest), run(twin, rest)
+        beliefs = (after.poses, after.covs), (expected.poses, expected.covs)
+        _same("going on after refusals", *beliefs)
 
     def still(self) -> None:
         beliefs, step = [], self.moving
@@ -590,20 +591,20 @@ def _one_line(subject: Any) -> None:
         raise _Broken(f"expected one readable line, got {text[:80]!r}")
 
 
-def _close(what: str, got: ArrayLike, due: ArrayLike, tolerance: float = 1e-6) -> None:
-    got, due = np.asarray(got, float), np.asarray(due, float)
-    if got.shape != due.shape:
-        raise _Broken(f"{what}: expected shape {due.shape}, got {got.shape}")
-    worst = np.abs(got - due).max(initial=0.0)
+def _close(what: str, got: ArrayLike, expected: ArrayLike, tolerance: float = 1e-6) -> None:
+    got, expected = np.asarray(got, float), np.asarray(expected, float)
+    if got.shape != expected.shape:
+        raise _Broken(f"{what}: expected shape {expected.shape}, got {got.shape}")
+    worst = np.abs(got - expected).max(initial=0.0)
     if not worst <= tolerance:
-        square = got.shape[-2:] == due.shape[-2:][::-1]
-        if square and got.ndim > 1 and np.allclose(np.swapaxes(got, -1, -2), due, atol=1e-6):
+        square = got.shape[-2:] == expected.shape[-2:][::-1]
+        if square and got.ndim > 1 and np.allclose(np.swapaxes(got, -1, -2), expected, atol=1e-6):
             raise _Broken(f"{what}: this is the transpose")
         raise _Broken(f"{what}: off by {worst:.3g}")
 
 
-def _same(what: str, got: tuple[Array, ...], due: tuple[Array, ...]) -> None:
-    for name, one, other in zip(("pose", "pose_cov"), got, due, strict=True):
+def _same(what: str, got: tuple[Array, ...], expected: tuple[Array, ...]) -> None:
+    for name, one, other in zip(("pose", "pose_cov"), got, expected, strict=True):
         if not np.allclose(one, other, rtol=1e-9, atol=1e-12, equal_nan=True):
             raise _Broken(f"{what}: {name} is another one, off by {np.abs(one - other).max():.3g}")
 

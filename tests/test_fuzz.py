@@ -204,7 +204,7 @@ DROVE = record(
 )
 SCAN = MADE["scan"]
 SPACE = np.random.default_rng(9).uniform([1, -1, 0], [4, 1, 1], (40, 3))
-PIXELS = StereoOdometer().look([0, 0, 0], SPACE, np.random.default_rng(10))
+PIXELS = StereoOdometer().observe([0, 0, 0], SPACE, np.random.default_rng(10))
 HALL = BitmapWorld(np.pad(np.zeros((30, 40)), 1, constant_values=1) > 0, 0.1)
 WALL = [[[0.0, 0.0], [4.0, 0.0]], [[4.0, 0.0], [4.0, 3.0]]]
 FOOT = [[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]]
@@ -356,13 +356,13 @@ GOOD |= (
         "motion_between.after": SCAN,
         "motion_between.lidar": LIDAR,
         "pixels": np.full((12, 3), 100.0),
-        "StereoOdometer.look.points": SPACE,
+        "StereoOdometer.observe.points": SPACE,
         "StereoOdometer.project.points": SPACE,
         "StereoOdometer.estimate.before": SPACE,
         "StereoOdometer.estimate.after": SPACE,
         "StereoOdometer.match.before": PIXELS,
         "StereoOdometer.match.after": PIXELS,
-        "StereoOdometer.look.pose": [0.0, 0.0, 0.0],
+        "StereoOdometer.observe.pose": [0.0, 0.0, 0.0],
         "EKFSlamBatch.move_cov.F": np.tile(EYE3, (2, 1, 1)),
         "EKFSlamBatch.move_cov.Q": V3,
         "PoseGraph.from_log.motion": YOUBOT,

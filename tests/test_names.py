@@ -180,6 +180,9 @@ def pages_and_docstrings():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
                 yield path, re.sub(r"`[^`]*`", "", ast.get_docstring(node) or "")
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                if " " in node.value and "exercises" not in path.parts:
+                    yield path, re.sub(r"`[^`]*`", "", node.value)  # messages, help, labels
 
 
 def test_pages_and_docstrings_use_the_words_of_the_field():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from slamlab.datasets import range_trial_runs
+from slamlab.datasets import stored_runs
 from tools.range_trial import FIELDS
 
-RUNS = range_trial_runs()
+RUNS = stored_runs("range_trial")
 
 
 @pytest.mark.parametrize("field", sorted(FIELDS))

@@ -2,7 +2,7 @@
 
 python tools/range_trial.py      (some minutes; options as in tools/trials.py)
 
-Writes slamlab/datasets/data/range_trial.json, which `slamlab.datasets.range_trial_runs` reads.
+Writes slamlab/datasets/data/range_trial.json, which `slamlab.datasets.stored_runs` reads.
 """
 
 import sys

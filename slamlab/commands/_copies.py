@@ -80,11 +80,11 @@ def same_code(
     alike: dict[tuple[str, ...], list[str]] = defaultdict(list)
     for (name, _), students in owners.items():
         alike[tuple(students)].append(name)
-    told: dict[str, list[str]] = defaultdict(list)
+    said: dict[str, list[str]] = defaultdict(list)
     for group, names in alike.items():
         for student in group if len(group) > 1 else ():
             others = [other for other in group if other != student]
             more = f" and {len(others) - 3} more" if len(others) > 4 else ""
             shown = ", ".join(others[:3] if more else others)
-            told[student].append(f"same code as {shown}{more}: {', '.join(names)}")
-    return dict(told)
+            said[student].append(f"same code as {shown}{more}: {', '.join(names)}")
+    return dict(said)

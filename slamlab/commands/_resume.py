@@ -59,7 +59,7 @@ def earlier(folder: Path) -> Sessions:
     return known
 
 
-def told(map_: Sessions, tie: Tie, name: str) -> list[tuple[str, str]]:
+def summary(map_: Sessions, tie: Tie, name: str) -> list[tuple[str, str]]:
     """Say whether the drive of log `name` was joined, where and by what; list all drives."""
     count = sum(one.state == "confirmed" for one in tie.closures)
     if tie.frame is None:

@@ -78,14 +78,14 @@ def marked(
     on with the next one. A mistake counts once: where an exercise fails that calls functions of
     others which fail, it is judged again with the right ones in their place.
     """
-    process, told = None, False
+    process, noted = None, False
     left, raised = list(checks), dict[str, str]()
     try:
         while left:
             if process is None:
                 process = Process(cells, seconds, megabytes, (), folders)
-                mark.notes += [] if told else [printable(note) for note in process.notes]
-                told = True
+                mark.notes += [] if noted else [printable(note) for note in process.notes]
+                noted = True
             name = left.pop(0)
             if name not in process.functions:
                 continue

@@ -30,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--kernel",
         choices=["none", "huber", "dcs"],
         default="none",
-        help="doubt edges that fit badly, with widths {:g}, {:g} and {:g}".format(*KERNEL_WIDTHS),
+        help="weigh down edges that fit badly; widths {:g}, {:g} and {:g}".format(*KERNEL_WIDTHS),
     )
 
 

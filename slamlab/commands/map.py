@@ -24,7 +24,7 @@ from slamlab.commands import _page
 from slamlab.commands._localize import KnownMap, found
 from slamlab.commands._progress import Progress
 from slamlab.commands._results import results
-from slamlab.commands._resume import FILE, PATHS, Resumed, earlier, told, write_paths
+from slamlab.commands._resume import FILE, PATHS, Resumed, earlier, summary, write_paths
 from slamlab.commands._wheels import disagreement
 from slamlab.datasets import read_carmen, read_rosbag, write_tum
 from slamlab.evaluation import Run
@@ -169,7 +169,7 @@ def sessions(
         raise ValueError("expected scans with at least ten points, got none")
     tie = with_progress("places", before.add, system, result.log, name)
     before.save(folder / FILE)
-    return Resumed(before), told(before, tie, name)
+    return Resumed(before), summary(before, tie, name)
 
 
 def known_map(options: argparse.Namespace) -> KnownMap | None:
@@ -326,8 +326,8 @@ def _scans(lost: list[int], total: int) -> str:
     if not lost:
         return "never"
     some = ", ".join(str(k) for k in lost[:8]) + (", ..." if len(lost) > 8 else "")
-    doubt = f": {_DISTRUST}" if len(lost) > 0.05 * total else ""
-    return f"{len(lost)} scans lay nowhere, the wheels are believed there ({some}){doubt}"
+    warning = f": {_DISTRUST}" if len(lost) > 0.05 * total else ""
+    return f"{len(lost)} scans lay nowhere, the wheels are believed there ({some}){warning}"
 
 
 def draw_map(result: Run | Resumed, resolution: float) -> OccupancyGrid:

@@ -6,7 +6,7 @@ from slamlab.datasets.relations import Relations, read_relations
 from slamlab.datasets.rosbag import read_rosbag
 from slamlab.datasets.simulator_log import read_simulator
 from slamlab.datasets.synthetic import ManhattanGraph, manhattan_graph, town_with_false_closures
-from slamlab.datasets.trials import range_trial_runs, stored_runs
+from slamlab.datasets.trials import stored_runs
 from slamlab.datasets.tum import read_tum, write_tum
 from slamlab.datasets.victoria_park import (
     read_landmark_log,
@@ -20,7 +20,6 @@ __all__ = [
     "Relations",
     "killian",
     "manhattan_graph",
-    "range_trial_runs",
     "read_carmen",
     "read_landmark_log",
     "read_relations",

@@ -9,7 +9,7 @@ import numpy as np
 
 from slamlab._checks import Array
 
-__all__ = ["range_trial_runs", "stored_runs"]
+__all__ = ["stored_runs"]
 
 
 def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
@@ -20,7 +20,9 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     trial : str
         "grid_loops": grid FastSLAM round two corridors, "end" (m); "grid_logs": the same on two
         real logs, "error" of the path (m); "matching": scan matchers on these logs, "error" of the
-        path (m); "range_trial": see `range_trial_runs`.
+        path (m); "range_trial": fixed and adaptive ranges over 20 fields of trees: "seen"
+        (landmarks at once), "error" (root mean square of fifty flights, m), "nees" (mean of the
+        pose at the end).
 
     Returns
     -------
@@ -43,22 +45,3 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         }
         for first, rows in stored.items()
     }
-
-
-def range_trial_runs() -> dict[str, dict[str, dict[str, Array]]]:
-    """Return the stored runs of `tools/range_trial.py`: fixed and adaptive ranges on 20 fields.
-
-    Returns
-    -------
-    dict
-        ``range_trial_runs()[field][range]`` maps "seen" (landmarks at once), "error" (root mean
-        square of fifty flights, m) and "nees" (mean of the pose at the end) to one number a
-        field. Fields: "clearing", on half of which three trees of four are felled, and "even".
-
-    Examples
-    --------
-    >>> runs = range_trial_runs()["clearing"]
-    >>> len(runs["fixed, 20 m"]["error"])
-    20
-    """
-    return stored_runs("range_trial")

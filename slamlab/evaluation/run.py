@@ -136,14 +136,14 @@ def run(
     part = _PARTS.get(what)
     if part is not None and getattr(log, part) is None:
         raise ValueError(f"log: expected {part} for {type(system).__name__}, it has none")
-    told = (
+    given = (
         len(log) * known_ids if isinstance(known_ids, bool) else as_count("known_ids", known_ids)
     )
     rows, records, reports, seconds = [], [], [], np.zeros(len(log))
     for k, step in enumerate(with_bar(log, progress, len(log), "step")):
         start = perf_counter()
         try:
-            reports.append(_advance(system, step, what, k < told))
+            reports.append(_advance(system, step, what, k < given))
         except ValueError as error:
             raise ValueError(f"step {k} of the log: {error}") from error
         seconds[k] = perf_counter() - start
@@ -155,7 +155,7 @@ def run(
     return Run(log, system, np.array(rows, int), poses, covs, tuple(reports), seconds, kept)
 
 
-def _advance(system: Any, step: Step, what: str, told: bool) -> Any:
+def _advance(system: Any, step: Step, what: str, given: bool) -> Any:
     """One step: predict if anything moved, update if anything was measured."""
     if step.dt > 0:
         system.predict(step.u, step.dt, step.control_cov)
@@ -164,7 +164,7 @@ def _advance(system: Any, step: Step, what: str, told: bool) -> Any:
     if what == "odometry" or step.z is None:
         return None
     z, covs, ids = step.z, step.covs, None
-    if told and step.ids is not None:
+    if given and step.ids is not None:
         real = step.ids >= 0 if step.ids.dtype.kind in "iu" else np.ones(len(step.ids), bool)
         z, ids = z[..., real, :], step.ids[real]
         covs = None if covs is None else covs[real]

@@ -37,9 +37,9 @@ class WallScores:
         """Part of the map's stretches that are true; 1 for an empty map."""
         return float(self.true.mean()) if len(self.true) else 1.0
 
-    def recall(self, due: ArrayLike, least: float = 0.5) -> float:
-        """Part of the walls `due` (n,) bool of which at least the part `least` is covered."""
-        chosen = self.covered[np.asarray(due, dtype=bool)]
+    def recall(self, expected: ArrayLike, least: float = 0.5) -> float:
+        """Part of the walls `expected` (n,) bool of which at least the part `least` is covered."""
+        chosen = self.covered[np.asarray(expected, dtype=bool)]
         return float((chosen >= least).mean()) if len(chosen) else 1.0
 
 

@@ -15,11 +15,11 @@ WIDEST_WEDGE = np.deg2rad(12.5)
 # End points of neighbouring beams nearer than this many cells belong to one wall.
 WALL_STEP = 3.0
 # So many scans must see through an occupied cell, by so many cells, to free it again.
-DOUBTS, THROUGH = 3, 1.5
+MOST_PASSES, THROUGH = 3, 1.5
 
 
 @njit(cache=True)
-def mark_walls(state, doubt, x, y, heading, angles, reach, met):  # type: ignore[no-untyped-def]
+def mark_walls(state, passes, x, y, heading, angles, reach, met):  # type: ignore[no-untyped-def]
     """Mark the cells in which beams ended, and those between two ends that are neighbours."""
     n, rows, columns = len(angles), state.shape[0], state.shape[1]
     for i in range(n):
@@ -41,11 +41,11 @@ def mark_walls(state, doubt, x, y, heading, angles, reach, met):  # type: ignore
             column = int(np.floor(x0 + u * (x1 - x0)))
             row = int(np.floor(y0 + u * (y1 - y0)))
             if 0 <= row < rows and 0 <= column < columns:
-                state[row, column], doubt[row, column] = OCCUPIED, 0
+                state[row, column], passes[row, column] = OCCUPIED, 0
 
 
 @njit(cache=True)
-def mark_free(state, doubt, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
+def mark_free(state, passes, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
     """Mark cells whose centre lies nearer than the ends of both beams beside it."""
     n = len(angles)
     left, right = _spans(state.shape, x, y, heading, angles, reach)
@@ -67,8 +67,8 @@ def mark_free(state, doubt, x, y, heading, angles, reach):  # type: ignore[no-un
                     state[row, column] = FREE
             # Nothing as large as the cell hides between two beams less than a cell apart.
             elif distance <= end - THROUGH and distance * wedge <= 1.0:
-                doubt[row, column] += 1
-                if doubt[row, column] == DOUBTS:
+                passes[row, column] += 1
+                if passes[row, column] == MOST_PASSES:
                     state[row, column] = FREE
 
 

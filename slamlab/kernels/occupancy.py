@@ -25,26 +25,26 @@ def insert_scan(log_odds, start, ends, hit, gain, loss, limit):  # type: ignore[
     low_r, high_r = max(low_r, 0), min(high_r, rows - 1)
     if low_c > high_c or low_r > high_r:
         return
-    sheet = log_odds[low_r : high_r + 1, low_c : high_c + 1]
-    mark = np.zeros(sheet.shape, np.bool_)
+    part = log_odds[low_r : high_r + 1, low_c : high_c + 1]
+    mark = np.zeros(part.shape, np.bool_)
     for k in range(len(ends)):
         if hit[k] and not np.isnan(ends[k, 0]):
             c, r = int(np.floor(ends[k, 0])) - low_c, int(np.floor(ends[k, 1])) - low_r
-            if 0 <= c < sheet.shape[1] and 0 <= r < sheet.shape[0] and not mark[r, c]:
+            if 0 <= c < part.shape[1] and 0 <= r < part.shape[0] and not mark[r, c]:
                 mark[r, c] = True
-                sheet[r, c] = min(max(sheet[r, c] + gain, -limit), limit)
+                part[r, c] = min(max(part[r, c] + gain, -limit), limit)
     for k in range(len(ends)):
         if not np.isnan(ends[k, 0]):
-            _free(sheet, mark, start, ends[k], low_c, low_r, loss, limit)
+            _free(part, mark, start, ends[k], low_c, low_r, loss, limit)
 
 
 @njit(cache=True)
-def _free(sheet, mark, start, end, low_c, low_r, loss, limit):  # type: ignore[no-untyped-def]
+def _free(part, mark, start, end, low_c, low_r, loss, limit):  # type: ignore[no-untyped-def]
     """Walk from cell to cell along a beam and free those that this scan has not touched.
 
-    Cell (0, 0) of `sheet` and `mark` is the map's (low_r, low_c).
+    Cell (0, 0) of `part` and `mark` is the map's (low_r, low_c).
     """
-    rows, columns = low_r + sheet.shape[0], low_c + sheet.shape[1]
+    rows, columns = low_r + part.shape[0], low_c + part.shape[1]
     c, r = int(np.floor(start[0])), int(np.floor(start[1]))
     last_c, last_r = int(np.floor(end[0])), int(np.floor(end[1]))
     dx, dy = end[0] - start[0], end[1] - start[1]
@@ -57,8 +57,8 @@ def _free(sheet, mark, start, end, low_c, low_r, loss, limit):  # type: ignore[n
     for _ in range(abs(last_c - c) + abs(last_r - r) + 1):
         if low_c <= c < columns and low_r <= r < rows and not mark[r - low_r, c - low_c]:
             mark[r - low_r, c - low_c] = True
-            old = sheet[r - low_r, c - low_c]
-            sheet[r - low_r, c - low_c] = min(max(old + loss, -limit), limit)
+            old = part[r - low_r, c - low_c]
+            part[r - low_r, c - low_c] = min(max(old + loss, -limit), limit)
         # Never past the last column or row, so that the walk ends in the cell of the end.
         if r == last_r or (c != last_c and next_c <= next_r):
             c += step_c

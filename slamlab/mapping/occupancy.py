@@ -140,7 +140,7 @@ class OccupancyGrid(Grid):
             )
         lengths = np.where(met_nothing, trusted if free_missing else np.nan, scans)
         hits = ~met_nothing & (lengths <= trusted)
-        # Beyond a billion cells no sheet lies, and cell numbers stay whole numbers.
+        # Beyond a billion cells no map lies, and cell numbers stay whole numbers.
         lengths = np.minimum(lengths, min(trusted, 1e9 * self.resolution))
         poses, shape = poses.reshape(-1, 3), (-1, len(angles))
         starts, ends = _beams(poses, lengths.reshape(shape), angles, float(lidar.offset))
@@ -202,7 +202,7 @@ class OccupancyGrid(Grid):
         """Add scans: beams from starts (n, 2) to ends (n, k, 2), in the world."""
         starts = (starts - self.origin) / self.resolution
         ends = (ends - self.origin) / self.resolution
-        near = np.abs(starts).max(1, initial=0.0) < 1e9  # others cannot reach the sheet
+        near = np.abs(starts).max(1, initial=0.0) < 1e9  # others cannot reach the map
         for start, end, hit in zip(starts[near], ends[near], hits[near], strict=True):
             insert_scan(self.log_odds, start, end, hit, self._hit, self._miss, self._limit)
 

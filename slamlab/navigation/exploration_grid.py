@@ -17,8 +17,8 @@ from slamlab._checks import Array, as_array, as_count, as_distances, as_scalar
 from slamlab.grids import Grid
 from slamlab.kernels import compiled
 from slamlab.kernels.floor import (
-    DOUBTS,
     FREE,
+    MOST_PASSES,
     OCCUPIED,
     THROUGH,
     UNKNOWN,
@@ -75,7 +75,7 @@ class ExplorationGrid(Grid):
         self._grows = bool(grow)
         self.state = np.zeros(self.shape, dtype=np.uint8)
         self.blacklisted = np.zeros(self.shape, dtype=np.bool_)
-        self._doubt = np.zeros(self.shape, dtype=np.uint8)
+        self._passes = np.zeros(self.shape, dtype=np.uint8)
         self._free, self._room = np.zeros((0, 0), dtype=np.bool_), np.zeros((0, 0))
 
     def cell(self, point: ArrayLike) -> tuple[int, int]:
@@ -120,8 +120,8 @@ class ExplorationGrid(Grid):
         # Endless beams are cut where they have left the sheet for certain.
         longest = sum(self.shape) + np.hypot(x, y)
         reach = np.minimum(reach / self.resolution, longest)
-        mark_walls(self.state, self._doubt, x, y, pose[2], angles, reach, met)
-        mark_free(self.state, self._doubt, x, y, pose[2], angles, reach)
+        mark_walls(self.state, self._passes, x, y, pose[2], angles, reach, met)
+        mark_free(self.state, self._passes, x, y, pose[2], angles, reach)
 
     def _make_room(self, ends: Array) -> None:
         """Enlarge the grid beyond the ends (n, 2) of beams; endless ones do not count."""
@@ -129,7 +129,7 @@ class ExplorationGrid(Grid):
         # Beyond the last floor that was seen there is a cell, and it is unknown.
         added = self.grow(ends, margin=2) if len(ends) else None
         if added is not None:
-            for name in ("state", "blacklisted", "_doubt"):
+            for name in ("state", "blacklisted", "_passes"):
                 setattr(self, name, np.pad(getattr(self, name), added))
 
     def frontier(self) -> NDArray[np.bool_]:
@@ -296,7 +296,7 @@ def box_of(mask: NDArray[np.bool_], margin: int = 0) -> tuple[slice, slice]:
 @compiled("floor.mark_walls")
 def mark_walls(
     state: NDArray[np.uint8],
-    doubt: NDArray[np.uint8],
+    passes: NDArray[np.uint8],
     x: float,
     y: float,
     heading: float,
@@ -317,13 +317,13 @@ def mark_walls(
     columns, rows = np.floor(ends[:, None] + u[..., None] * gap[:, None]).astype(int).T
     inside = (0 <= rows) & (rows < state.shape[0]) & (0 <= columns) & (columns < state.shape[1])
     marked = inside & met & (k[:, None] <= steps)
-    state[rows[marked], columns[marked]], doubt[rows[marked], columns[marked]] = OCCUPIED, 0
+    state[rows[marked], columns[marked]], passes[rows[marked], columns[marked]] = OCCUPIED, 0
 
 
 @compiled("floor.mark_free")
 def mark_free(
     state: NDArray[np.uint8],
-    doubt: NDArray[np.uint8],
+    passes: NDArray[np.uint8],
     x: float,
     y: float,
     heading: float,
@@ -343,8 +343,8 @@ def mark_free(
     freed = unknown & (distance <= end) & (wedge <= WIDEST_WEDGE)
     # Nothing as large as the cell hides between two beams less than a cell apart.
     through = ~unknown & (distance <= end - THROUGH) & (distance * wedge <= 1.0)
-    doubt[rows[through], columns[through]] += 1
-    freed |= through & (doubt[rows, columns] == DOUBTS)
+    passes[rows[through], columns[through]] += 1
+    freed |= through & (passes[rows, columns] == MOST_PASSES)
     state[rows[freed], columns[freed]] = FREE
 
 

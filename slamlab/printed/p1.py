@@ -216,7 +216,7 @@ def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
         "(17) without dt": Variant(MotionAsPrinted(motion), sensor),
         "(18) as printed": Variant(motion, BearingAsPrinted(*arguments)),
         "(18) arctan without quadrant": Variant(motion, BearingWithoutQuadrant(*arguments)),
-        "(26), (27), (29) kindest signs": Variant(motion, LeverlessBearingSlopes(*arguments)),
+        "(26), (27), (29) best signs": Variant(motion, LeverlessBearingSlopes(*arguments)),
         "(26), (27), (29) worst signs": Variant(motion, LeverlessBearingSlopesWorst(*arguments)),
         "(28) without L": Variant(motion, LeverlessRangeSlope(*arguments)),
         "(41) without the beam": Variant(motion, BeamlessLocate(*arguments)),

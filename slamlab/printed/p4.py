@@ -22,9 +22,9 @@ class LocalBlockSlam(CompressedEKFSlam):
         super().predict(*step)
         self._forget()
 
-    def update(self, *look: Any) -> Any:
+    def update(self, *measured: Any) -> Any:
         """As `EKFSlam.update`, in the region, and nowhere else."""
-        report = super().update(*look)
+        report = super().update(*measured)
         self._forget()
         return report
 

@@ -202,7 +202,7 @@ class StereoOdometer:
         x = self.focal * self.baseline / np.maximum(u - right, 1e-3)
         return np.stack([x, -0.5 * (u + right) * x / self.focal, -v * x / self.focal], -1)
 
-    def look(self, pose: ArrayLike, points: ArrayLike, rng: np.random.Generator) -> Array:
+    def observe(self, pose: ArrayLike, points: ArrayLike, rng: np.random.Generator) -> Array:
         """Take the picture of `project` with noise."""
         seen = self.project(pose, points)
         return seen + self.sigma_pixel * as_rng("rng", rng).standard_normal(seen.shape)
@@ -306,7 +306,7 @@ class StereoOdometer:
         poses, rng = as_array("poses", poses, ("n", 3)), as_rng("rng", rng)
         motions, before = [], None
         for pose in poses:
-            after = self.look(pose, points, rng)
+            after = self.observe(pose, points, rng)
             if before is not None:
                 motions.append(self.estimate(*self.match(before, after, rng), rng))
             before = after

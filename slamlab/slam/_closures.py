@@ -27,10 +27,10 @@ BASE = 6.0  # the old place is drawn from the nodes within this travel (m)
 AROUND = 3  # scans before and after that are laid on it together with the node's own
 TURN, TURN_STEP = np.deg2rad(20), np.deg2rad(1.5)
 FIT = 0.6  # 1 - mean (1 - M)^2 of the merged scans must reach this
-SURE = 0.8  # and with this much one witness is enough
-ELSEWHERE, RIVAL = 0.8, 0.8  # best score more than so far away (m), as a part of the best
+SURE = 0.8  # and with this much one consistent closure is enough
+ELSEWHERE, SECOND = 0.8, 0.8  # best score more than so far away (m), as a part of the best
 SLIDE = 0.3  # point to line must not move the result farther than this (m)
-SPAN = 15.0  # witnesses lie within this travel of both ends (m)
+SPAN = 15.0  # consistent closures lie within this travel of both ends (m)
 FLOOR = np.diag(np.square([0.03, 0.03, np.deg2rad(0.4)]))
 FALSE = 60.0  # chi2 of a closure that is dropped after all
 
@@ -102,7 +102,7 @@ def verify(
     found = match_correlative(
         ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, second_peak_distance=ELSEWHERE
     )
-    if found is None or (found.second_peak > RIVAL and not stretch):
+    if found is None or (found.second_peak > SECOND and not stretch):
         return None
     climbed = match_field(ground.field, query, found.pose)
     fit = 1 - climbed.rmse**2
@@ -112,7 +112,7 @@ def verify(
     if match.score == 0 or np.hypot(*(match.pose - climbed.pose)[:2]) > SLIDE:
         return None
     cov = 4 * match.cov
-    if found.second_peak > RIVAL:
+    if found.second_peak > SECOND:
         cov = cov + _along(climbed.cov, radius)
     turn = np.eye(3)
     turn[:2, :2] = rotation(-poses[j, 2])
@@ -130,7 +130,7 @@ def _along(cov: Array, radius: float) -> Array:
     return out
 
 
-def witnessed(one: Closure, others: list[Closure], poses: Array, travel: Array) -> bool:
+def consistent(one: Closure, others: list[Closure], poses: Array, travel: Array) -> bool:
     """Whether two others near both ends, and half of all there, tell the same story.
 
     One is enough for a closure that fits well; and who fits worse does not speak against it.
@@ -156,7 +156,7 @@ def witnessed(one: Closure, others: list[Closure], poses: Array, travel: Array) 
 def optimized(
     graph: Callable[[], PoseGraph], closures: Sequence[Closure]
 ) -> tuple[PoseGraph, Array]:
-    """Bend a graph that ends in the confirmed closures; drop those that do not fit; bend it again.
+    """Optimise a graph that ends in the confirmed closures; drop those that do not fit; again.
 
     Returns the graph of the closures that are left, and its poses (n, 3).
     """

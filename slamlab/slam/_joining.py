@@ -19,12 +19,12 @@ from slamlab.slam._closures import (
     AROUND,
     LOOP,
     NEAR,
-    RIVAL,
+    SECOND,
     STRIDE,
     Closure,
     candidates,
+    consistent,
     verify,
-    witnessed,
 )
 from slamlab.slam._tracking import SPACING, Keyframe
 
@@ -84,7 +84,7 @@ def recognised(old: Chain, new: Chain, progress: Progress) -> Tie:
             whole, query, middle, reach, np.pi, TURN_STEP, LEAST, second_peak_distance=NEAR
         )
         progress(done, len(places))
-        if match is None or match.second_peak > RIVAL:
+        if match is None or match.second_peak > SECOND:
             continue
         both = together(old, new, _frame(match.pose, new.poses[k]))
         j = int(np.hypot(*(old.poses[:, :2] - match.pose[:2]).T).argmin())
@@ -122,8 +122,8 @@ def _agreed(old: Chain, new: Chain, found: list[Closure]) -> Array | None:
     n = len(old.nodes)
     poses, travel = together(old, new, np.zeros(3))[1:]
     for one in found:
-        consistent = witnessed(one, found, poses, travel)
-        one.state = "confirmed" if consistent else "waiting"
+        agrees = consistent(one, found, poses, travel)
+        one.state = "confirmed" if agrees else "waiting"
     sure = [one for one in found if one.state == "confirmed"]
     if not sure:
         return None

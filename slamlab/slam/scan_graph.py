@@ -21,9 +21,9 @@ from slamlab.slam._closures import (
     STRIDE,
     Closure,
     candidates,
+    consistent,
     optimized,
     verify,
-    witnessed,
 )
 from slamlab.slam._tracking import (
     FLOOR,
@@ -205,7 +205,7 @@ class ScanGraphSlam(ScanSystem):
     # Closures.
 
     def _tie(self, k: int) -> bool:
-        """Look for old places at node k; tell whether closures are witnessed that were not yet."""
+        """Look for old places at node k; tell whether any is confirmed now."""
         if k < 0 or self._travel[k] - self._tried < STRIDE:
             return False
         self._tried = self._travel[k]
@@ -218,7 +218,7 @@ class ScanGraphSlam(ScanSystem):
         fresh = [
             one
             for one in (self.closures if found else ())
-            if one.state == "waiting" and witnessed(one, self.closures, self._poses, self._travel)
+            if one.state == "waiting" and consistent(one, self.closures, self._poses, self._travel)
         ]
         for one in fresh:
             one.state = "confirmed"

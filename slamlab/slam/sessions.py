@@ -27,7 +27,7 @@ from slamlab._files import read_npz
 from slamlab.geometry import between, compose, inverse
 from slamlab.logs import Log, ScanGeometry
 from slamlab.models import ScanSensor
-from slamlab.slam._closures import AROUND, STRIDE, Closure, optimized, witnessed
+from slamlab.slam._closures import AROUND, STRIDE, Closure, consistent, optimized
 from slamlab.slam._joining import GAP, Chain, Tie, more, recognised
 from slamlab.slam._tracking import LEAST_POINTS, Keyframe, scan_points
 from slamlab.slam.pose_graph import PoseGraph
@@ -199,14 +199,14 @@ class Sessions:
             If the system has no node, was fed another log, or the lidar is another one.
         """
         self.check_lidar(log)
-        new, told = _drive(system, log, name), progress or (lambda done, total: None)
-        tie = self._joined(new, told)
+        new, report = _drive(system, log, name), progress or (lambda done, total: None)
+        tie = self._joined(new, report)
         if tie.frame is None:
             self.waiting.append(new)
             return tie
         waiting, more_to_try = self.waiting, True
         while more_to_try:  # what a drive adds to the map may tie another
-            still = [one for one in waiting if self._joined(one, told).frame is None]
+            still = [one for one in waiting if self._joined(one, report).frame is None]
             more_to_try, waiting = 0 < len(still) < len(waiting), still
         self.waiting = waiting
         return tie
@@ -277,7 +277,7 @@ class Sessions:
                     for one in self.closures
                     if one.state == "waiting"
                     and one.j < n <= one.k
-                    and witnessed(one, self.closures, nodes.poses, nodes.travel)
+                    and consistent(one, self.closures, nodes.poses, nodes.travel)
                 ]
                 for one in sure:
                     one.state = "confirmed"
@@ -286,7 +286,7 @@ class Sessions:
                     self._solve()
 
     def _solve(self) -> None:
-        """Bend the map; closures that still do not fit are dropped, and it is bent again."""
+        """Optimise the map; closures that do not fit are dropped, and again."""
         _, all_poses = optimized(self.graph, self.closures)
         ends = np.cumsum([len(one.nodes) for one in self.drives])[:-1]
         for drive, poses in zip(self.drives, np.split(all_poses, ends), strict=True):

@@ -20,7 +20,7 @@ from slamlab.widgets._pack import Figure, script
 __all__ = ["ScanDrag", "Sighting", "WallDrag"]
 
 HEADINGS = (1, 2, 5, 10, 20, 30, 40)
-"""Doubts about the heading (degrees) that the slider of `Sighting` offers."""
+"""Standard deviations of the heading (degrees) that the slider of `Sighting` offers."""
 
 GATES = (0.1, 0.2, 0.3, 0.5, 0.8, 1.2)
 """Gates (m) that the slider of `ScanDrag` offers."""

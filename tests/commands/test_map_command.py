@@ -339,7 +339,7 @@ def test_scans_that_lie_nowhere_name_what_may_be_wrong(tmp_path, capsys):
 
 def round_a_block(file, controls=1.0):
     """A CARMEN log of 180 degrees: five sides of a corridor, wheels whose lengths are scaled."""
-    from tests.slam.test_sessions import drive
+    from tests.slam.ring import drive
 
     log, odometry, lines = drive(0, 0, 5), np.zeros(3), []
     for k, (u, scan) in enumerate(zip(log.u, log.ranges, strict=True)):

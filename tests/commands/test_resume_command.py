@@ -11,7 +11,7 @@ from slamlab.evaluation import ate
 from slamlab.logs import Log
 from slamlab.sensors import Lidar
 from slamlab.slam import PoseGraph, Sessions
-from tests.slam.test_sessions import building, drive
+from tests.slam.ring import building, drive
 
 DRIVES = {"first": (0, 0, 5), "second": (1, 2, 3), "elsewhere": (16, 2, 3, 6)}
 

@@ -35,7 +35,7 @@ def explored(plain, monkeypatch, n=12):
         goals = np.argwhere(np.isfinite(paths.lengths))[::97]
         ways = [paths.to((int(row), int(column))) for row, column in goals]
         gain = grid.expected_gain(poses[:6, :2], 3.0)
-    return np.array(states), grid._doubt, paths.lengths, paths.parents, ways, gain
+    return np.array(states), grid._passes, paths.lengths, paths.parents, ways, gain
 
 
 def test_the_kernels_explore_as_the_plain_code(monkeypatch):

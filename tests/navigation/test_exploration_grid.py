@@ -76,7 +76,7 @@ def seen_by(spans, monkeypatch, seed):
         for scan in (ranges, ranges * 1.5, ranges * 2.0, ranges * 2.5):
             floor.insert(pose, scan, beams)
     monkeypatch.undo()
-    return np.stack([floor.state, floor._doubt])
+    return np.stack([floor.state, floor._passes])
 
 
 def test_cells_that_no_wedge_can_reach_need_no_look(monkeypatch):

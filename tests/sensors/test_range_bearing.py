@@ -37,7 +37,7 @@ def printed_h(pose, landmark, L=0.3):
 
 
 def printed_jacobian(pose, landmark, L=0.3):
-    """P1 (24)-(29) as printed, the sign of (26) and (29) read in the kindest way."""
+    """P1 (24)-(29) as printed, the sign of (26) and (29) in the most favourable reading."""
     px, py = pose[0] - landmark[0], pose[1] - landmark[1]
     c, s = np.cos(pose[2]), np.sin(pose[2])
     dx, dy = px + L * c, py + L * s

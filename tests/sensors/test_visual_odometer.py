@@ -29,7 +29,7 @@ def random_step(rng):
 
 
 def measure(odometer, before, after, rng):
-    seen = odometer.look(before, ROOM, rng), odometer.look(after, ROOM, rng)
+    seen = odometer.observe(before, ROOM, rng), odometer.observe(after, ROOM, rng)
     return odometer.estimate(*odometer.match(*seen, rng), rng)
 
 
@@ -82,7 +82,7 @@ def test_outliers_are_found_and_ruin_the_plain_alignment():
     for _ in range(20):
         before, step, after = random_step(rng)
         pair = odometer.match(
-            odometer.look(before, ROOM, rng), odometer.look(after, ROOM, rng), rng
+            odometer.observe(before, ROOM, rng), odometer.observe(after, ROOM, rng), rng
         )
         motion = odometer.estimate(*pair, rng)
         assert 0.4 < motion.inliers.mean() < 0.8
@@ -207,7 +207,7 @@ def test_noise_is_drawn_for_every_step_and_run():
         (lambda: fit_noise(np.zeros((9, 3)), np.zeros((9, 3))), "at least ten steps"),
         (lambda: fit_noise(np.zeros((9, 3)), np.zeros((8, 3))), "measured_steps: expected"),
         (lambda: CLEAN.project([0, 0], ROOM), "pose: expected shape"),
-        (lambda: CLEAN.look([0, 0, 0], ROOM, 1), "rng: expected a numpy"),
+        (lambda: CLEAN.observe([0, 0, 0], ROOM, 1), "rng: expected a numpy"),
     ],
 )
 def test_bad_input_is_named(make, message):

@@ -86,8 +86,8 @@ def test_each_printed_formula_leaves_the_band(outcome_of, name):
     assert not LOW < score < HIGH, score
 
 
-def test_kindest_signs_give_a_map_that_looks_right_and_a_covariance_that_lies(outcome_of):
-    wrong, right = outcome_of("(26), (27), (29) kindest signs"), outcome_of("repaired")
+def test_favourable_signs_give_a_map_that_looks_right_and_a_covariance_that_lies(outcome_of):
+    wrong, right = outcome_of("(26), (27), (29) best signs"), outcome_of("repaired")
     wrong_map, right_map = (np.sqrt(np.nanmean(map_errors(r) ** 2)) for r in (wrong, right))
     assert wrong_map < 0.05
     assert wrong_map < 1.6 * right_map

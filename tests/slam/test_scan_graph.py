@@ -18,55 +18,17 @@ from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
 from slamlab.slam import ScanGraphSlam
-from slamlab.slam._closures import Closure, candidates, witnessed
-from slamlab.worlds import WallWorld, rooms
+from slamlab.slam._closures import Closure, candidates, consistent
+from slamlab.worlds import rooms
+from tests.slam.ring import LIDAR, drive
 
 DATA = os.environ.get("SLAMLAB_DATA")
 needs_data = pytest.mark.skipif(DATA is None, reason="SLAMLAB_DATA is not set")
-LIDAR = Lidar(180, field_of_view=np.pi, max_range=8.0, sigma_range=0.01)
 
 
-def ring():
-    """A corridor of 2 m round a block, with boxes along its walls as chance has put them."""
-    rng = np.random.default_rng(5)
-    boxes = []
-    for low, high, y in ((0, 14, 0.0), (0, 14, 10.0), (2, 12, 2.0), (2, 12, 8.0)):
-        for x in rng.uniform(low + 0.3, high - 0.9, 5):
-            w, h = rng.uniform(0.2, 0.6), rng.uniform(0.2, 0.5)
-            down = y in (10.0, 2.0)
-            boxes.append(box(x, y - h if down else y, x + w, y if down else y + h))
-    return WallWorld.from_polygons(box(0, 0, 14, 10), box(2, 2, 12, 8), *boxes)
-
-
-def box(left, bottom, right, top):
-    return [[left, bottom], [right, bottom], [right, top], [left, top]]
-
-
-@cache
-def round_trip(seed=0, laps=1.6):
-    """A drive round the ring with drifting wheels: 0.3 m a step."""
-    corners = np.array([[1.2, 1.2], [12.8, 1.2], [12.8, 8.8], [1.2, 8.8]])
-    path = [corners[0]]
-    for k in range(int(4 * laps)):
-        a, b = corners[k % 4], corners[(k + 1) % 4]
-        n = int(np.hypot(*(b - a)) / 0.3)
-        path += [a + (b - a) * i / n for i in range(1, n + 1)]
-    path = np.array(path)
-    step = np.gradient(path, axis=0)
-    heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-    truth = np.column_stack([path, heading])
-    rng = np.random.default_rng(seed)
-    n = len(truth)
-    log = Log(
-        np.arange(n) * 1.0,
-        np.zeros((n, 3)),
-        np.r_[0.0, np.ones(n - 1)],
-        np.zeros((3, 3)),
-        ranges=LIDAR.scan(ring(), truth, rng),
-        scan=LIDAR,
-        truth=truth,
-    )
-    return drifted(log, rng, turn_bias=np.deg2rad(1.5), turn_noise=np.deg2rad(2.5))
+def round_trip(seed=0):
+    """A lap and a half round the ring, with wheels that drift more."""
+    return drive(seed, sides=6, turn_bias=1.5, turn_noise=2.5)
 
 
 @cache
@@ -260,24 +222,24 @@ def drifted_again():
 def test_a_closure_counts_when_two_others_tell_the_same_story():
     poses, travel = drifted_again()
     same = [closure(j, j + 30, [0, 0, 0]) for j in (3, 6, 9)]
-    liar = closure(7, 37, [4.0, 0, 0])
-    everyone = [*same, liar]
-    assert all(witnessed(one, everyone, poses, travel) for one in same)
-    assert not witnessed(liar, everyone, poses, travel)
-    assert not witnessed(same[0], same[:2], poses, travel)
+    outlier = closure(7, 37, [4.0, 0, 0])
+    everyone = [*same, outlier]
+    assert all(consistent(one, everyone, poses, travel) for one in same)
+    assert not consistent(outlier, everyone, poses, travel)
+    assert not consistent(same[0], same[:2], poses, travel)
 
 
-def test_a_good_fit_needs_one_witness_and_two_worse_ones_do_not_outvote_it():
+def test_a_good_fit_needs_one_consistent_closure_and_two_worse_ones_do_not_outvote_it():
     poses, travel = drifted_again()
     good = [closure(j, j + 30, [0, 0, 0], fit=0.9) for j in (3, 6)]
-    liars = [closure(j, j + 30, [4.0, 0, 0], fit=0.65) for j in (4, 5)]
-    everyone = [*good, *liars]
-    assert all(witnessed(one, everyone, poses, travel) for one in good)
-    assert not any(witnessed(one, everyone, poses, travel) for one in liars)
-    assert not witnessed(good[0], [good[0], *liars], poses, travel)
-    for one in liars:
+    outliers = [closure(j, j + 30, [4.0, 0, 0], fit=0.65) for j in (4, 5)]
+    everyone = [*good, *outliers]
+    assert all(consistent(one, everyone, poses, travel) for one in good)
+    assert not any(consistent(one, everyone, poses, travel) for one in outliers)
+    assert not consistent(good[0], [good[0], *outliers], poses, travel)
+    for one in outliers:
         one.fit = 0.95
-    assert not any(witnessed(one, everyone, poses, travel) for one in good)
+    assert not any(consistent(one, everyone, poses, travel) for one in good)
 
 
 # The front end alone slips once on Freiburg (seed 2, 0.34 m; else 0.05): closing mends it.
