@@ -7,87 +7,27 @@ every closure of `ScanGraphSlam` is. Chapter 13; ``slamlab map --resume``.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slamlab._checks import (
-    Array,
-    as_array,
-    as_covariance,
-    as_distances,
-    as_instance,
-    as_shaped,
-)
+from slamlab._checks import as_instance
 from slamlab._files import read_npz
-from slamlab.geometry import between, compose, inverse
+from slamlab.geometry import compose, inverse
 from slamlab.logs import Log, ScanGeometry
 from slamlab.models import ScanSensor
-from slamlab.slam._closures import AROUND, STRIDE, Closure, consistent, optimized
+from slamlab.slam._closures import AROUND, STRIDE, consistent, optimized
+from slamlab.slam._drive import Drive, drive_of
 from slamlab.slam._joining import GAP, Chain, Tie, more, recognised
-from slamlab.slam._tracking import LEAST_POINTS, Keyframe, scan_points
+from slamlab.slam._sessions_file import arrays_of, contents_of
 from slamlab.slam.pose_graph import PoseGraph
 from slamlab.slam.scan_graph import ScanGraphSlam
 
 __all__ = ["Sessions"]
 
-VERSION = 1  # of the file
-_STATES = ("waiting", "confirmed", "rejected")
-_BY_SCAN, _BY_NODE = ("times", "ranges", "offsets"), ("scan_of_node", "poses")
 _SAME_LIDAR = 1e-6  # beams (rad), largest range and offset (m) of one lidar differ by at most this
-_SAME_POSE = 1e-9  # the scan that is a node lies at the node (m, rad)
-_FARTHEST = 1e6  # of what a file holds (m, rad)
-_LONGEST = 200  # letters of a log's name
-
-
-@dataclass(eq=False)
-class Drive:
-    """One drive of a map: its scans, and which of them are nodes.
-
-    Attributes
-    ----------
-    name : str
-        Of the log.
-    times, ranges : ndarray, shapes (T,) and (T, n_beams)
-        When the scans were made (s), and what they measured (m).
-    nodes : list of Keyframe
-        The N scans that are nodes of the graph.
-    scan_of_node : ndarray of int, shape (N,)
-        Which scans these are.
-    poses : ndarray, shape (N, 3)
-        Of the nodes (m, m, rad), in the frame of the map; of a drive that waits, in its own.
-    z, information : ndarray, shapes (N - 1, 3) and (N - 1, 3, 3)
-        Motion from each node to the next, and its information matrix.
-    offsets : ndarray, shape (T, 3)
-        Pose of each scan seen from its node.
-    closures : list of Closure
-        Those within a drive that waits; the map keeps the others.
-    """
-
-    name: str
-    times: Array
-    ranges: Array
-    nodes: list[Keyframe]
-    scan_of_node: NDArray[np.intp]
-    poses: Array
-    z: Array
-    information: Array
-    offsets: Array
-    closures: list[Closure]
-
-    @property
-    def travel(self) -> Array:
-        """Metres driven to each node, shape (N,)."""
-        return np.append(0.0, np.cumsum(np.hypot(self.z[:, 0], self.z[:, 1])))
-
-    @property
-    def trajectory(self) -> Array:
-        """Poses (T, 3) of all scans."""
-        return compose(self.poses[_node_of_scan(self.scan_of_node, len(self.times))], self.offsets)
 
 
 class Sessions:
@@ -136,7 +76,7 @@ class Sessions:
     """
 
     def __init__(self, system: ScanGraphSlam, log: Log, name: str = "") -> None:
-        first = _drive(system, log, name)
+        first = drive_of(system, log, name)
         assert log.scan is not None
         self.scan = _geometry(log.scan)
         self.drives, self.waiting = [first], list[Drive]()
@@ -199,7 +139,7 @@ class Sessions:
             If the system has no node, was fed another log, or the lidar is another one.
         """
         self.check_lidar(log)
-        new, report = _drive(system, log, name), progress or (lambda done, total: None)
+        new, report = drive_of(system, log, name), progress or (lambda done, total: None)
         tie = self._joined(new, report)
         if tie.frame is None:
             self.waiting.append(new)
@@ -313,37 +253,7 @@ class Sessions:
         - `closure_fit` (C, 2): second peak and fit
         - `closure_state` (C,): 0 waiting, 1 confirmed, 2 rejected
         """
-        drives = [*self.drives, *self.waiting]
-        closures, n = list(self.closures), sum(len(one.nodes) for one in self.drives)
-        for drive in self.waiting:
-            closures += [replace(c, j=c.j + n, k=c.k + n) for c in drive.closures]
-            n += len(drive.nodes)
-
-        def each(name: str) -> Array:
-            return np.concatenate([getattr(one, name) for one in drives])
-
-        def of_closures(values: Iterable[Any], *shape: int) -> Array:
-            return np.reshape(list(values), (-1, *shape))
-
-        arrays: dict[str, Any] = {
-            "version": np.array(VERSION),
-            "beam_angles": self.scan.beam_angles,
-            "lidar": np.array([self.scan.max_range, self.scan.offset]),
-            "names": np.array([one.name for one in drives], dtype=str),
-            "joined": np.arange(len(drives)) < len(self.drives),
-            "n_scans": np.array([len(one.times) for one in drives]),
-            "n_nodes": np.array([len(one.nodes) for one in drives]),
-            **{name: each(name) for name in _BY_SCAN + _BY_NODE},
-            "z": np.concatenate([np.pad(one.z, [(1, 0), (0, 0)]) for one in drives]),
-            "information": np.concatenate(
-                [np.pad(one.information, [(1, 0), (0, 0), (0, 0)]) for one in drives]
-            ),
-            "closure_nodes": of_closures(((c.j, c.k) for c in closures), 2).astype(int),
-            "closure_z": of_closures((c.z for c in closures), 3),
-            "closure_cov": of_closures((c.cov for c in closures), 3, 3),
-            "closure_fit": of_closures(((c.second_peak, c.fit) for c in closures), 2),
-            "closure_state": np.array([_STATES.index(c.state) for c in closures], dtype=int),
-        }
+        arrays = arrays_of(self.scan, self.drives, self.waiting, self.closures)
         with open(path, "wb") as file:
             np.savez_compressed(file, **arrays)
 
@@ -359,117 +269,12 @@ class Sessions:
         FileNotFoundError
             If there is no such file.
         """
-        arrays = read_npz(path)
+        arrays, new = read_npz(path), cls.__new__(cls)
         try:
-            return cls._of(arrays)
+            new.scan, new.drives, new.waiting, new.closures = contents_of(arrays)
         except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{path}: expected a map of drives ({str(error)[:200]})") from error
-
-    @classmethod
-    def _of(cls, kept: dict[str, NDArray[Any]]) -> Sessions:
-        """Check all arrays of a file, and build the map."""
-        version = _whole("version", kept["version"], ()).item()
-        if version != VERSION:
-            raise ValueError(
-                f"version: expected {VERSION}, got {version}: map the first log again"
-            )
-        far, offset = as_shaped("lidar", kept["lidar"], (2,)).tolist()
-        scan = ScanGeometry(kept["beam_angles"], far, offset)
-        scans, nodes = (_whole(name, kept[name], ("n",), 1) for name in ("n_scans", "n_nodes"))
-        D, T, N = len(scans), int(scans.sum()), int(nodes.sum())
-        joined, names = _joined_and_names(kept["joined"], kept["names"], D)
-        if len(nodes) != D:
-            raise ValueError(
-                f"n_nodes: expected a number for each of {D} drives, got {len(nodes)}"
-            )
-        ranges = as_distances("ranges", kept["ranges"], (T, scan.n_beams)).astype(float)
-        times = as_array("times", kept["times"], (T,)).astype(float)
-        offsets = _poses("offsets", kept["offsets"], T)
-        rows = _whole("scan_of_node", kept["scan_of_node"], (N,))
-        poses, z = _poses("poses", kept["poses"], N), _poses("z", kept["z"], N)
-        omega = as_shaped("information", kept["information"], (N, 3, 3))
-        ends = np.cumsum(nodes)
-        first, drives = ends - nodes, []
-        omega = _definite("information", omega, np.setdiff1d(np.arange(N), first))
-        of_scans = np.split(np.arange(T), np.cumsum(scans)[:-1])
-        for name, mine, a, b in zip(names.tolist(), of_scans, first, ends, strict=True):
-            keyframes = _keyframes(rows[a:b], ranges[mine], scan)
-            chain = z[a + 1 : b], omega[a + 1 : b]
-            drives.append(
-                Drive(
-                    name, times[mine], ranges[mine], keyframes, rows[a:b], poses[a:b], *chain,
-                    offsets[mine], [],
-                )
-            )  # fmt: skip
-        part = np.repeat(np.where(joined, -1, np.arange(D)), nodes)  # -1: the map
-        closures = _closures_of(kept, part)
-        n = int(nodes[joined].sum())
-        ties = [(c.j, c.k) for c in closures if c.state == "confirmed" and c.k < n]
-        if not _connected(np.repeat(np.arange(D), nodes), ties, int(joined.sum())):
-            raise ValueError("closure_state: expected closures that tie all drives of the map")
-        new = cls.__new__(cls)
-        new.scan, new.closures = scan, [one for one in closures if part[one.k] < 0]
-        new.drives, new.waiting = drives[: joined.sum()], drives[joined.sum() :]
-        for s in range(len(new.drives), D):
-            drives[s].closures = [
-                replace(one, j=one.j - int(first[s]), k=one.k - int(first[s]))
-                for one in closures
-                if part[one.k] == s
-            ]
         return new
-
-
-def _joined_and_names(
-    joined: NDArray[Any], names: NDArray[Any], D: int
-) -> tuple[NDArray[np.bool_], NDArray[np.str_]]:
-    """Which of D drives are in the map, and what they are called; checked."""
-    if joined.shape != (D,) or joined.dtype != bool or not joined[0]:
-        raise ValueError("joined: expected true for the first drives, false for the others")
-    if (np.diff(joined.astype(int)) > 0).any():
-        raise ValueError("joined: expected the drives that wait after those of the map")
-    if names.shape != (D,) or names.dtype.kind != "U":
-        raise ValueError(f"names: expected a word for each of {D} drives")
-    if names.dtype.itemsize > 4 * _LONGEST:
-        raise ValueError(f"names: expected at most {_LONGEST} letters each")
-    return joined, names
-
-
-def _node_of_scan(scan_of_node: NDArray[np.intp], n_scans: int) -> NDArray[np.intp]:
-    """Find the node that each scan is seen from: the last before it, or the first of all."""
-    rows = np.searchsorted(scan_of_node, np.arange(n_scans), "right") - 1
-    return np.maximum(rows, 0)
-
-
-def _drive(system: ScanGraphSlam, log: Log, name: str) -> Drive:
-    """Keep what a drive left; which scans are nodes is found again in the trajectory."""
-    as_instance("system", system, ScanGraphSlam)
-    as_instance("log", log, Log)
-    if log.ranges is None or log.scan is None:
-        raise ValueError("log: expected scans, got none")
-    if not system.nodes:
-        raise ValueError("system: expected scans that see walls, got none with ten points")
-    path, graph = system.trajectory, system.graph()
-    rows = [0]
-    for pose in graph.poses:
-        same = np.abs(between(pose, path[rows[-1] :])).max(-1) < _SAME_POSE
-        rows.append(rows[-1] + int(same.argmax()) if same.any() else len(path))
-    scan_of_node = np.array(rows[1:])
-    if len(path) != len(log) or (np.diff(scan_of_node) < 1).any() or rows[-1] >= len(path):
-        raise ValueError(f"log: expected the {len(path)} scans that the system was fed")
-    node = _node_of_scan(scan_of_node, len(path))
-    n = len(graph.poses)
-    return Drive(
-        str(name)[:_LONGEST],
-        np.array(log.times, dtype=float),
-        np.array(log.ranges, dtype=float),
-        list(system.nodes),
-        scan_of_node,
-        graph.poses.copy(),
-        graph.measurements[: n - 1].copy(),
-        graph.information[: n - 1].copy(),
-        between(graph.poses[node], path),
-        [replace(one) for one in system.closures],
-    )
 
 
 def _geometry(scan: ScanSensor) -> ScanGeometry:
@@ -484,74 +289,3 @@ def _said(scan: ScanGeometry) -> str:
         f"{scan.n_beams} beams from {angles[0]:.1f} to {angles[1]:.1f} degrees up to "
         f"{scan.max_range:g} m{ahead}"
     )
-
-
-# What a file holds is checked here.
-
-
-def _whole(name: str, value: NDArray[Any], shape: Sequence[str | int], low: int = 0) -> Any:
-    """Whole numbers of at least `low`."""
-    array = as_array(name, value, shape)
-    if value.dtype.kind not in "iu" or (array < low).any() or (array > 2**40).any():
-        raise ValueError(f"{name}: expected whole numbers of at least {low}")
-    return value.astype(np.int64)
-
-
-def _poses(name: str, value: NDArray[Any], n: int) -> Array:
-    """Poses or motions (n, 3) of somewhere on Earth."""
-    array = as_array(name, value, (n, 3)).astype(float)
-    if (np.abs(array) > _FARTHEST).any():
-        raise ValueError(f"{name}: expected metres and radians up to {_FARTHEST:g}")
-    return array
-
-
-def _definite(name: str, matrices: Array, rows: Any) -> Array:
-    """Matrices (n, 3, 3), of which those in `rows` are symmetric and positive definite."""
-    out = np.zeros(matrices.shape)
-    out[rows] = as_covariance(name, matrices[rows], 3)
-    values = np.linalg.eigvalsh(out[rows])
-    if len(values) and (values[:, 0] <= 1e-12 * values[:, -1]).any():
-        raise ValueError(f"{name}: expected positive definite matrices, one is singular")
-    return out
-
-
-def _keyframes(rows: NDArray[np.intp], ranges: Array, scan: ScanGeometry) -> list[Keyframe]:
-    """Make the scans that are nodes what they were when they were driven."""
-    if (np.diff(rows) < 1).any() or rows[-1] >= len(ranges):
-        raise ValueError("scan_of_node: expected numbers of scans that grow")
-    points = [scan_points(ranges[row], scan) for row in rows]
-    if min(map(len, points)) < LEAST_POINTS:
-        raise ValueError(f"ranges: expected {LEAST_POINTS} points or more in the scan of a node")
-    return [Keyframe.of(one) for one in points]
-
-
-def _closures_of(kept: dict[str, NDArray[Any]], part: NDArray[np.intp]) -> list[Closure]:
-    """Closures of a file; `part` (N,) tells which nodes are in one frame."""
-    ends = _whole("closure_nodes", kept["closure_nodes"], ("n", 2))
-    C = len(ends)
-    state = _whole("closure_state", kept["closure_state"], (C,))
-    if (ends >= len(part)).any() or (state >= len(_STATES)).any():
-        raise ValueError(f"closure_nodes, closure_state: expected some of {len(part)} nodes")
-    if (ends[:, 0] >= ends[:, 1]).any() or (part[ends[:, 0]] != part[ends[:, 1]]).any():
-        raise ValueError("closure_nodes: expected an older and a newer node of one frame")
-    z = _poses("closure_z", kept["closure_z"], C)
-    cov = as_shaped("closure_cov", kept["closure_cov"], (C, 3, 3))
-    cov = _definite("closure_cov", cov, np.arange(C))
-    fit = as_array("closure_fit", kept["closure_fit"], (C, 2))
-    return [
-        Closure(
-            int(j), int(k), z[i], cov[i], float(fit[i, 0]), float(fit[i, 1]), _STATES[state[i]]
-        )
-        for i, (j, k) in enumerate(ends)
-    ]
-
-
-def _connected(drive: NDArray[np.intp], ties: list[tuple[int, int]], n_drives: int) -> bool:
-    """Whether ties between nodes join the first `n_drives` drives."""
-    reached, before = {0}, 0
-    while len(reached) > before:
-        before = len(reached)
-        for j, k in ties:
-            pair = {int(drive[j]), int(drive[k])}
-            reached |= pair if pair & reached else set()
-    return len(reached) == n_drives

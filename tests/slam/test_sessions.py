@@ -229,3 +229,11 @@ def test_a_damaged_file_is_refused_by_name(name, file_of_both, tmp_path):
     np.savez(path, **arrays)
     with pytest.raises(ValueError, match=f"sessions.npz: expected a map of drives .'{name}"):
         Sessions.load(path)
+
+
+def test_a_file_without_a_count_of_nodes_for_each_drive_is_refused(file_of_both, tmp_path):
+    with np.load(file_of_both) as kept:
+        arrays = dict(kept)
+    np.savez(tmp_path / "few.npz", **(arrays | {"n_nodes": arrays["n_nodes"][:1]}))
+    with pytest.raises(ValueError, match="n_nodes: expected a number for each of 2 drives, got 1"):
+        Sessions.load(tmp_path / "few.npz")

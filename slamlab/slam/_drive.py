@@ -1,0 +1,102 @@
+"""One drive of a map of several: its scans, and which of them are nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamlab._checks import Array, as_instance
+from slamlab.geometry import between, compose
+from slamlab.logs import Log
+from slamlab.slam._closures import Closure
+from slamlab.slam._tracking import Keyframe
+from slamlab.slam.scan_graph import ScanGraphSlam
+
+LONGEST = 200  # letters of a log's name
+_SAME_POSE = 1e-9  # the scan that is a node lies at the node (m, rad)
+
+
+@dataclass(eq=False)
+class Drive:
+    """One drive of a map: its scans, and which of them are nodes.
+
+    Attributes
+    ----------
+    name : str
+        Of the log.
+    times, ranges : ndarray, shapes (T,) and (T, n_beams)
+        When the scans were made (s), and what they measured (m).
+    nodes : list of Keyframe
+        The N scans that are nodes of the graph.
+    scan_of_node : ndarray of int, shape (N,)
+        Which scans these are.
+    poses : ndarray, shape (N, 3)
+        Of the nodes (m, m, rad), in the frame of the map; of a drive that waits, in its own.
+    z, information : ndarray, shapes (N - 1, 3) and (N - 1, 3, 3)
+        Motion from each node to the next, and its information matrix.
+    offsets : ndarray, shape (T, 3)
+        Pose of each scan seen from its node.
+    closures : list of Closure
+        Those within a drive that waits; the map keeps the others.
+    """
+
+    name: str
+    times: Array
+    ranges: Array
+    nodes: list[Keyframe]
+    scan_of_node: NDArray[np.intp]
+    poses: Array
+    z: Array
+    information: Array
+    offsets: Array
+    closures: list[Closure]
+
+    @property
+    def travel(self) -> Array:
+        """Metres driven to each node, shape (N,)."""
+        return np.append(0.0, np.cumsum(np.hypot(self.z[:, 0], self.z[:, 1])))
+
+    @property
+    def trajectory(self) -> Array:
+        """Poses (T, 3) of all scans."""
+        return compose(self.poses[_node_of_scan(self.scan_of_node, len(self.times))], self.offsets)
+
+
+def _node_of_scan(scan_of_node: NDArray[np.intp], n_scans: int) -> NDArray[np.intp]:
+    """Find the node that each scan is seen from: the last before it, or the first of all."""
+    rows = np.searchsorted(scan_of_node, np.arange(n_scans), "right") - 1
+    return np.maximum(rows, 0)
+
+
+def drive_of(system: ScanGraphSlam, log: Log, name: str) -> Drive:
+    """Keep what a drive left; which scans are nodes is found again in the trajectory."""
+    as_instance("system", system, ScanGraphSlam)
+    as_instance("log", log, Log)
+    if log.ranges is None or log.scan is None:
+        raise ValueError("log: expected scans, got none")
+    if not system.nodes:
+        raise ValueError("system: expected scans that see walls, got none with ten points")
+    path, graph = system.trajectory, system.graph()
+    rows = [0]
+    for pose in graph.poses:
+        same = np.abs(between(pose, path[rows[-1] :])).max(-1) < _SAME_POSE
+        rows.append(rows[-1] + int(same.argmax()) if same.any() else len(path))
+    scan_of_node = np.array(rows[1:])
+    if len(path) != len(log) or (np.diff(scan_of_node) < 1).any() or rows[-1] >= len(path):
+        raise ValueError(f"log: expected the {len(path)} scans that the system was fed")
+    node = _node_of_scan(scan_of_node, len(path))
+    n = len(graph.poses)
+    return Drive(
+        str(name)[:LONGEST],
+        np.array(log.times, dtype=float),
+        np.array(log.ranges, dtype=float),
+        list(system.nodes),
+        scan_of_node,
+        graph.poses.copy(),
+        graph.measurements[: n - 1].copy(),
+        graph.information[: n - 1].copy(),
+        between(graph.poses[node], path),
+        [replace(one) for one in system.closures],
+    )
