@@ -12,7 +12,7 @@ import numpy as np
 from slamlab.exercises._draw import drawn, weights
 from slamlab.exercises._report import Array, Check, Ints
 
-__all__ = ["check_looks_needed", "check_predict", "check_update", "check_wander"]
+__all__ = ["check_measurements_needed", "check_predict", "check_update", "check_wander"]
 
 
 # %% [markdown] tags=["chapter"]
@@ -301,17 +301,17 @@ check_update.mistakes = {
 # check_update(only_doors)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 3: how many looks? (pencil first)
+# ## Exercise 3: how many measurements? (pencil first)
 #
 # A place has the prior probability $p_0$ of being where the robot stands. The eye agrees with it,
-# look after look, and is right with probability $p$; all other places disagree with what it sees.
-# After how many looks is the belief in the place at least $g$? On paper: what happens to the
-# *odds* $b / (1 - b)$ in one look?
+# measurement after measurement, and is right with probability $p$; all other places disagree with
+# what it sees. After how many measurements is the belief in the place at least $g$? On paper: what
+# happens to the *odds* $b / (1 - b)$ in one measurement?
 
 
 # %% tags=["exercise"]
-def looks_needed(prior: float, p_right: float, goal: float) -> int:
-    """Smallest number of agreeing looks after which the belief is at least `goal`.
+def measurements_needed(prior: float, p_right: float, goal: float) -> int:
+    """Smallest number of agreeing measurements after which the belief is at least `goal`.
 
     Parameters
     ----------
@@ -332,15 +332,15 @@ def looks_needed(prior: float, p_right: float, goal: float) -> int:
 
 
 # %% active="ipynb" tags=["try"]
-# looks_needed(1 / 6, 0.8, 0.95)
+# measurements_needed(1 / 6, 0.8, 0.95)
 
 # %% [markdown] tags=["hint"]
 # The belief is multiplied by $p$, that in all other places together by $1 - p$; then both are
 # divided by one number.
 
 # %% [markdown] tags=["hint"]
-# Odds are a quotient: the number by which both are divided drops out. So one look multiplies the
-# odds by $p / (1 - p)$.
+# Odds are a quotient: the number by which both are divided drops out. So one measurement
+# multiplies the odds by $p / (1 - p)$.
 
 
 # %% tags=["cases"]
@@ -350,8 +350,8 @@ def _an_eye(rng: np.random.Generator) -> Any:
     )
 
 
-def _looks_drawn(ax: Any, function: Any) -> None:
-    """Draw the belief after each look, and at each goal the number of looks that reaches it."""
+def _measurements_drawn(ax: Any, function: Any) -> None:
+    """Draw the belief after each measurement, and at each goal how many reach it."""
     from slamlab import plots
 
     n, goals = np.arange(9), np.linspace(0.1, 0.99, 30)
@@ -359,49 +359,49 @@ def _looks_drawn(ax: Any, function: Any) -> None:
     ax.plot(n, odds / (1 + odds), "o-", color=plots.COLOURS["truth"], markersize=3, lw=1)
     needed = [float(function(1 / 6, 0.8, goal)) for goal in goals]
     ax.plot(needed, goals, "+", color=plots.COLOURS["estimate"], markersize=7)
-    ax.set(xlabel="looks", ylabel="belief (line), goal (crosses)")
+    ax.set(xlabel="measurements", ylabel="belief (line), goal (crosses)")
 
 
-check_looks_needed = Check(
-    looks_needed,
-    "looks",
+check_measurements_needed = Check(
+    measurements_needed,
+    "measurements",
     {
         "one place in six, an eye right four times of five": (1 / 6, 0.8, 0.95),
-        "believed before the first look": (0.6, 0.8, 0.5),
+        "believed before the first measurement": (0.6, 0.8, 0.5),
         "believed far more than is asked for": (0.99, 0.6, 0.5),
-        "one look is enough": (0.4, 0.9, 0.8),
+        "one measurement is enough": (0.4, 0.9, 0.8),
         "exactly the goal is enough": (0.5, 0.75, 0.75),
-        "far above the goal before the first look": (0.99, 0.6, 0.5),
+        "far above the goal before the first measurement": (0.99, 0.6, 0.5),
         "an eye that hardly knows": (0.5, 0.55, 0.9),
         "any eye": _an_eye,
     },
-    picture=_looks_drawn,
+    picture=_measurements_drawn,
 )
 
 
 # %% tags=["mistakes"]
-def _looks(prior: float, p_right: float, goal: float) -> float:
+def _measurements(prior: float, p_right: float, goal: float) -> float:
     """Looks needed, not rounded."""
     old, each, new = (np.log(p / (1 - p)) for p in (prior, p_right, goal))
     return float((new - old) / each)
 
 
-check_looks_needed.mistakes = {
-    "a number of looks is not negative: the prior may be above the goal already": (
-        lambda prior, p_right, goal: int(np.ceil(_looks(prior, p_right, goal) - 1e-12))
+check_measurements_needed.mistakes = {
+    "a number of measurements is not negative: the prior may be above the goal already": (
+        lambda prior, p_right, goal: int(np.ceil(_measurements(prior, p_right, goal) - 1e-12))
     ),
-    "one look too many where the goal is reached exactly": (
+    "one measurement too many where the goal is reached exactly": (
         lambda prior, p_right, goal: max(
-            0, int(np.floor(_looks(prior, p_right, goal) + 1e-12)) + 1
+            0, int(np.floor(_measurements(prior, p_right, goal) + 1e-12)) + 1
         )
     ),
-    "no look is needed where the prior is enough": (
-        lambda prior, p_right, goal: max(1, looks_needed(prior, p_right, goal))
+    "no measurement is needed where the prior is enough": (
+        lambda prior, p_right, goal: max(1, measurements_needed(prior, p_right, goal))
     ),
-    "one look too few: afterwards the belief is still below the goal": (
+    "one measurement too few: afterwards the belief is still below the goal": (
         "    return n =>     return n - 1"
     ),
-    "one look too many": "    return n =>     return n + 1",
+    "one measurement too many": "    return n =>     return n + 1",
     "the prior was taken for one half": ("odds, n = prior / (1 - prior), 0 => odds, n = 1.0, 0"),
     "odds were compared with a probability: p = odds / (1 + odds)": (
         "odds / (1 + odds) < goal => odds < goal"
@@ -410,17 +410,17 @@ check_looks_needed.mistakes = {
     "the places that disagree got nothing taken off: odds grow by p / (1 - p)": (
         "odds * p_right / (1 - p_right) => odds * p_right / 0.5"
     ),
-    "looks were taken for chances to be wrong all the time: evidence multiplies odds": (
+    "measurements were taken for chances to be wrong all the time: evidence multiplies odds": (
         lambda prior, p_right, goal: int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 3: how many looks
+# ## Solution 3: how many measurements
 #
-# Each look multiplies the odds by $p/(1-p)$, whatever the belief was. With an eye that is right
-# four times of five that is a factor of four: from 1 : 5 over 4 : 5, 16 : 5 and 64 : 5 to 256 :
-# 5.
+# Each measurement multiplies the odds by $p/(1-p)$, whatever the belief was. With an eye that is
+# right four times of five that is a factor of four: from 1 : 5 over 4 : 5, 16 : 5 and 64 : 5 to
+# 256 : 5.
 
 # %% [markdown] tags=["solution"]
 # *The chance that the eye is wrong n times is $(1 - p)^n$* answers another question: it forgets
@@ -430,7 +430,7 @@ check_looks_needed.mistakes = {
 # def chance_to_be_wrong(prior, p_right, goal):
 #     return int(np.ceil(np.log(1 - goal) / np.log(1 - p_right)))
 #
-# check_looks_needed(chance_to_be_wrong)
+# check_measurements_needed(chance_to_be_wrong)
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: lost in the corridor
@@ -512,7 +512,7 @@ check_wander = Check(
     "beliefs",
     {
         "one step with closed eyes": _lost(1, 1.0),
-        "one step and one look": _lost(1),
+        "one step and one measurement": _lost(1),
         "a walk": _lost(8),
         "a walk with closed eyes now and then": _lost(10, 0.5),
     },
@@ -525,7 +525,7 @@ check_wander.mistakes = {
         "predict(belief, *step) => belief",
         "found.append(belief) => found.append(belief := predict(belief, *step))",
     ),
-    "closed eyes were taken for a wall: no look, no update": (
+    "closed eyes were taken for a wall: no measurement, no update": (
         "if saw >= 0 => if True",
         "doors, saw, => doors, max(saw, 0),",
     ),
@@ -533,7 +533,7 @@ check_wander.mistakes = {
     "the robot stands still while its eyes are closed: predict at every step": (
         "predict(belief, *step) => predict(belief, *step) if saw >= 0 else belief"
     ),
-    "the looks were not used": "if saw >= 0 => if False",
+    "the measurements were not used": "if saw >= 0 => if False",
     "nothing was predicted: the robot moves": "predict(belief, *step) => belief + 0.0",
     "only the last belief was returned: expected one after each step": lambda *given: wander(
         *given

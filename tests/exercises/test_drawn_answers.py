@@ -101,7 +101,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch00.check_slam, lambda start, u, w, *rest: (ch00.dead_reckoning(start, u), 0.0)),
         (ch01.check_predict, lambda b, *p: np.roll(b, 1)),
         (ch01.check_update, lambda b, doors, *s: ch01.update(np.ones(12), doors, *s)),
-        (ch01.check_looks_needed, lambda prior, p, goal: ch01.looks_needed(0.5, p, goal)),
+        (ch01.check_measurements_needed, lambda b, p, g: ch01.measurements_needed(0.5, p, g)),
         (ch01.check_wander, lambda b, d, s, seen, p: ch01.wander(b, d, s, np.maximum(seen, 0), p)),
         (ch02.check_predict, lambda m, P, F, Q: ch02.predict(m, P, F, 0 * Q)),
         (ch02.check_update, lambda m, P, z, H, R: (m, P)),
@@ -230,7 +230,7 @@ def test_whatever_comes_is_told_and_never_raised(check, student, message):
 
 def test_a_number_is_told_where_an_array_is_expected(check):
     numbers = (
-        ch01.check_looks_needed,
+        ch01.check_measurements_needed,
         ch02.check_tune,
         ch06.check_first_hit,
         ch06.check_nearest_wall,

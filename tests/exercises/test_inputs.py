@@ -26,7 +26,8 @@ belief beliefs prior goal hints p p_hit p_right p_slip p_stay p_step chance shar
 bound weights u t_a t_b reserve frontier hit
 """
 VARIANCES = """
-sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits looks density wanted
+sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits measurements density
+wanted
 """
 COUNTS = """
 edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents chosen
