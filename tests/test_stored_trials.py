@@ -20,8 +20,6 @@ SEEDS = 20
 FEWER = {
     "grid_logs": "ten drives: twenty take hours",
     "grid_loops": "ten drives, five of 1000 particles: twenty take an hour",
-    "matching": "three drives: twenty take an hour",
-    "victoria_park": "ten seeds of FastSLAM",
 }
 ALL = Namespace(again=True, missing=False, runs=None, row=[])
 

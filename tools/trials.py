@@ -34,6 +34,7 @@ TOOLS = {
     "grid_loops": "grid_loops",
     "league": "league",
     "matching": "matching_table",
+    "park_twins": "park_twins",
     "range_trial": "range_trial",
     "victoria_park": "victoria_park",
 }

@@ -20,9 +20,10 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     trial : str
         "grid_loops": grid FastSLAM round two corridors, "end" (m); "grid_logs": the same on two
         real logs, "error" of the path (m); "matching": scan matchers on these logs, "error" of the
-        path (m); "range_trial": fixed and adaptive ranges over 20 fields of trees: "seen"
-        (landmarks at once), "error" (root mean square of fifty flights, m), "nees" (mean of the
-        pose at the end).
+        path (m); "park_twins": Victoria Park with measurements drawn anew, "trees", "error" of the
+        path, "early" of its first 0.9 km (m); "range_trial": fixed and adaptive ranges over 20
+        fields of trees: "seen" (landmarks at once), "error" (root mean square of fifty flights,
+        m), "nees" (mean of the pose at the end).
 
     Returns
     -------
@@ -34,7 +35,7 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     >>> float(stored_runs("matching")["CSAIL"]["20 scans and closures"]["error"][0])
     0.09
     """
-    names = ("grid_logs", "grid_loops", "matching", "range_trial")
+    names = ("grid_logs", "grid_loops", "matching", "park_twins", "range_trial")
     if trial not in names:
         raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
     stored = json.loads((Path(__file__).parent / "data" / f"{trial}.json").read_text())
