@@ -881,13 +881,13 @@ check_record.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 5: a lidar on a drive
 #
-# What to notice: the heading is used twice, once to send the beam and once to place its end, and
-# both times by the function that owns it. `resolution` appears where metres become cells and
-# where cells become metres, and nowhere else.
+# What to notice: the heading is used twice, once to send the beam and once to place its end. You
+# add it when you send; `scan_to_points` adds it when it places. `resolution` appears where metres
+# become cells and where cells become metres, and nowhere else.
 
 # %% [markdown] tags=["solution"]
 # Now a drive in a room whose truth is known, 60 by 80 cells of 10 cm with a fence and two boxes:
-# twelve poses along a circle. Your ranges beside those of the library; then the map that the
+# twelve poses along an ellipse. Your ranges beside those of the library; then the map that the
 # points draw, every end of a beam moved on by a millimetre into the cell that stopped it. No cell
 # of it may be free in truth.
 
@@ -907,7 +907,7 @@ check_record.mistakes = {
 #
 # ranges, points = record(room, 0.1, poses, 60, 2 * np.pi, 5.0)
 # library = Lidar(60, max_range=5.0).scan(BitmapWorld(room, 0.1), poses)
-# same = np.allclose(ranges, library, atol=1e-9)
+# same = np.allclose(ranges, library, rtol=0, atol=1e-9)
 # drawn, wrong = false_cells(ranges, points)
 # came = np.isfinite(ranges).sum()
 # print(f"{came} of {ranges.size} beams came back, as in the library: {same}")

@@ -476,7 +476,8 @@ check_wall_cov.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # It is tempting to keep the two variances only. Their sizes are right, and a filter that uses
-# them believes that a wall seen far to one side is as good as one seen all around its foot:
+# them takes r and α to err independently. Of a wall seen far to one side they err together: what
+# is well known is where the wall passes its seen part, and that is lost:
 
 # %% active="ipynb" tags=["solution"]
 # def variances_only(along, variances):
