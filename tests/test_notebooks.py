@@ -26,8 +26,8 @@ PAGES = {"index", "questions", "simulator"}
 CHAPTERS = [
     path for path in sorted((ROOT / "notebooks").glob("*.ipynb")) if path.stem not in PAGES
 ]
-# A second page of a chapter (NNb_) has a head, runs and ends; the lesson has the rest.
-SECOND = [path for path in CHAPTERS if re.match(r"\d\db_", path.stem)]
+# Other pages of a chapter (NNb_, NNc_) have a head, run and end; the lesson has the rest.
+SECOND = [path for path in CHAPTERS if re.match(r"\d\d[bc]_", path.stem)]
 CHAPTERS = [path for path in CHAPTERS if path not in SECOND]
 # Chapters whose lesson shows its algorithm whole, in cells of this tag.
 LESSONS = {
@@ -145,10 +145,10 @@ def dead_links(path):
     return found
 
 
-def missing_bones(notebook, second_page=None):
-    """What a chapter lacks; figure and claims may stand on its second page."""
+def missing_bones(notebook, *more_pages):
+    """What a chapter lacks; figure and claims may stand on its other pages."""
     prose = "\n\n".join(c.source for c in notebook.cells if c.cell_type == "markdown")
-    cells = notebook.cells + (second_page.cells if second_page else [])
+    cells = notebook.cells + [cell for page in more_pages for cell in page.cells]
     code = "\n".join(c.source for c in cells if c.cell_type == "code")
     missing = [bone for bone in BONES if not re.search(bone, prose, re.MULTILINE)]
     missing += [part for part in HEADER if part not in prose]

@@ -1,4 +1,4 @@
-"""Grid FastSLAM on two real logs: the stored table of chapter 15b.
+"""Grid FastSLAM on two real logs: the stored table of chapter 15c.
 
 SLAMLAB_DATA=FOLDER python tools/grid_table.py      (some minutes a row; the folder holds the two
 "corrected" logs of the Radish archive, csail and freiburg-101; options as in tools/trials.py)

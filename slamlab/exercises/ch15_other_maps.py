@@ -20,14 +20,16 @@ __all__ = [
 
 
 # %% [markdown] tags=["chapter"]
-# # Exercises 15: two other maps
+# # Exercises 15: Gamma-SLAM and DP-SLAM
 #
 # Five functions, from a cell that learns how rough it is to particles that are weighed by the
-# ground under them; the chapter is [Two other maps](../15_other_maps.ipynb). Replace each `...`
-# and run the check below it as often as you like; each check draws what your function gives.
+# ground under them. Exercises 1 and 5 belong to the lesson [Gamma-SLAM and
+# DP-SLAM](../15_other_maps.ipynb), 2 to 4 to its page on
+# [DP-SLAM](../15c_other_maps.ipynb). Replace each `...` and run the check below it as often as you
+# like; each check draws what your function gives.
 
 # %% [markdown] tags=["solution"]
-# # Solutions 15: two other maps
+# # Solutions 15: Gamma-SLAM and DP-SLAM
 #
 # The exercises are in [Exercises 15](../exercises/15_other_maps.ipynb).
 
@@ -142,9 +144,9 @@ check_gamma_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: where a beam ends
 #
-# A laser beam crosses a row of cells. Each stops it with the chance (B) of the [second
-# page](../15b_other_maps.ipynb), $1 - e^{-(h/d)\,l}$: $h$ hits, $d$ metres travelled in the cell
-# so far, $l$ the way of this beam in it. In which cell does the beam end?
+# A laser beam crosses a row of cells. Each stops it with the chance (B) of the page on
+# [DP-SLAM](../15c_other_maps.ipynb), $1 - e^{-(h/d)\,l}$: $h$ hits, $d$ metres travelled in the
+# cell so far, $l$ the way of this beam in it. In which cell does the beam end?
 
 
 # %% tags=["exercise"]
