@@ -13,7 +13,14 @@ from slamlab.datasets import stored_runs
 from tools import trials as tool
 
 TRIALS = {name: tool.load(name) for name in tool.TOOLS}
-SAMPLE = [(name, *run) for name, trial in TRIALS.items() for run in trial.sample]
+PLAIN_CODE = {
+    "grid_logs": pytest.mark.needs_numba(reason="300 scans of 10 particles take more than 25 s")
+}
+SAMPLE = [
+    pytest.param(name, *run, marks=PLAIN_CODE.get(name, ()))
+    for name, trial in TRIALS.items()
+    for run in trial.sample
+]
 HAS_DATA = "SLAMLAB_DATA" in os.environ
 SEEDS = 20
 # Rows with fewer stored seeds than a trial asks for, and why.

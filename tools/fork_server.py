@@ -34,13 +34,12 @@ LOADED = """
 
 
 def load() -> None:
-    """Import what notebooks import, and let numba settle."""
+    """Import what notebooks import, and let numba settle, where it is installed."""
     for name in LOADED:
         with contextlib.suppress(ImportError):  # the notebook that needs it will say so
             importlib.import_module(name)
-    import numba
-
-    numba.njit(lambda x: x)(0)
+    with contextlib.suppress(ImportError):
+        importlib.import_module("numba").njit(lambda x: x)(0)
     # What is loaded stays: no kernel need look through it for garbage.
     gc.collect()
     gc.freeze()

@@ -96,9 +96,6 @@ def _path() -> None:
         memory.add([2 * np.cos(t), np.sin(2 * t)])
     memory.nearest([0.3, 0.2])
     memory.point_at(0.5)
-    first = memory.segments[0]
-    first.arc_length(0.5)
-    first.self_crossing()
 
 
 def _room() -> BitmapWorld:

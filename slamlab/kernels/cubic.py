@@ -1,6 +1,10 @@
 """One cubic of the plane on [0, 1] in compiled loops: value, box, fit, arc length, nearest point.
 
-P3 sections 2 and 4; a cubic is an array (4, 2), its rows are powers of tau. Chapter 17.
+P3 sections 2 and 4; a cubic is an array (4, 2), its rows are powers of tau.
+
+Chapter 17 calls `fit` 34 803 times, `arc_length_table` 5 349 times and `parameter_at` 6 248 times;
+the plain code takes 20, 78 and 140 times as long, in all 1.9, 4.0 and 1.7 s more. The other
+functions are called by these and by the chain of cubics in `spline`.
 """
 
 from __future__ import annotations

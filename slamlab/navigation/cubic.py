@@ -290,7 +290,6 @@ def bounding_box(c: Array) -> Array:
 # Arc length, P3 section 4.
 
 
-@compiled("cubic.arc_length")
 def arc_length(c: Array, a: float, b: float) -> float:
     """Length from a to b: the integral of the speed, piece by piece between the extrema.
 

@@ -356,22 +356,32 @@ def wavefront(
 
     Among paths of one length the queue's order decides; SciPy's `dijkstra` chooses others.
     """
-    lengths[row, column] = 0.0
-    queue, waiting = deque([(row, column)]), {(row, column)}
+    # Lists are read far faster cell by cell; a frame of cells that do not fit stands round them.
+    width = fits.shape[1] + 2
+    free = np.pad(fits, 1).ravel().tolist()
+    least, before = [np.inf] * len(free), [-1] * len(free)
+    around = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+    steps = [(i * width + j, i * width, j, float(np.hypot(i, j))) for i, j in around]
+    start = (row + 1) * width + column + 1
+    least[start] = 0.0
+    queue, waiting = deque([start]), {start}
     while queue:
-        r, c = queue.popleft()
-        waiting.remove((r, c))
-        for i in range(max(r - 1, 0), min(r + 2, fits.shape[0])):
-            for j in range(max(c - 1, 0), min(c + 2, fits.shape[1])):
-                # A diagonal step must not cut a corner.
-                if not (fits[i, j] and fits[r, j] and fits[i, c]):
-                    continue
-                length = lengths[r, c] + np.hypot(i - r, j - c)
-                if length < lengths[i, j] - 1e-9:
-                    lengths[i, j], parents[i, j] = length, r * fits.shape[1] + c
-                    if (i, j) not in waiting:
-                        waiting.add((i, j))
-                        queue.append((i, j))
+        cell = queue.popleft()
+        waiting.remove(cell)
+        for step, down, aside, far in steps:
+            to = cell + step
+            # A diagonal step must not cut a corner.
+            if not (free[to] and free[cell + down] and free[cell + aside]):
+                continue
+            length = least[cell] + far
+            if length < least[to] - 1e-9:
+                least[to], before[to] = length, cell
+                if to not in waiting:
+                    waiting.add(to)
+                    queue.append(to)
+    lengths[:] = np.reshape(least, (-1, width))[1:-1, 1:-1]
+    r, c = np.divmod(np.reshape(before, (-1, width))[1:-1, 1:-1], width)
+    parents[:] = np.where(r < 0, -1, (r - 1) * fits.shape[1] + c - 1)
 
 
 def corners_of(fits: NDArray[np.bool_], cells: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 from slamlab.commands import main
 
 # In a process of its own, where no other test has called a loop before.
@@ -26,6 +28,7 @@ def test_warm_says_how_long_each_kind_of_loop_took(capsys):
     assert all(line.endswith(" s") for line in lines)
 
 
+@pytest.mark.needs_numba(reason="there is nothing to compile")
 def test_warm_runs_the_loops_that_lessons_call():
     done = subprocess.run(
         [sys.executable, "-c", CALLED], capture_output=True, text=True, check=True
@@ -33,7 +36,7 @@ def test_warm_runs_the_loops_that_lessons_call():
     words = [line.split() for line in done.stdout.splitlines() if line.startswith("warm")]
     warm = {name: int(count) for _, name, count in words}
     asked = "align stamp branch_and_bound search"
-    asked += " arc_length points_at nearest wavefront unknown_area"
+    asked += " arc_length_table points_at nearest wavefront unknown_area"
     asked += " grid_clearance"
     assert set(asked.split()) <= set(warm)
     # Fields of points hold single precision, maps double: a loop for each.

@@ -77,6 +77,7 @@ def ends(size, n_particles, seeds=range(1, 6)):
     return np.array(found)
 
 
+@pytest.mark.needs_numba(reason="1000 scans of 30 particles at 0.08 s take more than a minute")
 def test_2_4_maps_in_particles_come_round_a_short_loop_and_not_a_long_one():
     short, long = ends((12.0, 8.0), 30), ends((24.0, 16.0), 30, (3, 4, 5))
     assert np.median(short) < 0.12
@@ -91,6 +92,7 @@ def test_2_4_the_stored_table_of_loops_is_what_it_says():
 
 @needs_data
 @pytest.mark.slow
+@pytest.mark.needs_numba(reason="2400 scans of 10 or 30 particles at up to 0.27 s take minutes")
 def test_2_4_thirty_particles_come_round_csail_and_ten_are_lost_in_some_runs():
     log = read_carmen(Path(DATA) / "csail-corrected.log.gz", corrected=True)
     errors = {10: [], 30: []}

@@ -14,6 +14,8 @@ from slamlab.worlds import BitmapWorld, free_poses, rooms
 LIDAR = Lidar(120)
 ROOM = rooms.thesis_room()
 SPANS = loops._spans
+# The compiled loop as it is written.
+CELL_BY_CELL = getattr(loops.mark_free, "py_func", loops.mark_free)
 
 
 def floor_of(text, resolution=0.1):
@@ -64,7 +66,7 @@ def seen_by(spans, monkeypatch, seed):
     """State and doubts after scans of random beams among random walls, cell by cell in Python."""
     rng, floor = np.random.default_rng(seed), ExplorationGrid([0, 0, 2.5, 2], 0.1)
     if spans is not None:
-        monkeypatch.setattr(exploration_grid, "mark_free", loops.mark_free.py_func)
+        monkeypatch.setattr(exploration_grid, "mark_free", CELL_BY_CELL)
         monkeypatch.setattr(loops, "_spans", spans)
     for _ in range(8):
         n = int(rng.choice([1, 5, 30, 90]))

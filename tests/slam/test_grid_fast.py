@@ -344,6 +344,7 @@ def test_bad_input_is_named_and_harmless():
 
 @needs_data
 @pytest.mark.slow
+@pytest.mark.needs_numba(reason="292 scans of 30 particles at 0.27 s take more than a minute")
 def test_freiburg_with_drifting_wheels():
     log = read_carmen(Path(DATA) / "freiburg-101-corrected.log.gz", corrected=True)
     poor = drifted(log, np.random.default_rng(1))
@@ -357,6 +358,7 @@ def test_freiburg_with_drifting_wheels():
 
 @needs_data
 @pytest.mark.slow
+@pytest.mark.needs_numba(reason="490 scans of 30 particles at 0.27 s take two minutes")
 def test_five_scans_of_csail_are_turned_off_their_reference():
     log, five = read("csail"), [42, 364, 397, 398, 399]
     off = np.abs(turned(log, [*five, 41, 43, 200, 363, 365, 396, 400]))

@@ -77,6 +77,7 @@ def test_one_level_is_lost_where_three_are_not():
 
 @needs_data
 @pytest.mark.slow
+@pytest.mark.needs_numba(reason="900 scans or more at 36 ms take more than 30 s")
 @pytest.mark.parametrize(("name", "most"), [("csail", 0.45), ("freiburg-101", 0.25)])
 def test_real_logs_with_drifting_wheels(name, most):
     log = read_carmen(Path(DATA) / f"{name}-corrected.log.gz", corrected=True)
