@@ -245,38 +245,40 @@ class NormalEquations:
         self, free: np.ndarray, edges: np.ndarray, names: Callable[[np.ndarray], str] = str
     ) -> None:
         self.free, self.names, self.N = free, names, int(free.sum())
-        place = np.full(free.shape, -1)
+        place = np.full(free.shape, self.N)  # what stays where it is: a row beyond the last
         place[free] = np.arange(self.N)
         self.rows = np.hstack([place[edges[:, 0]], place[edges[:, 1]]]).T.copy()  # (6, m)
-        row, column = self.rows[:, None], self.rows[None]
-        self.used = (row >= 0) & (row <= column)  # the upper triangle serves
-        keys, self.entry = np.unique((column * self.N + row)[self.used], return_inverse=True)
-        ends = np.searchsorted(keys // max(self.N, 1), np.arange(self.N + 1))
-        pattern = np.zeros(len(keys)), keys % max(self.N, 1), ends
-        self.H = sp.csc_matrix(pattern, (self.N, self.N))
+        row, column = np.broadcast_arrays(self.rows[:, None], self.rows[None])
+        upper = (row <= column) & (column < self.N)  # this triangle serves
+        self.used, row, column = np.flatnonzero(upper), row[upper], column[upper]
+        self.H = sp.csc_matrix((np.zeros(len(row)), (row, column)), (self.N, self.N))
+        self.last = self.H.indptr[1:] - 1  # of each column: the diagonal
+        self.H.data = np.arange(self.H.nnz)  # numbered: where in H each used entry is summed
+        self.entry = np.asarray(self.H[row, column]).ravel()
+        self.damped, self.probe = self.H.copy(), np.cos(np.arange(float(self.N)))
         self.factors: Any = None
 
     def fill(self, e: Array, J: Array, information: Array) -> None:
         """Sum H = J^T Omega J and g = J^T Omega e over the edges."""
         OJ = np.einsum("abm,bjm->ajm", information, J)
-        blocks = np.einsum("aim,ajm->ijm", J, OJ)[self.used]
-        data, at = np.bincount(self.entry, blocks, self.H.nnz), self.rows >= 0
-        g = np.bincount(self.rows[at], np.einsum("ajm,am->jm", OJ, e)[at], self.N)
+        blocks = np.einsum("aim,ajm->ijm", J, OJ).take(self.used)
+        data = np.bincount(self.entry, blocks, self.H.nnz)
+        g = np.bincount(self.rows.ravel(), np.einsum("ajm,am->jm", OJ, e).ravel(), self.N)
         if not np.isfinite(data).all():
             raise ValueError("poses: expected a graph of moderate size, the equations overflow")
-        self.H.data, self.g = data, g.astype(np.float64, copy=False)
+        self.H.data, self.g = data, g[: self.N].astype(np.float64, copy=False)
 
     def diagonal(self) -> Array:
         """Diagonal of H: the last entry of each column of an upper triangle."""
-        return self.H.data[self.H.indptr[1:] - 1]
+        return self.H.data[self.last]
 
     def factorise(self, damping: float = 0.0) -> None:
         """Factorise H + damping diag H; its order is found once."""
-        H, first = self.H.copy(), self.factors is None
-        H.data[H.indptr[1:] - 1] *= 1 + damping
+        H, probe, first = self.damped, self.probe, self.factors is None
+        H.data = self.H.data.copy()
+        H.data[self.last] *= 1 + damping
         # Rounding hides an exact zero, so ask for a known vector back: sound graphs of 20000 poses
         # return it to 1e-5, singular ones miss it by its own size.
-        probe = np.cos(np.arange(float(self.N)))
         try:
             self.factors = factorised(H, self.factors)
             sound = np.abs(self.solve(times(H, probe)) - probe).max() < 1e-3
