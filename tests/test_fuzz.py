@@ -414,7 +414,14 @@ GOOD |= (
         "WallSlam.update.measurement": SCAN,
         "MonteCarloLocalization.update.measurement": [[2.0, 0.1]],
         "HectorSlam.predict.u": [0.1, 0.0, 0.01],
-        "Replay.truth": TRACK,
+        "Paths.truth": TRACK,
+        "Paths.estimate": TRACK,
+        "Landmarks.true": POINTS,
+        "Landmarks.estimates": np.tile(POINTS, (3, 1, 1)),
+        "Particles.poses": np.tile(POINTS, (3, 1, 1)),
+        "LidarPoints.points": np.tile(POINTS, (3, 1, 1)),
+        "Occupancy.probability": 0.5 * np.eye(3),
+        "Occupancy.extent": [0.0, 1.0, 0.0, 1.0],
         "name": "belief",
         "WallWorld.from_polygons.polygons": None,
         "error": 0.1 * np.ones(12),
@@ -497,7 +504,6 @@ TRUSTED = (
 FUNCTIONS = {"F", "H", "f", "h", "residual", "run", "make", "propose", "log_likelihood"}
 # Made by the library, for reading; a reader of files has a fuzz of its own.
 RECORDS = {
-    "Replay",
     "Simulator",
     "Sweep",
     "AssociationScores",
@@ -731,7 +737,7 @@ def answer(function, arguments):
 
 # What is drawn holds the figure; records keep what they are given, as it is.
 UNDRESSED = (
-    "plots.", "sweep.", "visual_odometer.MeasuredMotion", "pages.SharedPages",
+    "plots.", "layers.", "sweep.", "visual_odometer.MeasuredMotion", "pages.SharedPages",
     "eight_point.fundamental_matrix",  # of equal points: any antisymmetric matrix fits
 )  # fmt: skip
 

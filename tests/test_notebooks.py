@@ -152,7 +152,7 @@ def missing_bones(notebook, *more_pages):
     code = "\n".join(c.source for c in cells if c.cell_type == "code")
     missing = [bone for bone in BONES if not re.search(bone, prose, re.MULTILINE)]
     missing += [part for part in HEADER if part not in prose]
-    if not re.search(r"\b(Replay(\.of)?|Sweep)\(", code):
+    if not re.search(r"\b(Replay|Sweep)\(", code):
         missing.append("an interactive figure")
     if "plots.claims(" not in code:
         missing.append("the table of claims")

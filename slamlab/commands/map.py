@@ -446,7 +446,7 @@ def _closure_table(system: ScanGraphSlam | Sessions) -> list[str]:
 
 def _replay(result: Run | Resumed) -> list[str]:
     """Show the drive as an interactive figure that needs nothing beside the page."""
-    from slamlab.widgets import Replay
+    from slamlab.widgets import LidarPoints, Paths, Replay
 
     log, path = result.log, result.trajectory
     assert log.ranges is not None
@@ -455,7 +455,8 @@ def _replay(result: Run | Resumed) -> list[str]:
     beams = np.unique(np.linspace(0, log.scan.n_beams - 1, _MOST_BEAMS).astype(int))
     ranges = np.where(log.ranges <= _TRUSTED, log.ranges, np.nan)
     points = log.scan.points(ranges[steps], path[steps])[:, beams]
-    figure = Replay(estimate=path[steps], scans=points, accumulate_scans=True, title="The drive")
+    seen = LidarPoints(points, accumulate=True)
+    figure = Replay(Paths(estimate=path[steps]), seen, title="The drive")
     return [figure.html]
 
 

@@ -103,32 +103,33 @@ def replay(lab: str, system: System, seed: int = 0, drive: int = 0) -> Any:
     ValueError
         If there is no such lab or drive, or the system returns what is none.
     """
-    from slamlab.widgets import Replay
+    from slamlab import widgets
 
     drives = practice(as_choice("lab", lab, tuple(BESIDE)), as_count("seed", seed))
     if as_count("drive", drive) >= len(drives):
         raise ValueError(f"drive: expected 0 to {len(drives) - 1}, got {drive}")
     task = drives[drive]
-    shown: dict[str, Any] = {"title": f"Lab {lab}, {task.setting.name}: yours"}
-    if task.world is not None:
-        shown["walls"] = task.world.segments
+    title = f"Lab {lab}, {task.setting.name}: yours"
+    world: list[Any] = [] if task.world is None else [widgets.WallSegments(task.world.segments)]
     if lab in ("I", "III"):
-        shown["dead_reckoning"] = _dead_reckoned(task)
         if task.setting.beacons is not None:
-            shown["landmarks"] = task.setting.beacons
-        return Replay.of(run(answer(lab, task, system), task.log), **shown)
+            world.append(widgets.Landmarks(task.setting.beacons))
+        beside = widgets.Paths(dead_reckoning=_dead_reckoned(task))
+        return widgets.Replay(
+            run(answer(lab, task, system), task.log), beside, *world, title=title
+        )
     if lab == "II":
         log: Any = task.log
         probability, side, (x, y) = answer("II", task, system)
         rows, columns = np.shape(probability)
-        shown["occupancy"] = probability
-        shown["occupancy_extent"] = [x, x + columns * side, y, y + rows * side]
-        shown["dead_reckoning"] = _dead_reckoned(task)
+        world.append(widgets.Occupancy(probability, [x, x + columns * side, y, y + rows * side]))
+        paths = widgets.Paths(truth=log.truth, dead_reckoning=_dead_reckoned(task))
     else:
         log = driven(task, answer("IV", task, system))
-        shown["estimate"] = log.notes["believed"]
+        paths = widgets.Paths(truth=log.truth, estimate=log.notes["believed"])
     points = task.setting.lidar.points(log.ranges, log.truth)
-    return Replay(times=log.times, truth=log.truth, scans=points[:, ::3], **shown)
+    seen = widgets.LidarPoints(points[:, ::3])
+    return widgets.Replay(paths, seen, *world, times=log.times, title=title)
 
 
 def _dead_reckoned(task: Task) -> Any:

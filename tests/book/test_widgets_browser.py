@@ -19,12 +19,18 @@ from slamlab.widgets import (
     Bars,
     Curves,
     Image,
+    Landmarks,
+    LidarPoints,
+    Occupancy,
+    Particles,
+    Paths,
     Replay,
     ScanDrag,
     Scatter,
     Sighting,
     Sweep,
     WallDrag,
+    WallSegments,
 )
 
 sync_api = pytest.importorskip("playwright.sync_api")
@@ -82,27 +88,26 @@ def page_of(*widgets):
     return PAGE.replace("CSS", widgets[0]._css).replace("STATES", escaped(states))
 
 
-def replay(steps=60, landmarks=6, particles=12, **more):
+def replay(*layers, steps=60, landmarks=6, particles=12, **options):
     rng = np.random.default_rng(4)
     t = np.linspace(0, 2 * np.pi, steps)
     truth = np.stack([4 * np.cos(t), 3 * np.sin(t), t + np.pi / 2], axis=1)
     marks = rng.uniform(-5, 5, (landmarks, 2))
     found = np.broadcast_to(marks, (steps, landmarks, 2)) + 0.1
+    covs = np.tile(0.01 * np.eye(2), (steps, landmarks, 1, 1))
     settings = {
         "times": 0.1 * np.arange(steps),
-        "truth": truth,
-        "estimate": truth + 0.05,
-        "dead_reckoning": truth * 1.1,
-        "covs": np.tile(0.02 * np.eye(2), (steps, 1, 1)),
-        "landmarks": marks,
-        "landmark_estimates": found,
-        "landmark_covs": np.tile(0.01 * np.eye(2), (steps, landmarks, 1, 1)),
-        "particles": truth[:, None] + rng.normal(0, 0.1, (steps, particles, 3)),
         "captions": [f"caption {k}" for k in range(steps)],
         "title": "A replay",
         "question": "Where is the robot?",
     }
-    return Replay(**{**settings, **more})
+    return Replay(
+        Paths(truth, truth + 0.05, truth * 1.1, covs=2 * covs[:, 0]),
+        Landmarks(marks, found, covs),
+        Particles(truth[:, None] + rng.normal(0, 0.1, (steps, particles, 3))),
+        *layers,
+        **(settings | options),
+    )
 
 
 def sweep():
@@ -184,7 +189,7 @@ def pixels(page, k=0):
 
 def test_a_saved_figure_steps_without_a_notebook(window, tmp_path):
     x = np.linspace(0, 5, 20)
-    figure = Replay(estimate=np.column_stack([x, np.sin(x), x]), title="Saved")
+    figure = Replay(Paths(estimate=np.column_stack([x, np.sin(x), x])), title="Saved")
     page, troubles = window.new_page(), []
     page.on("pageerror", lambda error: troubles.append(str(error)))
     page.on("console", lambda m: troubles.append(m.text) if m.type == "error" else None)
@@ -332,9 +337,9 @@ def test_errors_are_drawn_over_time_and_a_tap_goes_to_its_moment(show):
     assert step_of(page) == pytest.approx(29.5, abs=1)  # a drag is no tap
 
 
-@pytest.mark.parametrize("without", ["truth", "estimate"])
-def test_no_plot_of_errors_without_a_truth_or_a_path_to_compare(show, without):
-    page = show(replay(**{without: None, "covs": None, "dead_reckoning": None}))
+@pytest.mark.parametrize("alone", ["truth", "estimate"])
+def test_no_plot_of_errors_without_a_truth_or_a_path_to_compare(show, alone):
+    page = show(Replay(Paths(**{alone: np.zeros((60, 3))}), title="Alone"))
     assert page.locator(".slam-errors").count() == 0
 
 
@@ -361,7 +366,7 @@ def test_pinch_zooms(show):
 
 
 def test_each_layer_can_be_switched_off_and_on(show):
-    page = show(replay(start=30, walls=[[[-5, -5], [5, -5]]]))
+    page = show(replay(WallSegments([[[-5, -5], [5, -5]]]), start=30))
     chips = page.locator(".slam-chip")
     assert chips.count() == 8
     full = pixels(page)
@@ -376,7 +381,7 @@ def test_each_layer_can_be_switched_off_and_on(show):
 def test_accumulated_scans_grow_and_depend_only_on_the_step(show):
     rng = np.random.default_rng(2)
     scans = rng.uniform(-5, 5, (60, 40, 2))
-    page = show(replay(scans=scans, accumulate_scans=True, beams=True, start=40))
+    page = show(replay(LidarPoints(scans, beams=True, accumulate=True), start=40))
     there = pixels(page)
     page.locator(".slam-canvas").focus()
     for key in ("Home", "End"):
@@ -390,8 +395,8 @@ def test_accumulated_scans_grow_and_depend_only_on_the_step(show):
 
 def test_occupancy_holds_from_its_step_on(show):
     maps = np.stack([np.zeros((6, 6)), np.eye(6)])
-    world = {"occupancy": maps, "occupancy_extent": (-3, 3, -3, 3), "occupancy_steps": [0, 5]}
-    page = show(Replay(captions=["same"] * 10, start=4, **world))
+    world = Occupancy(maps, extent=(-3, 3, -3, 3), steps=[0, 5])
+    page = show(Replay(world, captions=["same"] * 10, start=4))
     page.locator(".slam-canvas").focus()
     free = pixels(page)
     page.keyboard.press("ArrowRight")

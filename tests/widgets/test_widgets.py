@@ -5,11 +5,32 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from slamlab.widgets import Bars, Curves, Image, Replay, Scatter, Sweep, _pack
+from slamlab.evaluation import run
+from slamlab.localization import DeadReckoning
+from slamlab.logs import Log
+from slamlab.robots import Unicycle
+from slamlab.sensors import Lidar
+from slamlab.widgets import (
+    Bars,
+    Curves,
+    Image,
+    Landmarks,
+    LidarPoints,
+    Occupancy,
+    Particles,
+    Paths,
+    Replay,
+    Scatter,
+    Sweep,
+    WallSegments,
+    _pack,
+)
+from slamlab.widgets.layers import ARGUMENTS
 
 STEPS = 12
 
@@ -22,15 +43,14 @@ def big_replay():
     rng = np.random.default_rng(3)
     truth = rng.normal(size=(500, 3)).cumsum(axis=0)
     return Replay(
+        Paths(truth, truth + 0.1, truth + 0.3, covs=np.tile(np.eye(3), (500, 1, 1))),
+        Landmarks(
+            rng.normal(size=(20, 2)),
+            rng.normal(size=(500, 20, 2)),
+            np.tile(np.eye(2), (500, 20, 1, 1)),
+        ),
+        Particles(truth[:, None] + rng.normal(size=(500, 100, 3))),
         times=np.arange(500) * 0.1,
-        truth=truth,
-        estimate=truth + 0.1,
-        dead_reckoning=truth + 0.3,
-        covs=np.tile(np.eye(3), (500, 1, 1)),
-        landmarks=rng.normal(size=(20, 2)),
-        landmark_estimates=rng.normal(size=(500, 20, 2)),
-        landmark_covs=np.tile(np.eye(2), (500, 20, 1, 1)),
-        particles=truth[:, None] + rng.normal(size=(500, 100, 3)),
         captions=[f"caption of step {k}" for k in range(500)],
     )
 
@@ -100,14 +120,14 @@ def test_script_is_one_text_that_names_no_address(widget):
 
 
 def test_repr_is_the_same_for_the_same_figure_and_has_no_address():
-    first, second = Replay(truth=line()), Replay(truth=line())
+    first, second = Replay(Paths(truth=line())), Replay(Paths(truth=line()))
     assert repr(first) == repr(second) == "Replay(12 steps of truth)"
     sweep = Sweep({"n": [1, 2]}, [Curves("c", [0, 1], {"a": [0, 1]}, "x", "y")])
     assert repr(sweep) == "Sweep(n: 2; 1 panels)"
 
 
 def test_two_figures_share_nothing():
-    first, second = Replay(truth=line(), title="one"), Replay(truth=line(), title="two")
+    first, second = (Replay(Paths(truth=line()), title=name) for name in ("one", "two"))
     first.step = 5
     first.payload["arrays"].clear()
     assert second.step == 0
@@ -115,24 +135,37 @@ def test_two_figures_share_nothing():
     assert second.payload["title"] == "two"
 
 
+@pytest.mark.parametrize(
+    "dress", [np.ndarray.tolist, np.asfortranarray, lambda a: a.astype(">f8")]
+)
+def test_the_same_numbers_in_other_clothes_are_drawn_alike(dress):
+    cloud, unlike = np.random.default_rng(0).normal(size=(2, STEPS, 4, 2))
+    layers = LidarPoints(dress(cloud)), Particles(dress(cloud)), Paths(dress(cloud[:, 0]))
+    plain = Replay(LidarPoints(cloud), Particles(cloud), Paths(cloud[:, 0])).payload
+    assert Replay(*layers).payload == plain
+    assert Replay(*layers, Particles(dress(unlike))).payload != plain
+
+
 def test_start_counts_from_the_end_when_negative():
-    assert Replay(truth=line(), start=-1).step == STEPS - 1
+    assert Replay(Paths(truth=line()), start=-1).step == STEPS - 1
 
 
 def test_step_outside_the_run_is_refused():
     with pytest.raises(ValueError, match="step"):
-        Replay(truth=line()).step = STEPS
+        Replay(Paths(truth=line())).step = STEPS
 
 
 def test_one_dimensional_world_lies_at_y_zero():
-    replay = Replay(truth=np.arange(5.0), particles=np.zeros((5, 8)), landmarks=[1.0, 2.0])
+    replay = Replay(Paths(np.arange(5.0)), Particles(np.zeros((5, 8))), Landmarks([1.0, 2.0]))
     assert replay.payload["arrays"]["truth"]["shape"] == [5, 2]
     assert (numbers(replay.payload["arrays"]["truth"])[:, 1] == 0).all()
     assert replay.payload["arrays"]["particles"]["shape"] == [5, 8, 2]
 
 
 def test_bounds_hold_all_that_is_drawn():
-    low_x, high_x, low_y, high_y = Replay(truth=line(), landmarks=[[30, -4]]).payload["bounds"]
+    low_x, high_x, low_y, high_y = Replay(Paths(truth=line()), Landmarks([[30, -4]])).payload[
+        "bounds"
+    ]
     assert low_x < 0
     assert high_x > 30
     assert low_y < -4
@@ -140,78 +173,94 @@ def test_bounds_hold_all_that_is_drawn():
 
 
 COVS = np.tile(np.eye(2), (STEPS, 1, 1))
-REFUSED_REPLAYS = {
-    "nothing given": ({}, "truth"),
-    "lengths differ": ({"truth": line(), "estimate": line(11)}, "estimate: expected 12 steps"),
-    "NaN pose": ({"truth": line() * np.nan}, "truth"),
-    "infinite scan": ({"truth": line(), "scans": np.full((STEPS, 3, 2), np.inf)}, "scans"),
-    "four columns": ({"truth": np.zeros((STEPS, 4))}, "truth"),
-    "text": ({"truth": ["a"] * STEPS}, "truth"),
-    "scalar": ({"truth": 3.0}, "truth"),
-    "no steps": ({"truth": np.zeros((0, 3))}, "truth"),
-    "time runs back": ({"truth": line(), "times": -np.arange(STEPS)}, "times"),
-    "ellipse of nobody": ({"truth": line(), "covs": COVS}, "estimate"),
-    "indefinite": ({"estimate": line(), "covs": -COVS}, "covs"),
-    "covs too short": ({"estimate": line(), "covs": COVS[:5]}, "covs"),
+TRUTH = Paths(truth=line())
+PLACE = (0, 1, 0, 1)
+REFUSED_LAYERS = {
+    "NaN pose": (lambda: Paths(truth=line() * np.nan), "Paths.truth"),
+    "four columns": (lambda: Paths(wrong=np.zeros((STEPS, 4))), "Paths.wrong"),
+    "text": (lambda: Paths(truth=["a"] * STEPS), "Paths.truth"),
+    "scalar": (lambda: Paths(truth=3.0), "Paths.truth"),
+    "lengths differ": (lambda: Paths(line(), line(11)), r"Paths.estimate: expected shape \(12, "),
+    "ellipse of nobody": (lambda: Paths(truth=line(), covs=COVS), "Paths.estimate"),
+    "indefinite": (lambda: Paths(estimate=line(), covs=-COVS), "Paths.covs"),
+    "covs too short": (lambda: Paths(estimate=line(), covs=COVS[:5]), "Paths.covs"),
+    "NaN landmark": (lambda: Landmarks([[0.0, np.nan]]), "Landmarks.true"),
     "covs of landmarks nobody saw": (
-        {"truth": line(), "landmark_covs": np.zeros((STEPS, 2, 2, 2))},
-        "landmark_estimates",
+        lambda: Landmarks([[0, 0]], covs=np.zeros((STEPS, 2, 2, 2))),
+        "Landmarks.estimates",
     ),
-    "captions too few": ({"truth": line(), "captions": ["a"]}, "captions"),
-    "caption is a number": ({"truth": line(), "captions": [1] * STEPS}, "captions"),
-    "walls are points": ({"truth": line(), "walls": np.zeros((3, 2))}, "walls"),
-    "map without place": ({"truth": line(), "occupancy": np.zeros((3, 3))}, "occupancy_extent"),
-    "map beyond one": (
-        {"truth": line(), "occupancy": np.full((3, 3), 2.0), "occupancy_extent": (0, 1, 0, 1)},
-        "occupancy",
+    "covs of too few landmarks": (
+        lambda: Landmarks(None, np.zeros((STEPS, 3, 2)), np.zeros((STEPS, 2, 2, 2))),
+        "Landmarks.covs",
     ),
-    "map after the end": (
-        {
-            "truth": line(),
-            "occupancy": np.zeros((2, 3, 3)),
-            "occupancy_extent": (0, 1, 0, 1),
-            "occupancy_steps": [0, STEPS],
-        },
-        "occupancy_steps",
+    "one cloud": (lambda: Particles([1.0, 2.0]), "Particles.poses"),
+    "NaN particle": (lambda: Particles(np.full((STEPS, 5, 3), np.nan)), "Particles.poses"),
+    "infinite scan": (lambda: LidarPoints(np.full((STEPS, 3, 2), np.inf)), "LidarPoints.points"),
+    "walls are points": (lambda: WallSegments(np.zeros((3, 2))), "WallSegments.segments"),
+    "map beyond one": (lambda: Occupancy(np.full((3, 3), 2.0), PLACE), "Occupancy.probability"),
+    "no cells": (lambda: Occupancy(np.zeros((0, 3)), PLACE), "Occupancy.probability"),
+    "map without area": (lambda: Occupancy(np.zeros((3, 3)), (0, 0, 0, 1)), "Occupancy.extent"),
+    "maps in disorder": (
+        lambda: Occupancy(np.zeros((2, 3, 3)), PLACE, [5, 0]),
+        "Occupancy.steps",
     ),
-    "bounds turned over": ({"truth": line(), "bounds": (1, 0, 0, 1)}, "bounds"),
-    "start beyond": ({"truth": line(), "start": STEPS}, "start"),
-    "start is a half": ({"truth": line(), "start": 0.5}, "start"),
-    "no height": ({"truth": line(), "height": 0}, "height"),
-    "standing still": ({"truth": line(), "fps": 0}, "fps"),
-    "negative robot": ({"truth": line(), "robot_radius": -1}, "robot_radius"),
-    "title is a number": ({"truth": line(), "title": 3}, "title"),
+    "a map too many": (lambda: Occupancy(np.zeros((2, 3, 3)), PLACE, [5]), "Occupancy.steps"),
 }
+REFUSED_REPLAYS = {
+    "an array": ((line(),), {}, r"run: expected a Run or a layer such as Paths\(estimate=poses\)"),
+    "an array as well": ((TRUTH, line()), {}, "layers: expected a layer such as Paths"),
+    "nothing moves": ((Landmarks([[0, 0]]),), {}, "layers: expected at least one that varies"),
+    "lengths differ": (
+        (TRUTH, Particles(np.zeros((11, 4, 3)))),
+        {},
+        "Particles.poses: expected 12 steps as in Paths.truth, got 11",
+    ),
+    "no steps": ((Paths(truth=np.zeros((0, 3))),), {}, "Paths.truth: expected at least one step"),
+    "time runs back": ((TRUTH,), {"times": -np.arange(STEPS)}, "times"),
+    "time too short": ((TRUTH,), {"times": np.arange(11)}, "times: expected 12 steps"),
+    "captions too few": ((TRUTH,), {"captions": ["a"]}, "captions"),
+    "caption is a number": ((TRUTH,), {"captions": [1] * STEPS}, "captions"),
+    "map after the end": (
+        (TRUTH, Occupancy(np.zeros((2, 3, 3)), PLACE, [0, STEPS])),
+        {},
+        "Occupancy.steps",
+    ),
+    "bounds turned over": ((TRUTH,), {"bounds": (1, 0, 0, 1)}, "bounds"),
+    "start beyond": ((TRUTH,), {"start": STEPS}, "start"),
+    "start is a half": ((TRUTH,), {"start": 0.5}, "start"),
+    "no height": ((TRUTH,), {"height": 0}, "height"),
+    "standing still": ((TRUTH,), {"fps": 0}, "fps"),
+    "negative robot": ((TRUTH,), {"robot_radius": -1}, "robot_radius"),
+    "title is a number": ((TRUTH,), {"title": 3}, "title"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_LAYERS)
+def test_layer_refuses_and_names_the_argument(case):
+    make, name = REFUSED_LAYERS[case]
+    with pytest.raises(ValueError, match=f"^{name}"):
+        make()
 
 
 @pytest.mark.parametrize("case", REFUSED_REPLAYS)
 def test_replay_refuses_and_names_the_argument(case):
-    arguments, name = REFUSED_REPLAYS[case]
+    layers, options, name = REFUSED_REPLAYS[case]
     with pytest.raises(ValueError, match=f"^{name}"):
-        Replay(**arguments)
+        Replay(*layers, **options)
 
 
 def test_every_argument_of_a_replay_is_accepted_at_once():
+    unseen = np.full((STEPS, 1, 2), np.nan)
     replay = Replay(
+        Paths(line(), line(), line(), line(), covs=COVS),
+        Landmarks([[0, 0]], estimates=unseen, covs=np.full((STEPS, 1, 2, 2), np.nan)),
+        Particles(np.zeros((STEPS, 4, 3))),
+        LidarPoints(np.full((STEPS, 6, 2), np.nan), beams=True, accumulate=True),
+        WallSegments([[[0, 0], [1, 1]]]),
+        Occupancy(np.full((2, 3, 3), 0.5), extent=PLACE, steps=[0, 5]),
         times=np.arange(STEPS),
-        truth=line(),
-        estimate=line(),
-        dead_reckoning=line(),
-        wrong=line(),
-        covs=COVS,
-        landmarks=[[0, 0]],
-        landmark_estimates=np.full((STEPS, 1, 2), np.nan),
-        landmark_covs=np.full((STEPS, 1, 2, 2), np.nan),
-        particles=np.zeros((STEPS, 4, 3)),
-        scans=np.full((STEPS, 6, 2), np.nan),
-        accumulate_scans=True,
-        beams=True,
-        walls=[[[0, 0], [1, 1]]],
-        occupancy=np.full((2, 3, 3), 0.5),
-        occupancy_extent=(0, 1, 0, 1),
-        occupancy_steps=[0, 5],
-        bounds=(-1, 7, -1, 1),
         captions=["x"] * STEPS,
+        bounds=(-1, 7, -1, 1),
         title="t",
         question="q",
         height=300,
@@ -221,6 +270,62 @@ def test_every_argument_of_a_replay_is_accepted_at_once():
     )
     assert json.dumps(replay.payload, allow_nan=False)
     assert replay.payload["maps"]["steps"] == [0, 5]
+    assert replay.payload["beams"]
+    assert replay.payload["accumulate"]
+    assert set(replay.payload["arrays"]) == set(ARGUMENTS)
+
+
+def a_run():
+    """Dead reckoning along x with two landmarks and a lidar in the log."""
+    log = Log(
+        np.arange(STEPS),
+        np.tile([0.5, 0.0], (STEPS, 1)),
+        np.minimum(np.arange(STEPS), 1),
+        np.eye(2) * 0.01,
+        ranges=np.full((STEPS, 3), 2.0),
+        scan=Lidar(3, 1.0, 10.0),
+        truth=line(),
+        landmarks=[[1.0, 1.0], [2.0, -1.0]],
+    )
+    return run(DeadReckoning(Unicycle(), [0, 0, 0]), log)
+
+
+def test_a_run_shows_what_its_log_knows():
+    replay = Replay(a_run())
+    assert repr(replay) == f"Replay({STEPS} steps of ellipses, estimate, landmarks, scans, truth)"
+    np.testing.assert_allclose(numbers(replay.payload["arrays"]["estimate"]), line(), atol=1e-4)
+    assert replay.payload["times"] is not None
+
+
+def test_a_run_shows_what_was_recorded():
+    maps = [np.ones((min(k, 2), 2)) for k in range(STEPS)]
+    covs = [np.tile(np.eye(2), (len(one), 1, 1)) for one in maps]
+    clouds = [np.full((4, 3), float(k)) for k in range(STEPS)]
+    kept = {"landmarks": maps, "landmark_covs": covs, "poses": clouds}
+    arrays = Replay(replace(a_run(), recorded=kept)).payload["arrays"]
+    seen = np.isfinite(numbers(arrays["landmark_estimates"])[..., 0])
+    np.testing.assert_array_equal(seen.sum(axis=1), [len(one) for one in maps])
+    np.testing.assert_array_equal(np.isfinite(numbers(arrays["landmark_ellipses"])[..., 0]), seen)
+    np.testing.assert_allclose(numbers(arrays["particles"]), clouds, atol=1e-3)
+
+
+def test_a_layer_takes_the_place_of_the_same_from_the_run_and_of_nothing_else():
+    alone = Replay(a_run()).payload["arrays"]
+    beside = Replay(a_run(), Paths(dead_reckoning=line() + 1)).payload["arrays"]
+    assert beside == alone | {"dead_reckoning": beside["dead_reckoning"]}
+    moved = Replay(a_run(), Paths(truth=line() + 1)).payload["arrays"]
+    assert moved["truth"] == beside["dead_reckoning"] != alone["truth"]
+    assert moved["ellipses"] == alone["ellipses"]
+
+
+def test_another_estimate_does_not_keep_the_ellipses_of_the_run():
+    assert "ellipses" not in Replay(a_run(), Paths(estimate=line())).payload["arrays"]
+    both = Paths(estimate=line(), covs=COVS), Paths(truth=line())
+    assert "ellipses" in Replay(*both).payload["arrays"]
+    found = Landmarks(None, np.zeros((STEPS, 2, 2)), np.tile(np.eye(2), (STEPS, 2, 1, 1)))
+    assert "landmark_ellipses" in Replay(found).payload["arrays"]
+    again = Landmarks(estimates=np.ones((STEPS, 2, 2)))
+    assert "landmark_ellipses" not in Replay(found, again).payload["arrays"]
 
 
 X = np.linspace(0.0, 1.0, 5)
@@ -308,7 +413,7 @@ def test_sweep_refuses_and_names_the_argument(case):
 
 
 def test_a_figure_is_saved_as_one_page_that_asks_for_nothing(tmp_path):
-    figure = Replay(estimate=np.zeros((3, 3)), title="a </script> & b")
+    figure = Replay(Paths(estimate=np.zeros((3, 3))), title="a </script> & b")
     path = figure.save(tmp_path / "drive.html")
     page = path.read_text(encoding="utf-8")
     assert path == tmp_path / "drive.html"
