@@ -311,7 +311,7 @@ check_update.mistakes = {
 
 # %% tags=["exercise"]
 def measurements_needed(prior: float, p_right: float, goal: float) -> int:
-    """Smallest number of agreeing measurements after which the belief is at least `goal`.
+    """Fewest agreeing measurements after which the belief is at least `goal`.
 
     Parameters
     ----------
