@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from slamlab.kernels import COMPILED
 from slamlab.navigation.cubic import Cubic
 from slamlab.navigation.path_memory import VARIANTS, PathMemory
 from slamlab.navigation.spline import Spline
@@ -95,7 +96,8 @@ def lissajous(rng, n):
 KINDS = [wander, lattice, noisy_lattice, out_and_back, jitter, lissajous]
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+# On plain code twenty paths take 15 s.
+@settings(derandomize=True, deadline=None, max_examples=200 if COMPILED else 20)
 @given(
     st.integers(0, 2**31),
     st.sampled_from(KINDS),

@@ -270,6 +270,7 @@ def test_it_holds_where_the_wheels_drift_away():
     assert ate(np.array(dead), log.truth).rmse > 0.06
 
 
+@pytest.mark.needs_numba(reason="two drives of 150 particles take more than 20 s")
 def test_many_blind_particles_weighed_by_penetration_do_better_than_the_wheels():
     log = office()
     good = run(slam(n_particles=150, model="penetration", temper=0.2, sigma=0.13), log)
