@@ -339,9 +339,9 @@ check_edge_error.mistakes = {
 # measurement. Both are the same operation, used twice.
 
 # %% [markdown] tags=["solution"]
-# Forgetting to wrap fails where the two headings differ by more than half a turn as numbers, and
-# nowhere else. That is how it hides in a program: it works until a robot crosses the angle of 180
-# degrees.
+# Forgetting to wrap fails where $\theta_j - \theta_i - \theta_z$ is more than half a turn as a
+# number, and nowhere else. With small errors that happens only where one of the headings, or the
+# measured turn, has crossed the angle of 180 degrees. That is how it hides in a program.
 
 # %% active="ipynb" tags=["solution"]
 # def unwrapped(pose_i, pose_j, z):
@@ -469,9 +469,9 @@ check_edge_jacobian.mistakes = {
 # displacement, which grows with the distance.
 
 # %% [markdown] tags=["solution"]
-# Leaving out the swing keeps every entry of the right size when the two poses are close together.
-# Chapter 00 shows what it does to a building: Gauss-Newton goes down, stands still, and is not at
-# the minimum.
+# Leaving out the swing sets two entries to zero whose size, together, is the distance of the two
+# poses: close together they are hardly missed. Chapter 00 shows what it does to a building:
+# Gauss-Newton goes down, stands still, and is not at the minimum.
 
 # %% active="ipynb" tags=["solution"]
 # def without_swing(pose_i, pose_j, z):
@@ -486,9 +486,9 @@ check_edge_jacobian.mistakes = {
 #
 # One step of Gauss-Newton: every edge adds its $A^\top \Omega A$ to $H$ and its $A^\top \Omega\,
 # e$ to $b$, in the rows of its two poses; then $H\,\delta = -b$ is solved, with the first pose
-# held fixed. On a chain of poses that
-# has no closure this program ends where it should. In a building it does not. Run the check, find
-# the two bugs, repair them.
+# held fixed. Started from dead reckoning, on a drive that has no closure and never faces west,
+# this program stays where it should. In a building it does not. Run the check, find the two bugs,
+# repair them.
 
 
 # %% tags=["exercise"]
@@ -685,14 +685,14 @@ check_relax.mistakes = {
 # The first bug: `b[rows] = ...` writes where it must add. In a pose that has two edges the second
 # one overwrites what the first one wanted. A chain whose edges contradict nothing does not
 # notice, for there all that is written is zero.
-# The second bug: the turn between two headings is not wrapped. Both hide until a robot closes a
-# loop and drives west.
+# The second bug: the turn between two headings is not wrapped. Started from dead reckoning, the
+# first hides until a robot closes a loop, the second until it faces west.
 
 # %% [markdown] tags=["solution"]
 # A mistake of another kind: an $H$ without the information of its edges. The place where its
 # steps would end is the right one, for there $b$ is zero whatever $H$ is; the steps have the
-# wrong length. With informations of ten and more they overshoot, by 15 m where a motion was
-# measured twice:
+# wrong length. With informations of more than one they overshoot, by 15 m where a motion
+# was measured twice:
 
 # %% active="ipynb" tags=["solution"]
 # def unweighted(poses, edges, z, omega):

@@ -150,7 +150,7 @@ check_predict.mistakes = {
         "F @ cov @ F.T + Q => F @ (cov + Q) @ F.T"
     ),
     "Q was added twice": "+ Q => + 2 * Q",
-    "Q was subtracted: predicting never makes the belief sharper": "+ Q => - Q",
+    "Q was subtracted: the noise of the motion adds uncertainty": "+ Q => - Q",
     "`*` multiplies entry by entry: matrices are multiplied by `@`": (
         "F @ cov @ F.T => F * cov * F.T"
     ),
@@ -166,8 +166,8 @@ check_predict.mistakes = {
 # covariance is multiplied from both sides; the noise of the motion comes on top, unturned.
 
 # %% [markdown] tags=["solution"]
-# Forgetting the transpose passes whenever the covariance is zero or F is symmetric, and gives a
-# matrix that is no covariance otherwise:
+# Forgetting the transpose passes whenever the covariance is zero or F is symmetric, and otherwise
+# gives, with rare exceptions, a matrix that is not even symmetric:
 
 # %% active="ipynb" tags=["solution"]
 # def without_transpose(mean, cov, F, Q):
@@ -287,9 +287,10 @@ check_update.mistakes = {
 # Five formulas, five lines.
 
 # %% [markdown] tags=["solution"]
-# P1 prints its gain (34) with a $+ R$ behind it. In most filters the shapes do not even fit;
-# where they do, because as many numbers are measured as are estimated, the filter runs and is
-# wrong:
+# P1 prints its gain (34) with a $+ R$ behind it. In most filters the two matrices have different
+# shapes, and there is no such sum. Where as many numbers are measured as are estimated, the filter
+# runs and is wrong. It runs also with a single reading or a single state, where NumPy stretches
+# the smaller matrix over the larger:
 
 # %% active="ipynb" tags=["solution"]
 # def as_printed_in_p1(mean, cov, z, H, R):
@@ -371,14 +372,14 @@ check_joseph = Check(
 
 # %% tags=["mistakes"]
 check_joseph.mistakes = {
-    "this is the short form (I - K H) P: right for the optimal gain only": (
+    "this is the short form (I - K H) P: right for the optimal gain, not for any": (
         "A @ cov @ A.T + K @ R @ K.T => A @ cov"
     ),
     "the noise of the sensor is missing: K R K^T must be added": " + K @ R @ K.T => ",
     "the second factor must be transposed: A P A^T": "A.T => A",
     "the transpose stands on the wrong side: A P A^T": "A @ cov @ A.T => A.T @ cov @ A",
     "K R K^T must be added, not subtracted": "+ K @ R => - K @ R",
-    "this is P - K S K^T: right for the optimal gain only": (
+    "this is P - K S K^T: right for the optimal gain, not for any": (
         "A @ cov @ A.T + K @ R @ K.T => cov - K @ (H @ cov @ H.T + R) @ K.T"
     ),
     "the gain around R is missing: R lives in the world of the measurement": ("K @ R @ K.T => R"),
@@ -393,7 +394,8 @@ check_joseph.mistakes = {
 # add. Nothing in this asks the gain to be optimal.
 
 # %% [markdown] tags=["solution"]
-# The short form agrees for the optimal gain and claims too little or too much for any other:
+# The short form agrees for the optimal gain, and for no gain at all. For nearly all others it
+# claims too little or too much:
 
 # %% active="ipynb" tags=["solution"]
 # def short_form(cov, K, H, R):
@@ -652,8 +654,8 @@ check_tune = Check(
 # %% [markdown] tags=["solution"]
 # ## Solution 5: how hard is the cart pushed?
 #
-# The readings were drawn with $q = 0.5$. Anything from about 0.25 to 0.95 passes: 600 readings do
-# not tell the strength of a push better than by a factor of two.
+# The readings were drawn with $q = 0.5$. Anything from about 0.27 to 0.97 passes: the check
+# leaves wide margins, and does not ask for all that 600 readings can tell.
 
 # %% [markdown] tags=["solution"]
 # A filter that expects no pushes explains them by the noise of its sensor, and comes late:

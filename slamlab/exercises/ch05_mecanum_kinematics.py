@@ -321,7 +321,7 @@ check_step.mistakes = {
 # its arc.
 
 # %% [markdown] tags=["solution"]
-# Euler's step, P1 (10), passes where nothing turns, and only there:
+# Euler's step, P1 (10), passes where nothing turns, and where the robot turns on the spot:
 
 # %% active="ipynb" tags=["solution"]
 # def euler(pose, u, dt):

@@ -540,8 +540,8 @@ check_scan_to_points.mistakes = {
 # $$
 #
 # Derive both with a pencil: take the product of the equation with $b - a$, then with $d$. The
-# formulas in this program are right, and two other things are not. In front of a single wall it is
-# right. Run the check, find the two bugs, repair them.
+# formulas in this program are right, and two other things are not. With a single wall, and
+# that one ahead, it is right. Run the check, find the two bugs, repair them.
 
 
 # %% tags=["exercise"]
@@ -704,12 +704,12 @@ check_nearest_wall.mistakes = {
 # The product with $b - a$ removes $s$, since $(b - a) \times (b - a) = 0$; the product with $d$
 # removes $t$. So far the program was right. The first bug: a negative $t$ is a crossing *behind*
 # the lidar, and the absolute value hides it. The second: `[0]` takes the wall that
-# stands first in the list, not the nearest one. In front of a single wall neither shows; a wall
-# behind the lidar shows the first, a second wall ahead the other.
+# stands first in the list, not the nearest one. With a single wall ahead neither shows; a wall
+# behind the lidar shows the first, a second wall ahead may show the other.
 
 # %% [markdown] tags=["solution"]
 # Who takes the smallest *absolute* value repairs the second bug only. A robot then sees the wall
-# at its back in every beam that looks away from it, and its room is as deep as it is behind:
+# at its back in each beam that finds nothing nearer ahead:
 
 # %% active="ipynb" tags=["solution"]
 # def eyes_in_the_back(segments, x, y, angle):

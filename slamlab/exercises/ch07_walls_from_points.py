@@ -187,8 +187,8 @@ check_line.mistakes = {
 # second one is the normal. Of its two signs the right one makes r positive.
 
 # %% [markdown] tags=["solution"]
-# The school's fit passes where the wall happens to run along x, and nowhere else. For the wall x
-# = 2 it has no slope to give:
+# The school's fit passes where the points lie on a line exactly, as two points do. With noise it
+# errs, least where the wall runs along x, and for the wall x = 2 it has no slope to give:
 
 # %% active="ipynb" tags=["solution"]
 # def by_slope(points):
