@@ -309,17 +309,19 @@ def _said(error: BaseException) -> str:
     return f"{type(error).__name__}: {str(error)[:500]}{where}"
 
 
-def main() -> NoReturn:
-    """Answer what comes through the pipe until it is closed."""
+def _pipe(
+    kept: dict[str, ModuleType],
+) -> tuple[Callable[[], Any], Callable[[dict[str, Any]], None], Callable[..., Any]]:
+    """Open the pipe: what receives a question, what sends an answer, and what asks back.
+
+    A submission prints nothing into it. They are closures: a cell may change what a name means
+    for everybody; theirs stay what they are.
+    """
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
     questions = os.fdopen(os.dup(0), "rb")
-    answer: dict[str, Any]
-    sys.stdin, sys.argv = open(os.devnull, encoding="utf-8"), ["submission"]
-    space: dict[str, Any] = {"__name__": "submission"}
-    notes: list[str] = []
-    kept: dict[str, ModuleType] = {}
+    dump, unpack = json.dumps, struct.unpack
 
     class Reader(pickle.Unpickler):
         """Finds classes of modules that are closed to the submission."""
@@ -329,27 +331,37 @@ def main() -> NoReturn:
                 getattr(kept[module], name) if module in kept else super().find_class(module, name)
             )
 
-    # A cell may change what these names mean for everybody; ours stay what they are.
-    dump, unpack = json.dumps, struct.unpack
-
-    def said_to() -> Any:
+    def receive() -> Any:
         size = questions.read(8)
         return Reader(BytesIO(questions.read(unpack("<q", size)[0]))).load() if size else None
+
+    def send(answer: dict[str, Any]) -> None:
+        answers.write(dump(answer) + "\n")
+        answers.flush()
 
     def ask(name: str, *given: Any, **named: Any) -> Any:
         """Let the other end of the pipe work something out."""
         plain = [_encoded(one, []) for one in given]
-        need = [name, plain, {key: _encoded(one, []) for key, one in named.items()}]
-        answers.write(dump({"need": need}) + "\n")
-        answers.flush()
-        came, raised = said_to()
+        send({"need": [name, plain, {key: _encoded(one, []) for key, one in named.items()}]})
+        came, raised = receive()
         if raised:
             raise ValueError(raised)
         return came
 
+    return receive, send, ask
+
+
+def main() -> NoReturn:
+    """Answer what comes through the pipe until it is closed."""
+    kept: dict[str, ModuleType] = {}
+    receive, send, ask = _pipe(kept)
+    sys.stdin, sys.argv = open(os.devnull, encoding="utf-8"), ["submission"]
+    space: dict[str, Any] = {"__name__": "submission"}
+    notes: list[str] = []
+    answer: dict[str, Any]
     while True:
         try:
-            question = said_to()
+            question = receive()
             if question is None:
                 break
             verb, given = question
@@ -360,8 +372,7 @@ def main() -> NoReturn:
                 answer = {"came": _answer(space, notes, ask, verb, given)}
         except BaseException as error:
             answer = {"error": _said(error)}
-        answers.write(dump(answer) + "\n")
-        answers.flush()
+        send(answer)
     os._exit(0)  # not a line more of the submission runs
 
 

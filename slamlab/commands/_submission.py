@@ -101,13 +101,7 @@ def marked(
                 process.__exit__()
                 process = None
         _judge_again(mark, cells, checks, seconds, megabytes, folders)
-        zero = [name for name in raised if not mark.share(name)]
-        mark.notes += [f"{name}: raised on every input, first {raised[name]}" for name in zero]
-        if not mark.reports and not mark.notes:
-            mark.notes.append(f"defines none of {', '.join(checks)}")
-        if not mark.points and not mark.notes:
-            said = [f"{name}: {', '.join(mark.reports[name].messages)}" for name in mark.reports]
-            mark.notes += [one if one[-2:] != ": " else f"{one}nothing holds" for one in said]
+        mark.notes += _reasons(mark, raised, checks)
     except Gone as error:
         mark.notes.append(f"its cells: {str(error).removeprefix('setup: ')}")
     except Exception as error:  # one submission must not cost the others their marks
@@ -117,6 +111,20 @@ def marked(
             process.__exit__()
     mark.notes = [printable(note) for note in mark.notes]
     return mark
+
+
+def _reasons(mark: Mark, raised: dict[str, str], checks: dict[str, Check]) -> list[str]:
+    """Say why there are no points, where no note says so yet."""
+    zero = [name for name in raised if not mark.share(name)]
+    notes = [f"{name}: raised on every input, first {raised[name]}" for name in zero]
+    if mark.notes or notes:
+        return notes
+    if not mark.reports:
+        return [f"defines none of {', '.join(checks)}"]
+    if mark.points:
+        return []
+    said = [f"{name}: {', '.join(mark.reports[name].messages)}" for name in mark.reports]
+    return [one if one[-2:] != ": " else f"{one}nothing holds" for one in said]
 
 
 def _drawn(check: Check, process: Process, seconds: float) -> bytes:

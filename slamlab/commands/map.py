@@ -84,7 +84,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="side of a cell of the map in metres, 0.005 to 10 (default: 0.05)",
     )
-    parser.add_argument(
+    _of_the_log(parser)
+    _of_an_earlier_map(parser)
+
+
+def _of_the_log(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("what a log may not say itself")
+    group.add_argument(
         "--field-of-view",
         type=float,
         default=180.0,
@@ -92,30 +98,34 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="opening of the FLASER scans of a CARMEN log in degrees, which the log does not say "
         "(default: 180)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--controls",
         choices=CONTROLS,
         help="what the controls of an .npz are, where it does not say so: velocities (m/s, rad/s) "
         "or displacements from scan to scan (m, rad)",
     )
-    parser.add_argument(
+    group.add_argument("--scan-topic", metavar="TOPIC", help="of a bag with several lidars")
+    group.add_argument(
+        "--odometry-topic", metavar="TOPIC", help="of a bag with several odometries"
+    )
+
+
+def _of_an_earlier_map(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("with a map made before")
+    group.add_argument(
         "--localize",
         type=Path,
         metavar="MAP",
         help="a map made before (map.yaml, or the folder of an earlier run): where in it was the "
         "robot? Particles search the free floor, then each scan is matched; no map is made",
     )
-    parser.add_argument(
+    group.add_argument(
         "--resume",
         type=Path,
         metavar="FOLDER",
         help="the folder of an earlier run: the log is another drive in the same map, with the "
         "same lidar, from anywhere. It is joined only by closures that confirm each other; else "
         "it is kept beside the map",
-    )
-    parser.add_argument("--scan-topic", metavar="TOPIC", help="of a bag with several lidars")
-    parser.add_argument(
-        "--odometry-topic", metavar="TOPIC", help="of a bag with several odometries"
     )
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
 from slamlab.filters._linear import apply, innovation_root, singular, solve_psd
@@ -29,6 +29,8 @@ __all__ = [
     "steady_state",
     "update",
 ]
+
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,13 +308,7 @@ def filter(
     Q, R = _model("Q", Q, (n, n), length), _model("R", R, (m, m), length)
     push = _controls(B, u, n, length)
     seen = ~np.isnan(z)
-    same = seen.reshape(-1, length, m)
-    shared = same[0] if (same == same[0]).all() else seen
-    if not shared.all():
-        # A missing component: an empty row of H, variance 1, no covariance, and so no gain.
-        H = np.where(shared[..., None], H, H.dtype.type(0))
-        R = np.where(shared[..., None] & shared[..., None, :], R, np.eye(m, dtype=R.dtype))
-    z = np.where(seen, z, z.dtype.type(0))
+    z, H, R = np.where(seen, z, z.dtype.type(0)), *_without_missing(H, R, seen)
     x, P, I, steps = initial.mean, initial.cov, np.eye(n, dtype=initial.cov.dtype), []
     constant, settled = all(matrix.ndim == 2 for matrix in (F, H, Q, R)), False
     for k in range(length):
@@ -331,26 +327,7 @@ def filter(
             settled = constant and _unchanged(P, before)
         x = ahead + apply(K, residual)  # (8)
         steps.append((x, P, ahead, P_ahead, residual, S, K))
-    columns = zip(*steps, strict=True)
-    axes = (1, 2, 1, 2, 1, 2, 2)
-    means, covs, ahead, P_ahead, residuals, S, K = (
-        _in_time(column, batch, n_axes) for column, n_axes in zip(columns, axes, strict=True)
-    )
-    learned = innovation(residuals, _shared(S, batch), K)
-    n_seen = seen.sum(-1)
-    unseen = 0.5 * (m - n_seen) * np.log(2 * np.pi)  # of the components that stand for nothing
-    return FilterResult(
-        means=means,
-        covs=covs,
-        predicted_means=ahead,
-        predicted_covs=P_ahead,
-        innovations=np.where(seen, residuals, np.nan),
-        innovation_covs=S,
-        gains=K,
-        nis=np.where(n_seen > 0, learned.nis, np.nan),
-        log_likelihood=(learned.log_likelihood + unseen).sum(-1),
-        evolution=F,
-    )
+    return _result(steps, seen, batch, F)
 
 
 def smooth(result: FilterResult) -> SmootherResult:
@@ -426,6 +403,43 @@ def fixed_lag(result: FilterResult, lag: int) -> SmootherResult:
         change = cov[..., :stop, :, :] - P_ahead[..., then, :, :]
         cov[..., :stop, :, :] = P[..., now, :, :] + gain @ change @ gain.mT
     return SmootherResult(x, np.broadcast_to(cov, (*x.shape, x.shape[-1])))
+
+
+def _without_missing(H: Array, R: Array, seen: Bools) -> tuple[Array, Array]:
+    """H and R; a missing component has an empty row of H, variance 1, and so no gain."""
+    length, m = seen.shape[-2:]
+    same = seen.reshape(-1, length, m)
+    shared = same[0] if (same == same[0]).all() else seen
+    if shared.all():
+        return H, R
+    H = np.where(shared[..., None], H, H.dtype.type(0))
+    return H, np.where(shared[..., None] & shared[..., None, :], R, np.eye(m, dtype=R.dtype))
+
+
+def _result(
+    steps: Sequence[tuple[Array, ...]], seen: Bools, batch: tuple[int, ...], evolution: Array
+) -> FilterResult:
+    """Join x, P, their predictions, innovation, S and K of all steps; NaN for what is missing."""
+    columns = zip(*steps, strict=True)
+    axes = (1, 2, 1, 2, 1, 2, 2)
+    means, covs, ahead, P_ahead, residuals, S, K = (
+        _in_time(column, batch, n_axes) for column, n_axes in zip(columns, axes, strict=True)
+    )
+    learned = innovation(residuals, _shared(S, batch), K)
+    # A missing component counts as innovation 0 of variance 1: its density is taken away.
+    log_likelihood = learned.log_likelihood + 0.5 * (~seen).sum(-1) * np.log(2 * np.pi)
+    return FilterResult(
+        means=means,
+        covs=covs,
+        predicted_means=ahead,
+        predicted_covs=P_ahead,
+        innovations=np.where(seen, residuals, np.nan),
+        innovation_covs=S,
+        gains=K,
+        nis=np.where(seen.any(-1), learned.nis, np.nan),
+        log_likelihood=log_likelihood.sum(-1),
+        evolution=evolution,
+    )
 
 
 def _for_smoothing(result: FilterResult) -> tuple[Array, Array, Array]:
