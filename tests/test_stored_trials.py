@@ -24,10 +24,7 @@ SAMPLE = [
 HAS_DATA = "SLAMLAB_DATA" in os.environ
 SEEDS = 20
 # Rows with fewer stored seeds than a trial asks for, and why.
-FEWER = {
-    "grid_logs": "ten drives: twenty take hours",
-    "grid_loops": "ten drives, five of 1000 particles: twenty take an hour",
-}
+FEWER = {"grid_logs": "ten drives: twenty take hours"}
 ALL = Namespace(again=True, missing=False, runs=None, row=[])
 
 

@@ -2,7 +2,7 @@
 
 python tools/grid_loops.py      (an hour; options as in tools/trials.py)
 
-Writes slamlab/datasets/data/grid_loops.json, which `slamlab.datasets.grid_loop_runs` reads.
+Writes slamlab/datasets/data/grid_loops.json, which `slamlab.datasets.stored_runs` reads.
 """
 
 import sys
