@@ -112,7 +112,8 @@ unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring 
 	  --ignore=tests/benchmarks --ignore=tests/book --benchmark-disable slamlab tests
 
 # numba comes later than a new Python, and to no browser: PLAIN are tests that pass without it.
-PLAIN := $(addprefix tests/,kernels mapping matching sensors worlds test_compiling.py test_models.py)
+PLAIN := $(addprefix tests/,evaluation filters golden kernels localization mapping matching navigation plots robots \
+  sensors worlds) $(patsubst %,tests/test_%.py,compiling contract files gaussian geometry grids house layers logs models)
 
 unit-without-numba: $(VENV)/.dev-installed  ## Tests of the library where numba cannot be imported
 	@echo "== Tests of the library on plain code"

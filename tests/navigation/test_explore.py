@@ -121,6 +121,7 @@ def test_both_trials_of_p5_from_thirty_starts(world):
 
 
 @pytest.mark.slow
+@pytest.mark.needs_numba(reason="sixty runs of up to a second take more than 20 s")
 def test_no_collision_in_random_rooms():
     for seed in range(12):
         world = rooms.random_room(np.random.default_rng(seed))
