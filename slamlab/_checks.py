@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Hashable, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import isfinite
 from operator import ne
 from reprlib import Repr
@@ -198,7 +198,7 @@ def as_scalar(name: str, value: Any, low: float = -np.inf, high: float = np.inf)
         If it is no number, is NaN, or lies outside.
     """
     try:
-        if isinstance(value, str | bytes) or np.ndim(value) or np.ma.is_masked(value):
+        if type(value) is not float and _is_no_number(value):
             raise TypeError
         number = float(value)
     except (TypeError, ValueError, OverflowError) as error:
@@ -206,6 +206,10 @@ def as_scalar(name: str, value: Any, low: float = -np.inf, high: float = np.inf)
     if not low <= number <= high:
         raise ValueError(f"{name}: expected {_interval(low, high)}, got {number:g}")
     return number
+
+
+def _is_no_number(value: Any) -> bool:
+    return isinstance(value, str | bytes) or bool(np.ndim(value)) or np.ma.is_masked(value)
 
 
 def as_positive(name: str, value: Any, high: float = np.inf) -> float:
@@ -319,13 +323,18 @@ def as_instance(name: str, value: Any, kind: Any, wanted: str = "") -> Any:
         if isinstance(value, kind):
             return value
         raise ValueError(f"{name}: expected {wanted}, got {type(value).__name__}")
-    members = [m for m in vars(kind) if not m.startswith("_")]
-    members += list(vars(kind).get("__annotations__", ()))
-    missing = [member for member in dict.fromkeys(members) if not hasattr(value, member)]
+    missing = [member for member in _members(kind) if not hasattr(value, member)]
     if missing:
         got = f"{type(value).__name__}, which has no {', '.join(missing)}"
         raise ValueError(f"{name}: expected {wanted}, got {got}")
     return value
+
+
+@cache
+def _members(kind: Any) -> tuple[str, ...]:
+    """Return the names of what a protocol asks for, in its order."""
+    members = [m for m in vars(kind) if not m.startswith("_")]
+    return tuple(dict.fromkeys([*members, *vars(kind).get("__annotations__", ())]))
 
 
 def as_rng(name: str, value: Any) -> np.random.Generator:

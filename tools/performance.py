@@ -35,7 +35,8 @@ TABLES = {
     "test_graph_speed": (
         "Pose graphs beside gtsam",
         ["chi2 of slamlab", "chi2 of gtsam's poses"],
-        "`PoseGraph.optimize` and gtsam's Gauss-Newton, both from the same start to convergence. "
+        "`PoseGraph.optimize` and gtsam's Gauss-Newton, both from the same start until a step "
+        "changes the cost by less than 1e-12 of it. "
         "Both costs are in the metric of the [conventions](conventions.md). Building gtsam's "
         "graph is not counted.",
     ),

@@ -30,6 +30,8 @@ __all__ = ["PointsWithNormals", "match_icp", "estimate_normals", "voxel_downsamp
 
 Rows = NDArray[np.intp]
 
+# Thinning has a number for each square of an area with at most so many a side.
+MOST_SQUARES = 2000
 # A direction whose information comes from fewer pairs than this is held by nothing.
 FEW = 3.0
 
@@ -57,9 +59,17 @@ def voxel_downsample(points: ArrayLike, spacing: float = 0.1) -> Array:
     """
     points = finite_points("points", points, 0)
     spacing = as_scalar("spacing", spacing, 1e-3, 1e6)
-    squares = np.floor(points / spacing).view(complex).ravel()
-    _, first = np.unique(squares, return_index=True)
-    return points.take(np.sort(first), 0)
+    squares, rows = np.floor(points / spacing), np.arange(len(points))
+    column, row = (xy - xy.min(initial=np.inf) for xy in squares.T)
+    columns = column.max(initial=0.0) + 1
+    if max(columns, row.max(initial=0.0)) < MOST_SQUARES:
+        square = (row * columns + column).astype(np.intp)
+    else:  # too many to count all: only those that are met
+        square = np.unique(squares.view(complex), return_inverse=True)[1].ravel()
+    first = np.empty(square.max(initial=0) + 1, np.intp)
+    first[square] = len(points)
+    np.minimum.at(first, square, rows)
+    return points.compress(first[square] == rows, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +109,8 @@ class PointsWithNormals:
         points = finite_points("points", points)
         distance, near = cKDTree(points).query(points, 6, distance_upper_bound=0.5)
         tied = np.flatnonzero(distance[:, 5] < distance[:, 4] + 1e-9)
-        near[tied] = _earlier_first(points, tied, near[tied])
+        if len(tied):
+            near[tied] = _earlier_first(points, tied, near[tied])
         near = near[:, :5].T
         here = near < len(points)
         x, y = (here * (x.take(near, mode="clip") - x) for x in points.T.copy())
@@ -125,10 +136,10 @@ class PointsWithNormals:
         pose = as_array("pose", pose, ("...", 3))
         c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
         (x, y), (nx, ny) = self.points.T, self.normals.T
-        points = np.stack([c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]], -1)
-        return PointsWithNormals(
-            points, np.stack([c * nx - s * ny, s * nx + c * ny], -1), self.normal_variances
-        )
+        points, normals = np.empty_like(self.points), np.empty_like(self.normals)
+        points[:, 0], points[:, 1] = c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]
+        normals[:, 0], normals[:, 1] = c * nx - s * ny, s * nx + c * ny
+        return PointsWithNormals(points, normals, self.normal_variances)
 
     def on_lines(self) -> PointsWithNormals:
         """Return the outline without the points whose neighbours draw no line."""
@@ -296,12 +307,13 @@ def errors(
     """
     j, arm = pair[pair >= 0], turned_by(pose[2], points[pair >= 0])
     e = arm + pose[:2] - reference[j]  # R p + t - q
-    x, y, one, zero = *arm.T, np.ones(len(j)), np.zeros(len(j))
+    (x, y), (ex, ey) = arm.T, e.T
     if line:
         nx, ny = normals[j].T
-        e = (normals[j] * e).sum(1, keepdims=True)  # n . (R p + t - q)
+        e = (nx * ex + ny * ey)[:, None]  # n . (R p + t - q)
         J = np.array([nx, ny, ny * x - nx * y]).T[:, None]
     else:
+        one, zero = np.ones(len(j)), np.zeros(len(j))
         J = np.array([one, zero, -y, zero, one, x]).T.reshape(-1, 2, 3)
     w = (width**2 / (width**2 + (e**2).sum(1))) ** 2  # Geman and McClure
     return e, J, w

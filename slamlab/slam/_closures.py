@@ -15,7 +15,7 @@ import numpy as np
 from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
 from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
-from slamlab.slam._tracking import Keyframe, LocalMap
+from slamlab.slam._tracking import Keyframe, LocalMap, outline_at
 from slamlab.slam.least_squares import KERNEL_WIDTHS
 from slamlab.slam.pose_graph import PoseGraph
 
@@ -96,9 +96,10 @@ def verify(
     first, last = np.searchsorted(travel, [travel[j] - BASE, travel[j] + BASE])
     last = min(max(int(last), j + 1), k - AROUND)
     around = range(max(k - AROUND, 0), min(k + AROUND + 1, len(nodes)))
-    merged = [transform(between(poses[k], poses[n]), nodes[n].points) for n in around]
+    seen = between(poses[k], poses[around])
+    merged = [transform(pose, nodes[n].points) for pose, n in zip(seen, around, strict=True)]
     query = voxel_downsample(np.concatenate(merged), 0.15)
-    ground = LocalMap([nodes[n].at(poses[n]) for n in range(first, last)])
+    ground = LocalMap([outline_at(nodes[first:last], poses[first:last])])
     found = match_correlative(
         ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, second_peak_distance=ELSEWHERE
     )

@@ -9,7 +9,7 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,6 +87,12 @@ class Keyframe:
     def at(self, pose: Array) -> PointsWithNormals:
         """Its outline in the world, seen from this pose."""
         return self.outline.transformed(pose)
+
+
+def outline_at(nodes: Sequence[Keyframe], poses: Array) -> PointsWithNormals:
+    """Outline of several keyframes in the world, each seen from its pose (n, 3)."""
+    outline = PointsWithNormals.concatenated(node.outline for node in nodes)
+    return outline.transformed(np.repeat(poses, [len(node.points) for node in nodes], 0))
 
 
 def scan_points(ranges: Array, lidar: ScanSensor) -> Array:

@@ -377,7 +377,7 @@ def levenberg_marquardt(
     history = [here.cost]
     for _ in range(most):
         equations.fill(*edges.linearise(here))
-        if len(history) == 1:
+        if equations.factors is None:
             equations.factorise()  # damping would hide a singular graph
         while True:
             equations.factorise(damping)

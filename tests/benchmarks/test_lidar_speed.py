@@ -23,9 +23,9 @@ def alternate(ours, peer, rounds):
     seconds = np.empty((rounds + 1, 2))
     for row in seconds:
         for column, function in enumerate((ours, peer)):
-            start = time.perf_counter()
+            start = time.process_time()
             function()
-            row[column] = time.perf_counter() - start
+            row[column] = time.process_time() - start
     return np.median(seconds[1:], axis=0)
 
 

@@ -43,11 +43,11 @@ def cycles(points, accuracy, passes):
     for row in seconds:
         memory = PathMemory(0.05, loop_accuracy=accuracy)
         for k, point in enumerate(points):
-            start = time.perf_counter()
+            start = time.process_time()
             memory.add(point)
-            added = time.perf_counter()
+            added = time.process_time()
             memory.meeting()
-            row[k] = added - start, time.perf_counter() - added
+            row[k] = added - start, time.process_time() - added
     middle = np.median(seconds, axis=0)
     return middle.sum(1), middle[:, 1]
 

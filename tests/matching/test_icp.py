@@ -146,6 +146,20 @@ def test_thinning_keeps_one_point_a_square():
     assert len(voxel_downsample(np.full((5, 2), np.nan))) == 0
 
 
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e6, 1e300])
+def test_thinning_is_the_same_however_far_apart_points_are(size):
+    """From 2000 squares a side on it takes another way."""
+    points = np.random.default_rng(1).uniform(-3, 3, (500, 2)).round(1)
+    points = size * np.vstack([points, points[::-1]])
+    seen, first = set(), []
+    for k, square in enumerate(map(tuple, np.floor(points / 0.25).tolist())):
+        if square not in seen:
+            seen.add(square)
+            first.append(k)
+    assert 0 < len(first) < len(points)
+    np.testing.assert_array_equal(voxel_downsample(points, 0.25), points[first])
+
+
 def test_no_pairs_is_a_match_that_knows_nothing():
     a, b = pair_of_scans()
     match = match_icp(a, b, [100.0, 0.0, 0.0])
