@@ -7,6 +7,7 @@ import sys
 import nbformat
 import pytest
 
+from tools.fork_server import server
 from tools.notebooks import ROOT
 from tools.seeds import (
     STEADY,
@@ -87,6 +88,15 @@ def test_the_environment_and_the_notebook_stay_as_they_were(tiny):
     executed(tiny, STEP)
     assert tiny.read_bytes() == before
     assert dict(os.environ) == environment
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere no kernel is a fork")
+def test_all_shifts_are_forks_of_one_process(tiny):
+    # Of one for each, two hundred of them once took all memory.
+    executed(tiny, STEP)
+    before = server.cache_info().currsize
+    executed(tiny, 2 * STEP)
+    assert server.cache_info().currsize == before
 
 
 def test_a_table_whose_numbers_move_and_whose_verdict_stays_has_not_turned():

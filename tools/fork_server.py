@@ -100,9 +100,11 @@ class Fork:
 
     def __init__(self, arguments: list[str], folder: str, environment: dict[str, str]):
         request = json.dumps([arguments, folder, environment])
-        # How to draw is settled when matplotlib is imported; pytest names each test anew.
+        # How to draw is settled when matplotlib is imported.
         loading = environment | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"}
-        loading.pop("PYTEST_CURRENT_TEST", None)
+        # What only the kernel reads when it starts: else each had a server that never ends.
+        for name in ("PYTEST_CURRENT_TEST", "IPYTHONDIR", "SLAMLAB_SEED_SHIFT"):
+            loading.pop(name, None)
         with ASKING:
             process = server(frozenset(loading.items()))
             assert process.stdin is not None
