@@ -11,7 +11,8 @@ RUNS = victoria_park_runs()
 def test_no_two_seeds_of_particles_are_alike_and_the_compressed_filter_is_the_filter():
     for name in ("FastSLAM 1.0", "FastSLAM 2.0"):
         for rows in RUNS[name].values():
-            assert len(np.unique(rows["error"])) == len(rows["error"])
+            numbers = np.column_stack(list(rows.values()))  # one of three digits may agree
+            assert len(np.unique(numbers, axis=0)) == len(rows["error"])
     for scale in SCALES:
         full, compressed = (RUNS[name][scale] for name in ("EKF-SLAM", "compressed EKF-SLAM"))
         np.testing.assert_allclose(compressed["error"], full["error"], rtol=1e-3)
