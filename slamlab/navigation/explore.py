@@ -127,7 +127,9 @@ class Explorer:
         nobody, or ``guard(ranges, stride) -> bool``, asked before every stride with the newest
         scan and the stride's length (m), never before a turn: may the robot go?
     margin : float, default 0.02
-        Room that the swept guard keeps around the body (m).
+        Room that the swept guard keeps around the body to the points of the scan (m). A thin leg
+        or the tip of a corner between two beams it does not see: at a stride and half a body the
+        beams should be no farther apart than this.
     stride : float, default 0.5
         Farthest drive in one step (m); inf drives the whole way to the point.
     max_moves : int, default 200

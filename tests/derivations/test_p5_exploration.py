@@ -168,7 +168,11 @@ def test_160_to_270_counts_the_beams_behind_twice():
     assert (Quadrants().quarters(LIDAR.beam_angles).sum(axis=0) == 1).all()
 
 
-def test_the_two_trials_end_without_collision_only_with_the_mended_guard():
+def test_the_mended_guard_hardly_ever_collides_and_the_printed_one_often():
+    """Of 1000 such drives with the mended guard 3 collided, all with corners between two beams.
+
+    With 360 beams none of the same 1000 starts did. See the next test.
+    """
     hits = {}
     for room in (rooms.thesis_room(), rooms.thesis_room_two()):
         starts = free_poses(room, 4, np.random.default_rng(5), ROBOT.circumradius + 0.03)
@@ -181,8 +185,36 @@ def test_the_two_trials_end_without_collision_only_with_the_mended_guard():
                     PerfectEstimator(), rng, start=start, dt=1.0, footprint=ROBOT.footprint,
                 )  # fmt: skip
                 hits.setdefault(guard, []).append(log.notes["hit"].any())
-    assert not any(hits["swept"])
+    assert np.sum(hits["swept"]) <= 1
     assert np.mean(hits[forward_is_open_as_printed]) >= 0.5
+
+
+def test_the_mended_guard_does_not_see_a_corner_between_two_beams():
+    """Room two: the tip of the triangle is between the beams 15 and 18 degrees to the right.
+
+    At its 0.56 m they are 2.9 cm apart, more than the margin of 2 cm: both pass it and hit the
+    sides of the triangle. Twice the beams, and the guard stops short of it.
+    """
+    room, pose = rooms.thesis_room_two(), np.array([2.036134783, 0.720270057, -2.830299557])
+    free = {}
+    for n_beams in (120, 240, 360, 720):
+        points = Lidar(n_beams).points(Lidar(n_beams).scan(room, pose))
+        free[n_beams] = ROBOT.free_distance(points, 0.02)
+        # What it promises, it keeps: no point of the scan comes nearer than the margin.
+        assert not ROBOT.drive_hits(points, free[n_beams], 0.02)
+    hits = {
+        n: room.sweep_collides(ROBOT.footprint, pose, ROBOT.forward(pose, far))
+        for n, far in free.items()
+    }
+    assert hits[120]
+    assert not any(hits[n] for n in (240, 360, 720))
+    # The robot turned to see the tip by a beam of its own: the 120 beams suffice.
+    aside = ROBOT.turn(pose, np.deg2rad(1.5))
+    points = LIDAR.points(LIDAR.scan(room, aside))
+    turned = np.deg2rad(1.5)
+    R = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]])
+    seen = ROBOT.free_distance(points @ R.T, 0.02)
+    assert not room.sweep_collides(ROBOT.footprint, pose, ROBOT.forward(pose, seen))
 
 
 def test_nvec_is_the_unit_vector_and_has_none_for_one_point():

@@ -25,8 +25,8 @@ RIG = StereoRig(2000)
 
 
 @cache
-def country(sway=True, radius=4.0):
-    rng = np.random.default_rng(3)
+def country(sway=True, radius=4.0, seed=3):
+    rng = np.random.default_rng(seed)
     terrain = Terrain.rough(rng, (2 * radius + 12, 2 * radius + 12))
     options = {} if sway else {"sway": (0, 0, 0)}
     return ground_laps(terrain, RIG, rng, radius=radius, step=0.4, **options)
@@ -50,11 +50,18 @@ def mean_error(one, log):
 
 def test_2_3_a_map_of_heights_needs_the_plane_of_a_leaning_camera_and_one_of_variances_does_not():
     grid = Grid((80, 80), 0.25)
-    assert mean_error(VarianceGrid(grid), country()) < 0.03
+
+    def over_three(kind, sway=True, **options):
+        """The mean over three grounds: on one, the wrong map can be as good as the right one."""
+        logs = [country(sway, seed=seed) for seed in (3, 4, 5)]
+        return np.mean([mean_error(kind(grid, **options), log) for log in logs])
+
+    scatter = over_three(VarianceGrid)
     # As printed: the posterior of the height. It does as well once a plane is fitted.
-    assert mean_error(HeightGrid(grid, level=True), country()) < 0.03
-    assert mean_error(HeightGrid(grid), country()) > 0.05
-    assert mean_error(HeightGrid(grid), country(sway=False)) < 0.03
+    fitted, heights = over_three(HeightGrid, level=True), over_three(HeightGrid)
+    assert max(scatter, fitted) < 0.03 < heights
+    assert heights > 3 * max(scatter, fitted)
+    assert over_three(HeightGrid, sway=False) < 0.03
 
 
 def test_2_3_each_particle_with_a_map_of_its_own_halves_the_error_of_the_odometry():

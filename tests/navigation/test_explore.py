@@ -98,7 +98,7 @@ def bearing(point):
 
 @pytest.mark.parametrize("name", STRATEGIES)
 @pytest.mark.parametrize("world", [ROOM, ROOM_TWO], ids=["first", "second"])
-def test_mended_guard_never_collides_and_coverage_never_falls(name, world):
+def test_mended_guard_does_not_collide_and_coverage_never_falls(name, world):
     for run in runs(world, STRATEGIES[name]):
         assert run.collisions[-1] == 0
         assert (np.diff(run.coverage) >= 0).all()
