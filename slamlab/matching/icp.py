@@ -67,8 +67,7 @@ def voxel_downsample(points: ArrayLike, spacing: float = 0.1) -> Array:
     else:  # too many to count all: only those that are met
         square = np.unique(squares.view(complex), return_inverse=True)[1].ravel()
     first = np.empty(square.max(initial=0) + 1, np.intp)
-    first[square] = len(points)
-    np.minimum.at(first, square, rows)
+    first[square[::-1]] = rows[::-1]  # of several rows in one square the last written stays
     return points.compress(first[square] == rows, 0)
 
 
