@@ -370,16 +370,16 @@ SYSTEMS = {
 # and what it calls there: 113), a floor drawn from scans that grows (133).
 # Without these each step has at most 252 lines.
 MORE = {
-    "path memory, a segment": 355,
-    "exploration": 335,
-    "FastSLAM 1": 345,
-    "FastSLAM 2": 370,
+    "path memory, a segment": 335,
+    "exploration": 320,
+    "FastSLAM 1": 335,
+    "FastSLAM 2": 365,
     "Monte Carlo, injection": 270,
-    "grid FastSLAM": 370,
-    "DP-SLAM": 315,
-    "Gamma-SLAM": 310,
-    "Hector": 350,
-    "scan graph": 510,
+    "grid FastSLAM": 350,
+    "DP-SLAM": 300,
+    "Gamma-SLAM": 275,
+    "Hector": 325,
+    "scan graph": 490,
 }
 # Their public parts check again: points, poses, choices, numbers of each.
 DOORS = {"Hector": 125, "scan graph": 130}
@@ -393,6 +393,7 @@ def test_a_step_can_be_read(name, monkeypatch):
     make, own, most = SYSTEMS[name]
     make()()  # the root of a noise covariance is computed once for a log: not in a later step
     lines = path_of(make())
+    lines.pop("kernels/__init__.py", 0)  # what says that plain code serves
     assert sum(lines.get(file, 0) for file in own) <= most, lines
     assert lines.pop("_checks.py", 0) <= DOORS.get(name, DOOR)
     assert sum(lines.values()) <= MORE.get(name, ALL), lines

@@ -68,7 +68,7 @@ def match_correlative(
     --------
     >>> from slamlab.geometry import inverse_transform
     >>> x, y = np.linspace(0, 3, 61), np.linspace(0, 2, 41)
-    >>> corner = np.vstack([np.stack([x, 0 * x], -1), np.stack([0 * y, y], -1)])
+    >>> corner = 0.01 + np.vstack([np.stack([x, 0 * x], -1), np.stack([0 * y, y], -1)])
     >>> scan, field = inverse_transform([0.5, 0.2, 0.0], corner), LikelihoodGrid.of_points(corner)
     >>> found = match_correlative(field, scan, [0, 0, 0], window=1.0, angle_window=0.3)
     >>> found.pose.round(2).tolist()

@@ -149,7 +149,7 @@ def fit_cubic(
     --------
     >>> t = np.array([0.0, 1.0, 2.0, 3.0])
     >>> curve = fit_cubic(t, np.stack([t, t**2], 1), start=[0, 0], end=[3, 9])
-    >>> curve.powers_of_t().round(9).T.tolist()
+    >>> (curve.powers_of_t().round(9) + 0.0).T.tolist()  # no -0.0
     [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
     """
     t = as_array("t", t, ("n",))

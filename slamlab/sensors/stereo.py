@@ -103,6 +103,11 @@ class StereoRig:
         ahead = np.sqrt(self.near**2 + share * (self.far**2 - self.near**2))
         return np.arctan2(self.camera_height, ahead)
 
+    @cached_property
+    def geometry(self) -> ScanGeometry:
+        """Layout of the rays, seen from above."""
+        return ScanGeometry(self.beam_angles, self.max_range)
+
     def points(self, ranges: ArrayLike, poses: ArrayLike | None = None) -> Array:
         """Where the rays met the ground, seen from above, as a level rig would have it.
 
@@ -125,7 +130,7 @@ class StereoRig:
         """
         ranges = as_shaped("ranges", ranges, ("...", self.n_points))
         flat = np.where(ranges < self.max_range, ranges * np.cos(self.depressions), np.inf)
-        return ScanGeometry(self.beam_angles, self.max_range).points(flat, poses)
+        return self.geometry.points(flat, poses)
 
     def heights(self, ranges: ArrayLike) -> Array:
         """Height (..., n_points) of those points above the ground under the robot (m)."""
