@@ -290,7 +290,7 @@ check_update.mistakes = {
 # ## Solution 2: update
 
 # %% [markdown] tags=["solution"]
-# An update that uses doors only wastes what a wall tells. A wall is a measurement too:
+# An update that forgets what was seen takes every wall for a door. A wall is a measurement too:
 
 # %% active="ipynb" tags=["solution"]
 # def only_doors(belief, doors, sees_door, p_right):
