@@ -426,7 +426,7 @@ check_map_entropy.mistakes = {
 # ## Solution 3: what a map does not know
 
 # %% [markdown] tags=["solution"]
-# The formula as it stands in every book gives NaN for a single cell that is certain, and with it
+# The formula as it is written in books gives NaN for a single cell that is certain, and with it
 # for the whole map:
 
 # %% active="ipynb" tags=["solution"]
@@ -784,8 +784,8 @@ check_insert.mistakes = {
 # beam needs no line of its own.
 
 # %% [markdown] tags=["solution"]
-# Do not free what lies behind a wall: a corridor on the other side of it would vanish from the map
-# whenever the robot sees the wall.
+# Do not free what lies behind a wall: the walls of a corridor on the other side would vanish from
+# the map whenever the robot sees this one.
 
 # %% active="ipynb" tags=["solution"]
 # def free_behind(log_odds, pose, ranges, angles, cell, max_range, hit, miss):

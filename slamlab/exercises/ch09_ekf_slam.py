@@ -22,8 +22,8 @@ __all__ = ["check_add_landmark", "check_jacobian", "check_slam", "check_update",
 # %% [markdown] tags=["chapter"]
 # # Exercises 09: EKF-SLAM
 #
-# Five exercises: three pieces of the filter in which P1 went wrong, an update with two bugs, and
-# the whole filter; the chapter is [EKF-SLAM](../09_ekf_slam.ipynb). Replace each `...` and run
+# Five exercises: a Jacobian that P1 gets wrong, a new landmark, a wall, an update with two bugs,
+# and the whole filter; the chapter is [EKF-SLAM](../09_ekf_slam.ipynb). Replace each `...` and run
 # the check below it as often as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
@@ -187,8 +187,8 @@ check_jacobian.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # The printed (29) is what one gets if the derivative of the cosine is taken for plus the sine.
-# With a lever of 0.3 m it differs from the right one by 0.02 and 0.11 below, which nobody sees in
-# a map; with one of 1.5 m by 0.61:
+# With a lever of 0.3 m it differs from the right one by 0.02 and 0.11 below, with one of 1.5 m by
+# 0.61:
 
 # %% active="ipynb" tags=["solution"]
 # def as_printed(pose, landmark, L):
@@ -497,8 +497,8 @@ check_wall.mistakes = {
 # ## Exercise 4: a bug to find
 #
 # In this update the state holds the pose and then the landmarks, two numbers each. With one
-# landmark it works. With three the map falls apart. Run the check, find the two bugs, repair
-# them.
+# landmark ahead it works. With three the map falls apart. Run the check, find the two bugs,
+# repair them.
 
 
 # %% tags=["exercise"]

@@ -330,7 +330,7 @@ check_nearest.mistakes = {
 # metres and radians, and one scale of sharp and vague landmarks.
 
 # %% [markdown] tags=["solution"]
-# P4's distance adds square metres to square radians and compares the sum with a threshold:
+# A distance without S adds square metres to square radians and compares the sum with a threshold:
 
 # %% active="ipynb" tags=["solution"]
 # def by_metres(y, S, gate):
@@ -1043,9 +1043,8 @@ check_together.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # The short way is to take the best pair first and to keep whatever fits it. It uses the joint
-# distance too, and yet half of the trees get a wrong name or none. The nearest pair of all is
-# often a wrong one, half a metre off, and all others are then measured against it. What to
-# notice: the joint gate helps only those who may take a pair back.
+# distance too, and yet half of the trees get a wrong name or none: the first pair is never given
+# back, right or wrong, and all others are then measured against it.
 
 # %% active="ipynb" tags=["solution"]
 # def greedy(y, H, P, R, gates):
