@@ -601,8 +601,8 @@ check_region_cost.mistakes = {
 # ## Solution 4: the size of a region
 
 # %% [markdown] tags=["solution"]
-# If a region lasts $R$ metres instead of $R - r$, the smallest region seems the best, and the
-# filter sees beyond its edge from the first metre on:
+# If a region lasts $R$ metres instead of $R - r$, one hardly larger than the range seems the
+# best, and the filter sees beyond its edge after the first metres:
 
 # %% active="ipynb" tags=["solution"]
 # def lasts_too_long(R, n, density, reach, stride):
