@@ -372,7 +372,7 @@ class VisualOdometer:
         """Build one from four numbers.
 
         The noise is one of each step, however short: the stereo pair of chapter 17, ten times a
-        second in a small room, has about 0.009 m and 0.005 rad, and drifts 0.3 m in 50 s.
+        second in a small room, has about 0.009 m and 0.005 rad, and drifts 0.2 m in 50 s.
 
         Parameters
         ----------

@@ -245,6 +245,31 @@ def test_ill_conditioning_does_arise_with_a_global_parameter():
             normal = A @ np.linalg.solve(A.T @ A, A.T @ x)
             off.append(np.abs(normal - exact @ np.linalg.lstsq(exact, x, rcond=None)[0]).max())
         assert low <= max(off) < high
+    # With two points held it lasts ten times as long, and written as products all the way.
+    exact = np.stack([(1 - along / 400) * along / 400, (1 - along / 400) * (along / 400) ** 2], 1)
+    for start, low, high in ((3e5, 0, 0.1), (3e6, 0.5, np.inf)):
+        t, off, products = start + along, [], []
+        t0, t1, product = t[0], t[-1], (t - t[0]) * (t - t[-1]) * (t[0] - t[-1])
+        A = np.stack(
+            [
+                t**3 * (t0 - t1) + t * (t1**3 - t0**3) + t0**3 * t1 - t1**3 * t0,
+                t**2 * (t0 - t1) + t * (t1**2 - t0**2) + t0**2 * t1 - t1**2 * t0,
+            ],
+            1,
+        )
+        for _ in range(50):
+            x = np.r_[0, np.cumsum(rng.normal(7, 4, 56))]
+            left = x * (t0 - t1) + t * (x[-1] - x[0]) + x[0] * t1 - x[-1] * t0
+            free = x - x[-1] * along / 400
+            due = exact @ np.linalg.lstsq(exact, free, rcond=None)[0]
+            for M, kept in (
+                (A, off),
+                (product[:, None] * np.stack([t + t0 + t1, 1 + 0 * t], 1), products),
+            ):
+                found = M @ np.linalg.solve(M.T @ M, M.T @ left) / (t0 - t1)
+                kept.append(np.abs(found - due).max())
+        assert low <= max(off) < high
+        assert max(products) < 0.01
 
 
 def test_the_fourth_variant_needs_a_point_in_between():
