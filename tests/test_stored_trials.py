@@ -23,8 +23,6 @@ SAMPLE = [
 ]
 HAS_DATA = "SLAMLAB_DATA" in os.environ
 SEEDS = 20
-# Rows with fewer stored seeds than a trial asks for, and why.
-FEWER = {"grid_logs": "ten drives: twenty take hours"}
 ALL = Namespace(again=True, missing=False, runs=None, row=[])
 
 
@@ -52,7 +50,7 @@ def test_every_row_is_stored_with_its_seeds_and_no_other(name):
     )
     for (first, second), seeds in trial.rows.items():
         n = len(stored[first][second])
-        assert n == len(seeds) or (n < len(seeds) and name in FEWER), (name, first, second, n)
+        assert n == len(seeds), (name, first, second, n)
 
 
 @pytest.mark.parametrize("name", TRIALS)
