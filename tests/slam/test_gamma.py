@@ -68,6 +68,7 @@ def test_it_halves_the_error_of_its_odometry_twice():
 
 
 @pytest.mark.slow
+@pytest.mark.needs_numba(reason="three drives of Gamma-SLAM take more than 20 s")
 def test_the_median_of_three_drives_is_less_than_half_of_the_odometrys():
     rig, errors = StereoRig(3000), []
     for seed in range(1, 4):

@@ -53,6 +53,7 @@ def test_lidar_alone_holds_to_a_centimetre_at_ten_degrees_a_scan():
     assert result.system.lost_at is None
 
 
+@pytest.mark.needs_numba(reason="a drive through the office is made and matched: more than 20 s")
 def test_at_23_degrees_a_scan_it_is_lost_and_says_so_within_a_second():
     log = office_drive(2.0)
     result = run(HectorSlam(log.scan, log.truth[0], motion=None), log)
