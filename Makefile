@@ -106,18 +106,18 @@ lint: $(VENV)/.dev-installed  ## Lint, format check, types, spelling
 	$(BIN)/mypy
 	$(BIN)/codespell
 
+# What is slower than some 20 s on plain code is skipped where numba is missing, and says so.
+UNIT := -n 2 --dist worksteal --doctest-modules --ignore=tests/benchmarks --ignore=tests/book \
+  --benchmark-disable slamlab tests
+
 unit: $(VENV)/.dev-installed  ## Unit, property and derivation tests, docstring examples
 	@echo "== Tests of the library"
-	$(PYTEST) -n 2 --dist worksteal --doctest-modules \
-	  --ignore=tests/benchmarks --ignore=tests/book --benchmark-disable slamlab tests
+	$(PYTEST) $(UNIT)
 
-# numba comes later than a new Python, and to no browser: PLAIN are tests that pass without it.
-PLAIN := $(addprefix tests/,evaluation filters golden kernels localization mapping matching navigation plots robots \
-  sensors worlds) $(patsubst %,tests/test_%.py,compiling contract files gaussian geometry grids house layers logs models)
-
-unit-without-numba: $(VENV)/.dev-installed  ## Tests of the library where numba cannot be imported
+# numba comes later than a new Python, and to no browser.
+unit-without-numba: $(VENV)/.dev-installed  ## The same where numba cannot be imported
 	@echo "== Tests of the library on plain code"
-	PYTHONPATH=$(CURDIR)/tests/without_numba $(PYTEST) -n 2 --dist worksteal --benchmark-disable $(PLAIN)
+	PYTHONPATH=$(CURDIR)/tests/without_numba $(PYTEST) $(UNIT)
 
 quick: $(VENV)/.dev-installed  ## The tests of the library without the slow ones
 	$(PYTEST) -n 2 --dist worksteal -m "not slow" --ignore=tests/benchmarks --ignore=tests/book \
