@@ -332,8 +332,8 @@ check_proposal.mistakes = {
 # Two Gaussians about the same pose are multiplied by adding their information.
 
 # %% [markdown] tags=["solution"]
-# A version 2.0 that shrinks the cloud but leaves it where the odometry put it is worse than
-# version 1.0: it draws all its particles in the wrong place.
+# With a sharp sensor, a version 2.0 that shrinks the cloud but leaves it where the odometry put it
+# is worse than version 1.0: it draws all its particles in the wrong place.
 
 # %% active="ipynb" tags=["solution"]
 # def stays(x, Q, H, Z, y):
@@ -601,7 +601,7 @@ check_ancestors.mistakes = {
 # ## Solution 4: ancestors
 
 # %% [markdown] tags=["solution"]
-# Counting what each resampling drew counts one generation only. By that count most particles
+# Counting what each resampling drew counts one generation only. By that count many particles
 # survive every step, while the lines die out:
 
 # %% active="ipynb" tags=["solution"]
@@ -806,12 +806,12 @@ check_observe_landmark.mistakes = {
 # ## Solution 5: one observation, all particles
 #
 # A loop over the particles is right as well; `einsum` does them all at once. What to notice: the
-# weight uses $S$, not $R$. For a particle with an uncertain landmark no measurement is far
+# weight uses $S$, not $R$. For a particle with an uncertain landmark few measurements are far
 # off, but the density at the centre of a wide bell is low: that is what the determinant says.
 
 # %% [markdown] tags=["solution"]
-# With $R$ alone in the weight a particle with an uncertain landmark gets too small a weight, and
-# those that happened to start their landmark well take over:
+# With $R$ alone in the weight a particle with an uncertain landmark mostly gets too small a
+# weight, and those that happened to start their landmark well take over:
 
 # %% active="ipynb" tags=["solution"]
 # def weighed_by_sensor_noise(poses, weights, means, covs, z, R):

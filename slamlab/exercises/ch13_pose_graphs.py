@@ -495,7 +495,7 @@ check_weight.mistakes = {
 # cost counts, is scaled by $s^2$.
 
 # %% [markdown] tags=["solution"]
-# A hard gate decides too early: it has no way back.
+# A hard gate decides too early: an edge that is out pulls no more.
 
 # %% active="ipynb" tags=["solution"]
 # check_weight(lambda x, width: 1.0 if x <= width**2 else 0.0)
