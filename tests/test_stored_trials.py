@@ -14,7 +14,8 @@ from tools import trials as tool
 
 TRIALS = {name: tool.load(name) for name in tool.TOOLS}
 PLAIN_CODE = {
-    "grid_logs": pytest.mark.needs_numba(reason="300 scans of 10 particles take more than 25 s")
+    "expeditions": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
+    "grid_logs": pytest.mark.needs_numba(reason="300 scans of 10 particles take more than 25 s"),
 }
 SAMPLE = [
     pytest.param(name, *run, marks=PLAIN_CODE.get(name, ()))

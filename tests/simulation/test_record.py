@@ -159,6 +159,7 @@ def hits_of_many_motions(world, radius=None, shortcut=True):
     return np.concatenate(hits), sum(near)
 
 
+@pytest.mark.needs_numba(reason="9000 motions one by one among pixels take more than 20 s")
 @pytest.mark.parametrize("world", PLACES.values(), ids=PLACES)
 def test_motions_far_from_all_obstacles_are_not_swept_and_nothing_is_missed(world):
     hits, swept = hits_of_many_motions(world)
@@ -168,6 +169,7 @@ def test_motions_far_from_all_obstacles_are_not_swept_and_nothing_is_missed(worl
     assert (hits_of_many_motions(world, radius=0.0)[0] != hits).any()
 
 
+@pytest.mark.needs_numba(reason="motions one by one among pixels take more than 20 s")
 def test_the_end_of_a_bitmap_is_no_way_out():
     pixels = PLACES["pixels"]
     with_edge = hits_of_many_motions(pixels)[0]

@@ -262,6 +262,7 @@ def test_real_logs_from_drifted_wheels(name, front, most, seed):
 
 @needs_data
 @pytest.mark.slow
+@pytest.mark.needs_numba(reason="the scans of Killian Court take more than 20 s")
 def test_killian_court_keeps_the_relations_measured_by_hand():
     data = killian()
     slam = run(ScanGraphSlam(data.log.scan, data.log.truth[0]), data.log).system
