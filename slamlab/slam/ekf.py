@@ -493,7 +493,7 @@ def downdate(P: Array, B: Array) -> None:
         return
     # Without a second matrix as large as P: BLAS writes the lower triangle, then it is mirrored.
     dsyrk(-1.0, B.T, beta=1.0, c=P.T, overwrite_c=1)
-    for j in range(0, len(P), 128):
-        own = slice(j, j + 128)
+    for j in range(0, len(P), 64):
+        own = slice(j, j + 64)
         P[own, own] = np.tril(P[own, own]) + np.tril(P[own, own], -1).T
         P[:j, own] = P[own, :j].T
