@@ -179,6 +179,7 @@ def test_a_real_log_with_bad_odometry_closes(name):
     assert ate(path, log.truth).rmse < 0.15
 
 
+@pytest.mark.needs_numba(reason="the scans of Killian Court take more than 20 s")
 @pytest.mark.slow
 def test_killian_court_closes():
     """Its reference is the optimum of the file's own graph, no truth: 2 m, as for the library."""
