@@ -493,7 +493,8 @@ def downdate(P: Array, B: Array) -> None:
         return
     # Without a second matrix as large as P: BLAS writes the lower triangle, then it is mirrored.
     dsyrk(-1.0, B.T, beta=1.0, c=P.T, overwrite_c=1)
+    lower = np.tri(64, dtype=bool)
     for j in range(0, len(P), 64):
         own = slice(j, j + 64)
-        P[own, own] = np.tril(P[own, own]) + np.tril(P[own, own], -1).T
+        P[own, own] = np.where(lower[: len(P) - j, : len(P) - j], P[own, own], P[own, own].T)
         P[:j, own] = P[own, :j].T
