@@ -412,6 +412,7 @@ def unknown_area(
 ) -> None:
     """Add unknown area (cells) around each point, by sectors up to the first occupied cell."""
     width = 2 * np.pi / n_rays
+    reach = min(reach, sum(state.shape))  # no ray on the floor is longer
     angles, r = np.arange(n_rays) * width, 0.5 + np.arange(np.floor(reach + 0.5))
     rays = np.stack([np.cos(angles), np.sin(angles)], -1)[:, None] * r[:, None]
     columns, rows = np.moveaxis(np.floor(points[:, None, None] + rays), -1, 0)

@@ -55,7 +55,7 @@ def test_the_kernels_explore_as_the_plain_code(monkeypatch):
     assert (explored(False, monkeypatch, n=10)[0][-1] != kernel[0][-1]).any()
 
 
-@pytest.mark.parametrize("reach", [0.0, 0.3, 4.5, 30.0])
+@pytest.mark.parametrize("reach", [0.0, 0.3, 4.5, 30.0, np.inf])
 def test_rays_end_at_their_reach_at_walls_and_at_the_edge(reach):
     state = np.random.default_rng(3).choice([0, 1, 2], (20, 30), p=[0.6, 0.35, 0.05])
     state = state.astype(np.uint8)
