@@ -261,13 +261,13 @@ def test_ill_conditioning_does_arise_with_a_global_parameter():
             x = np.r_[0, np.cumsum(rng.normal(7, 4, 56))]
             left = x * (t0 - t1) + t * (x[-1] - x[0]) + x[0] * t1 - x[-1] * t0
             free = x - x[-1] * along / 400
-            due = exact @ np.linalg.lstsq(exact, free, rcond=None)[0]
+            best = exact @ np.linalg.lstsq(exact, free, rcond=None)[0]
             for M, kept in (
                 (A, off),
                 (product[:, None] * np.stack([t + t0 + t1, 1 + 0 * t], 1), products),
             ):
                 found = M @ np.linalg.solve(M.T @ M, M.T @ left) / (t0 - t1)
-                kept.append(np.abs(found - due).max())
+                kept.append(np.abs(found - best).max())
         assert low <= max(off) < high
         assert max(products) < 0.01
 
