@@ -160,8 +160,8 @@ def test_an_export_that_nobody_uses_would_be_found():
 
 USERS = {
     *("mapping/occupancy", "matching/correlative", "matching/field", "matching/icp"),
-    *("navigation/cubic", "navigation/exploration_grid", "navigation/spline", "sensors/stereo"),
-    *("slam/gamma", "slam/grid_fast", "worlds/bitmap"),
+    *("navigation/boxes", "navigation/cubic", "navigation/exploration_grid", "navigation/spline"),
+    *("sensors/stereo", "slam/gamma", "slam/grid_fast", "worlds/bitmap"),
 }
 
 

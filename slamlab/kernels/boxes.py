@@ -1,6 +1,6 @@
 """Where a new cubic meets an old path: a growing tree of boxes, halved to a given accuracy.
 
-P3 section 3 (figure 2) in compiled loops; the plain twin stands in `slamlab.navigation.spline`.
+P3 section 3 (figure 2) in compiled loops; the plain twin stands in `slamlab.navigation.boxes`.
 Between its extrema a cubic is monotone in x and in y, so the box of such a piece is the box of
 its two ends, and stays so however often it is halved.
 """

@@ -117,7 +117,7 @@ class ExplorationGrid(Grid):
             beams = pose[2] + angles
             self._make_room(eye + reach[:, None] * np.stack([np.cos(beams), np.sin(beams)], -1))
         x, y = self.scaled(eye)
-        # Endless beams are cut where they have left the sheet for certain.
+        # Endless beams are cut where they have left the grid for certain.
         longest = sum(self.shape) + np.hypot(x, y)
         reach = np.minimum(reach / self.resolution, longest)
         mark_walls(self.state, self._passes, x, y, pose[2], angles, reach, met)

@@ -10,7 +10,7 @@ import pytest
 
 from slamlab.kernels import TWINS
 from slamlab.kernels.cubic import arc_length as compiled_length
-from slamlab.navigation import PathMemory, cubic, spline
+from slamlab.navigation import PathMemory, boxes, cubic, spline
 from tests.kernels.test_cubic_kernel import eight
 
 pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
@@ -46,12 +46,12 @@ def calls_of(module, name, path, monkeypatch, variant="two-points"):
 
 @pytest.mark.parametrize("path", [eight, odometer_path])
 def test_the_search_finds_the_same_places_with_the_same_boxes(path, monkeypatch):
-    assert TWINS["boxes.search"] is spline.search.plain
+    assert TWINS["boxes.search"] is boxes.search.plain
     calls = calls_of(spline, "search", path(), monkeypatch)
     assert len(calls) > 200
     met = 0
     for args in calls:
-        one, other = spline.search(*args), spline.search.plain(*args)
+        one, other = boxes.search(*args), boxes.search.plain(*args)
         np.testing.assert_allclose(one[0], other[0], rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(one[1], other[1], rtol=1e-7, atol=1e-9)
         assert one[2] == other[2]
@@ -59,7 +59,7 @@ def test_the_search_finds_the_same_places_with_the_same_boxes(path, monkeypatch)
     assert met > 5
     # A path elsewhere is not met.
     args[3] = args[3] + [[100.0, 0.0], [0, 0], [0, 0], [0, 0]]
-    assert spline.search.plain(*args)[0] == spline.NOWHERE
+    assert boxes.search.plain(*args)[0] == boxes.NOWHERE
 
 
 def test_lengths_and_parameters_are_the_same(monkeypatch):
