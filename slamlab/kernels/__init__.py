@@ -6,10 +6,10 @@ The twin serves where numba can be imported, the plain function elsewhere; tests
 
 from __future__ import annotations
 
-import importlib
 import warnings
 from collections.abc import Callable
-from functools import wraps
+from functools import cache, wraps
+from importlib import import_module
 from typing import Any, TypeVar
 
 from slamlab.kernels.compiling import COMPILED
@@ -32,15 +32,12 @@ def compiled(name: str) -> Callable[[Plain], Plain]:
     """
 
     def decorate(plain: Plain) -> Plain:
-        module, _, function = name.partition(".")
         TWINS[name] = plain
 
         @wraps(plain)
         def serve(*args: Any, **kwargs: Any) -> Any:
             if COMPILED:
-                # The module is imported, and the function compiled, at the first call.
-                kernel = getattr(importlib.import_module(f"slamlab.kernels.{module}"), function)
-                return kernel(*args, **kwargs)
+                return kernel_of(name)(*args, **kwargs)
             say_that_plain_code_serves()
             return plain(*args, **kwargs)
 
@@ -48,6 +45,14 @@ def compiled(name: str) -> Callable[[Plain], Plain]:
         return serve  # type: ignore[return-value]
 
     return decorate
+
+
+@cache
+def kernel_of(name: str) -> Callable[..., Any]:
+    """Import a kernel by its name; it is compiled at its first call."""
+    module, _, function = name.partition(".")
+    kernel: Callable[..., Any] = getattr(import_module(f"slamlab.kernels.{module}"), function)
+    return kernel
 
 
 def say_that_plain_code_serves() -> None:

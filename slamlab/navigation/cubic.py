@@ -7,6 +7,7 @@ formula. Below the public names a cubic is its coefficients c (4, 2) over tau in
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -296,24 +297,29 @@ def arc_length(c: Array, a: float, b: float) -> float:
     Where a curve folds the speed has a kink that the nodes of a quadrature may all miss; a fold
     is an extremum, so it can be only at the end of a piece.
     """
-    cuts = np.clip(monotone_cuts(c), a, b)
-    pieces = [(low, high) for low, high in zip(cuts[:-1], cuts[1:], strict=True) if low < high]
-    return sum(_smooth_length(c, low, high, _gauss(c, low, high), 0.0) for low, high in pieces)
+    length = 0.0
+    for low, high in pairwise(monotone_cuts(c).tolist()):
+        low, high = max(low, a), min(high, b)
+        if low < high:
+            length += _smooth_length(c, low, high, 0.0)
+    return length
 
 
-def _gauss(c: Array, a: float, b: float) -> float:
-    """Gauss-Legendre with ten nodes."""
+def _gauss(c: Array, a: Array, b: Array) -> Array:
+    """Gauss-Legendre with ten nodes from each a (k,) to its b (k,)."""
     t = 0.5 * (a + b) + 0.5 * (b - a) * _NODES[:, None]
-    return float(0.5 * (b - a) * (_WEIGHTS @ np.hypot(*slope(c, t).T)))  # type: ignore[arg-type]
+    speed = np.hypot(*slope(c, t[..., None]).T)  # type: ignore[arg-type]
+    return np.asarray(0.5 * (b - a) * (speed @ _WEIGHTS))
 
 
-def _smooth_length(c: Array, a: float, b: float, whole: float, before: float) -> float:
+def _smooth_length(c: Array, a: float, b: float, before: float) -> float:
     """`before` and the length from a to b, halved until both halves agree with the whole."""
     middle = 0.5 * (a + b)
-    left, right = _gauss(c, a, middle), _gauss(c, middle, b)
+    lengths = _gauss(c, np.array([a, a, middle]), np.array([b, middle, b]))
+    whole, left, right = lengths.tolist()
     if abs(left + right - whole) <= 1e-14 * (abs(whole) + abs(before)) + 1e-300 or b - a < 1e-12:
-        return before + (left + right)
-    return _smooth_length(c, middle, b, right, _smooth_length(c, a, middle, left, before))
+        return float(before + (left + right))
+    return _smooth_length(c, middle, b, _smooth_length(c, a, middle, before))
 
 
 @compiled("cubic.arc_length_table")
