@@ -914,8 +914,8 @@ check_record.mistakes = {
 # print(f"the points draw {drawn} cells, {wrong} of them free or outside")
 
 # %% [markdown] tags=["solution"]
-# The way to be wrong that a single scan never shows: the beams are sent without the heading, and
-# their ends placed with it. From one pose with heading zero everything fits. On a drive the walls
+# A way to be wrong that a scan with heading zero cannot show: the beams are sent without the
+# heading, and their ends placed with it. From that one pose everything fits. On a drive the walls
 # fall apart:
 
 # %% active="ipynb" tags=["solution"]

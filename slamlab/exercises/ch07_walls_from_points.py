@@ -923,8 +923,8 @@ check_walls.mistakes = {
 # With thresholds of 3 and 5 σ a scan has little more than its five pieces, and the walls err by
 # more than they claim. The last line says why: given which point belongs to which wall, the same
 # fit and the same covariance lie within the band. What is missing is the uncertainty of the
-# corner, where the noise decides which wall gets a point. At 20 σ each wall carries points of its
-# neighbour along, and its covariance knows nothing of it.
+# corner, where the noise decides which wall gets a point. At 20 σ about two pieces of a scan carry
+# points of their neighbours along, and their covariances know nothing of it.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 07](../solutions/07_walls_from_points.ipynb).
