@@ -395,7 +395,7 @@ check_noise = Check(
         "heading along y, the variances change places": (np.pi / 2, 0.1, _V),
         "at an angle": (0.7, 0.1, _V),
         "twice the step, four times the noise": (0.7, 0.2, _V),
-        "correlated speeds of a robot with a worn wheel": lambda rng: (
+        "correlated speeds of a robot with one bad wheel": lambda rng: (
             an_angle(rng),
             float(np.round(rng.uniform(0.1, 2), 2)),
             a_covariance(rng, 3, 0.1),

@@ -25,7 +25,7 @@ __all__ = [
 # %% [markdown] tags=["chapter"]
 # # Exercises 08: occupancy maps
 #
-# Five exercises, from one cell to a map of a real building; the chapter is [Occupancy
+# Five exercises, from one cell to the map of a room; the chapter is [Occupancy
 # maps](../08_occupancy_maps.ipynb). Replace each `...` and run the check below it as often as you
 # like; then draw what you built beside what is expected.
 
