@@ -333,7 +333,7 @@ check_add_landmark.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Without the cross-covariances the new landmark counts as independent information about the pose.
-# It does not: it was placed *from* the pose.
+# It is not: it was placed *from* the pose.
 
 # %% active="ipynb" tags=["solution"]
 # def without_ties(P, G_pose, G_z, R):
@@ -482,7 +482,8 @@ check_wall.mistakes = {
 # nearest point lies in the opposite direction.
 
 # %% [markdown] tags=["solution"]
-# Making the distance positive and leaving the direction as it was puts the wall behind the robot:
+# Making the distance positive and leaving the direction as it was puts the wall on the wrong side
+# of the robot:
 
 # %% active="ipynb" tags=["solution"]
 # def half_renamed(pose, wall, L):
@@ -562,19 +563,19 @@ def update(mean: Array, P: Array, z: Array, i: int, R: Array) -> tuple[Array, Ar
 # 1$.
 
 # %% [markdown] tags=["hint"]
-# The second bug only shows when the landmark stands behind the robot: in what interval must a
-# difference of two angles lie?
+# The second bug shows only where the measured and the expected bearing differ by about a full
+# turn: in what interval must a difference of two angles lie?
 
 
 # %% tags=["cases"]
 @drawn
-def _in_a_map(rng: np.random.Generator, landmarks: int, i: int, behind: bool = False) -> Any:
+def _in_a_map(rng: np.random.Generator, landmarks: int, i: int, across: bool = False) -> Any:
     mean = np.append(a_pose(rng), np.round(rng.uniform(5, 9, 2 * landmarks), 2))
-    if behind:
+    if across:
         mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
     d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
     z = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])] + rng.normal(0, 0.1, 2)
-    if behind:
+    if across:
         z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
     return mean, a_covariance(rng, len(mean), 0.05), z, i, a_covariance(rng, 2, 0.02)
 
@@ -630,7 +631,7 @@ check_update = Check(
             0,
             0.01 * np.eye(2),
         ),
-        "a bearing across the back": _in_a_map(2, 1, behind=True),
+        "a landmark ahead, its direction across half a turn": _in_a_map(2, 1, across=True),
         "an innovation across half a turn, both bearings in (-pi, pi]": (
             [0.0, 0.0, 0.0, -5.0, 0.2],
             np.diag([0.01, 0.01, 0.01, 0.05, 0.05]),
@@ -697,11 +698,12 @@ check_update.mistakes = {
 #
 # Landmark $i$ begins at row $3 + 2i$: the pose takes three rows, every landmark before it two.
 # With $i = 0$ the wrong formula is right, so a test with one landmark finds nothing. The second
-# bug is a missing wrap, and it needs a landmark behind the robot to show.
+# bug is a missing wrap: it shows where the measured and the expected bearing differ by about a
+# full turn.
 
 # %% [markdown] tags=["solution"]
-# An update that takes the landmark as certain gives the whole innovation to the robot, and the
-# map is never corrected:
+# An update that takes the landmark as certain shares the innovation between robot and measurement,
+# and the map is never corrected:
 
 # %% active="ipynb" tags=["solution"]
 # def landmark_is_sure(mean, P, z, i, R):
@@ -917,7 +919,7 @@ check_slam.mistakes = {
 #
 # Three functions and a list of names. What to notice: the two lines that move the blocks beside
 # the pose. Their absence does not show in the path of a single run; the covariance is wrong from
-# the first step on which the robot turns.
+# the first step in which the robot drives on with a landmark in its map.
 
 # %% [markdown] tags=["solution"]
 # Is it consistent? Two hundred drives round the same room, the error of the last pose in units of

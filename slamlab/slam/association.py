@@ -190,7 +190,7 @@ def maximum_likelihood(
 
     The likelihood of a pair, exp(-v^T S^-1 v / 2) / sqrt(det S), also counts how wide its
     Gaussian is: a landmark of which little is known is near to everything in standard deviations.
-    The product over all measurements is made largest (by the Hungarian method), landmarks at most
+    The product over all measurements is made largest (an assignment problem), landmarks at most
     once; a measurement left without a landmark counts as one at the edge of its widest gate.
 
     Parameters, result and errors are those of `nearest_neighbour`; `margin` compares
