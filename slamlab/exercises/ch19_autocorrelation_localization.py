@@ -109,7 +109,7 @@ check_beams = Check(
     "beams",
     {
         "one degree": (float(np.deg2rad(1.0)),),
-        "P5's three degrees between beams": (float(np.deg2rad(0.9)),),
+        "nine tenths of a degree": (float(np.deg2rad(0.9)),),
         "a hundredth of a radian": (0.01,),
         "any error": _errors,
     },
@@ -164,7 +164,7 @@ check_beams.mistakes = {
 #     print(f"{n} beams: {np.rad2deg(np.sqrt(np.mean(error**2))):.3f} degrees")
 
 # %% [markdown] tags=["solution"]
-# Half a beam is the worst that can happen. Whoever plans with it buys nearly twice as many beams:
+# Half a beam is the worst that can happen. A plan for it buys $\sqrt 3$ times as many beams:
 
 # %% active="ipynb" tags=["solution"]
 # check_beams(lambda sigma: int(np.ceil(np.pi / sigma)))
@@ -433,8 +433,8 @@ check_turn.mistakes = {
 # back: the correlation at every shift at once.
 
 # %% [markdown] tags=["solution"]
-# Following the longest beam, as P5's `Whatangle` does, needs no correlation and works as long as
-# nothing happens to this one beam. A door that opens is enough:
+# Following the longest beam, as P5's `Whatangle` does, needs no correlation. After a turn by whole
+# beams it works as long as nothing happens to this one beam. A door that opens is enough:
 
 # %% active="ipynb" tags=["solution"]
 # def longest_beam(before, after):
@@ -640,8 +640,8 @@ def second_best(places: Array, misfits: Array, separation: float) -> tuple[int, 
 #             np.array([0.01, 0.02, 0.03]), 0.5)
 
 # %% [markdown] tags=["hint"]
-# The place with the second-smallest misfit is nearly always a neighbour of the best one. It says
-# nothing about ambiguity.
+# In a room without symmetry the place with the second-smallest misfit is nearly always a neighbour
+# of the best one. It says nothing about ambiguity.
 
 # %% [markdown] tags=["hint"]
 # `np.linalg.norm(places - places[best], axis=1)` are the distances from the best place.
@@ -763,8 +763,8 @@ check_second_best.mistakes = {
 # would not.
 
 # %% [markdown] tags=["solution"]
-# The second-smallest misfit belongs to the place next door. Its margin is small in every room, so
-# a flag made from it is raised always and says nothing:
+# In a room without symmetry the second-smallest misfit mostly belongs to a place next door. Its
+# margin is small: in three rooms a flag made from it went up for every robot, and said nothing:
 
 # %% active="ipynb" tags=["solution"]
 # def second_smallest(places, misfits, separation):
@@ -1007,9 +1007,8 @@ check_locate.mistakes = {
 # The signature proposes, the scan decides, and the margin says whether to believe it.
 
 # %% [markdown] tags=["solution"]
-# Why not take the nearest signature and be done? A signature has lost the phases. It cannot tell
-# a place from its mirror image, and of many places that are alike in eight numbers only the whole
-# scan finds the right one:
+# Why not take the nearest signature and be done? In the room of the thesis that would do. But a
+# signature has lost the phases, and cannot tell a place from its mirror image:
 
 # %% active="ipynb" tags=["solution"]
 # def by_signature(places, scans, scan, nearest, separation):

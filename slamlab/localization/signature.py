@@ -140,7 +140,7 @@ def three_numbers(scan: ArrayLike, form: str = "printed") -> Array:
     form : {"printed", "modular", "autocorrelation"}
         "printed": of the raw scan, indices subtracted as they are. "modular": the difference
         modulo n_beams, so that it survives a turn. "autocorrelation": of the autocorrelation,
-        whose largest value stands at index 0 and whose smallest stands twice, at tau and
+        whose largest value stands at index 0 and whose smallest stands at tau and at
         n_beams - tau; the smaller index is taken.
 
     Returns
