@@ -224,8 +224,8 @@ check_weight.mistakes = {
 # %% [markdown] tags=["statement"]
 # <details><summary>Hint</summary>
 #
-# Check the units: what may be added to square metres? A released program adds metres there, and
-# works nearly as well.
+# Check the units: what may be added to square metres? A released program adds metres there: its
+# weights change with the unit of length.
 #
 # </details>
 #
@@ -429,8 +429,8 @@ check_block_bound.mistakes = {
 # ## Solution 4: what a block can promise
 
 # %% [markdown] tags=["solution"]
-# The mean is what a coarser map would have. It looks reasonable, and the search then throws away
-# the best pose without a word:
+# The mean is what a shrunken picture of the map has. It looks reasonable, but the search may then
+# throw away the best pose without a word:
 
 # %% active="ipynb" tags=["solution"]
 # def mean_of_blocks(cells, width):
@@ -452,7 +452,7 @@ check_block_bound.mistakes = {
 #
 # A robot stands in a room of 5 m by 4 m with a pillar. It knows points on the walls and the
 # normals there, and a guess that is off by some centimetres and degrees. Bring its scan home. Two
-# points of the scan are on a person who walks by far away.
+# points of the scan are on people who walk by far away.
 
 
 # %% tags=["exercise"]
@@ -521,7 +521,7 @@ def _room(step: float = 0.1) -> tuple[Array, Array]:
 
 
 def _scan_of_the_room(pose: Array, rng: np.random.Generator) -> Array:
-    """Other points of the same walls, in the frame of a robot; a few are on a passer-by."""
+    """Other points of the same walls, in the frame of a robot; two are on passers-by."""
     walls, normals = _room()
     along = np.column_stack([normals[:, 1], -normals[:, 0]])
     seen = walls + along * rng.uniform(-0.03, 0.03, (len(walls), 1))
@@ -580,7 +580,7 @@ check_icp = Check(
 # %% tags=["mistakes"]
 check_icp.mistakes = {
     "it ran away: the step goes against the error": "-e => e",
-    "two points on a passer-by outweigh the walls: keep near pairs only": (
+    "two points on passers-by outweigh the walls: keep near pairs only": (
         "gaps.min(axis=1) < 0.6 => gaps.min(axis=1) < 1e9"
     ),
     "this is point to point: a partner is another spot of the wall, use only its normal": (
@@ -602,9 +602,9 @@ check_icp.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Try it without the lever's second half, or with `moved` for `arm`: the check passes. Where every
-# error is zero every step is zero too, whatever the Jacobian; a wrong one is only slower, and
-# with noise, less exact. But without the line that keeps near pairs only, two points on a
-# passer-by outweigh a hundred on walls:
+# error is zero every step is zero too, whatever the Jacobian, and these two still lead there, in
+# more rounds. Not every wrong one does: without the lever the heading stays as it was. And without
+# the line that keeps near pairs only, two points on passers-by outweigh two hundred on walls:
 
 # %% active="ipynb" tags=["solution"]
 # def everybody_counts(reference, normals, points, guess):

@@ -23,7 +23,7 @@ __all__ = [
 # # Exercises 15: Gamma-SLAM and DP-SLAM
 #
 # Five functions, from a cell that learns how rough it is to particles that are weighed by the
-# ground under them. Exercises 1 and 5 belong to the lesson [Gamma-SLAM and
+# ground ahead of them. Exercises 1 and 5 belong to the lesson [Gamma-SLAM and
 # DP-SLAM](../15_other_maps.ipynb), 2 to 4 to its page on
 # [DP-SLAM](../15c_other_maps.ipynb). Replace each `...` and run the check below it as often as you
 # like; each check draws what your function gives.
