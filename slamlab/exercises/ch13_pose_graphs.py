@@ -158,7 +158,7 @@ check_line.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: what one edge adds
 #
-# The four blocks of the drawing in [the lesson](../13_pose_graphs.ipynb), below its formula (C),
+# The four blocks of the drawing in [the lesson](../13_pose_graphs.ipynb), above its formula (A),
 # and the two pieces of the gradient: five products.
 
 
@@ -771,7 +771,7 @@ check_map.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 6: assemble a pose graph
 #
-# Everything of this chapter in ten lines. Without `chordal_initialisation` the long walk ends in a
+# A whole pose graph in ten lines. Without `chordal_initialisation` the long walk ends in a
 # local minimum.
 
 # %% [markdown] tags=["solution"]
