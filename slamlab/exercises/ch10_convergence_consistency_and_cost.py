@@ -291,8 +291,8 @@ check_predict_cov.mistakes = {
 # strips are turned from the side of the pose. The rest stays.
 
 # %% [markdown] tags=["solution"]
-# This is also the O(n) form: no matrix of the size of the map is multiplied. (9) read alone
-# touches the corner only:
+# No matrix of the size of the map is multiplied: but for the copy the work is O(n). (9) read
+# alone touches the corner only:
 
 # %% active="ipynb" tags=["solution"]
 # def corner_only(P, F, Q):
@@ -683,7 +683,7 @@ check_update.mistakes = {
 # %% [markdown] tags=["solution"]
 # Who takes *everything* at the first estimates has a filter whose Jacobians agree and whose
 # measurements say the same thing again and again: the innovation does not shrink when the
-# estimate moves, and the correction is made once more with every measurement.
+# estimate of the landmark moves, and its correction is made once more with every measurement.
 
 # %% active="ipynb" tags=["solution"]
 # def everything_first(mean, P, first, z, i, R):
@@ -907,8 +907,8 @@ check_slam.mistakes = {
 # ## Solution 5: a filter that does not learn where north is
 #
 # What to notice: it is the filter of chapter 09 with one more vector, and that vector is written
-# in two places only, after a prediction and when a landmark comes in. Nothing that a measurement
-# says ever reaches it.
+# in two places only, after a prediction and when a landmark comes in. A correction changes nothing
+# that stands in it.
 
 # %% [markdown] tags=["solution"]
 # The usual EKF beside it: the way in $F$ from the corrected pose, and `update` at the latest
