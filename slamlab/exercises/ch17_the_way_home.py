@@ -694,7 +694,7 @@ check_tune = Check(
 # before it has gone far; and $k_\omega \Delta t = 0.2$ leaves no room for shaking.
 
 # %% [markdown] tags=["solution"]
-# A long look-ahead is smooth, and cuts the corner as far as it looks:
+# A long look-ahead is smooth, but it begins to turn half a metre early and cuts the corner:
 
 # %% active="ipynb" tags=["solution"]
 # def farsighted():
@@ -865,7 +865,7 @@ check_remember.mistakes = {
     "the next cubic begins one point too late: it begins where the last one ends": (
         "first = last => first = last + 1"
     ),
-    "only the newest point was tested: a longer cubic moves away from the old ones too": (
+    "only the last point but one was tested: a longer cubic moves away from the old ones too": (
         "(curve - points[run]).T).max() => (curve - points[run]).T)[-2]"
     ),
     "the mean distance was tested: every point must lie within the tolerance": (
@@ -895,12 +895,12 @@ check_remember.mistakes = {
 # and what is open at the end is.
 
 # %% [markdown] tags=["solution"]
-# It is tempting to test the newest point alone: it is the one that has just come. But its
-# neighbour, the last point, lies on the cubic by construction, so it lies near; it is the middle
-# of the run that the longer cubic leaves. The robot then cuts through what it drove round:
+# It is tempting to test only what is new. The newest point is on the cubic by construction, so
+# take its neighbour, the last but one: that one is near all the same, and it is the middle of the
+# run that the longer cubic leaves. The robot then cuts through what it drove round:
 
 # %% active="ipynb" tags=["solution"]
-# def newest_only(points, tolerance):
+# def last_but_one(points, tolerance):
 #     t = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
 #     first, cubics = 0, []
 #     while first < len(points) - 1:
@@ -917,4 +917,4 @@ check_remember.mistakes = {
 #         first = last
 #     return np.array(cubics)
 #
-# check_remember(newest_only)
+# check_remember(last_but_one)

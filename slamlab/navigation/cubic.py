@@ -122,7 +122,7 @@ def fit_cubic(
     """Fit a cubic to points by least squares under constraints, P3 section 2.
 
     The curve passes through `start` at t[0]; through `end` at t[-1] and with `start_derivative`
-    at t[0] if these are given: the paper's four variants. Solved by QR in tau = (t - t[0]) /
+    at t[0] if these are given: the paper's four variants. Solved by SVD in tau = (t - t[0]) /
     (t[-1] - t[0]). If there are fewer distinct parameters than unknowns, the highest shapes that
     the data cannot tell apart are left out, so that two points give a straight line.
 

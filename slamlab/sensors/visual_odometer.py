@@ -114,8 +114,8 @@ class StereoOdometer:
 
     Two cameras with parallel axes stand side by side; a point is seen as (u, v) in the left
     picture and u in the right one. Motion is estimated from points seen before and after a step:
-    three matches at a time propose a rigid motion, the motion with most followers wins, and its
-    followers are fitted again, weighted by what a pixel of noise does to each of them.
+    three matches at a time propose a rigid motion, the motion with the smallest sum of clipped
+    errors wins, and its followers are fitted again, weighted by what a pixel does to each of them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""P3 (1) and the four constrained fits: printed eliminations, exact rationals, our QR.
+"""P3 (1) and the four constrained fits: printed eliminations, exact rationals, our fit.
 
 The oracle minimises the sum of squares under the constraints by Lagrange multipliers, in exact
 rational arithmetic, in powers of t as P3 writes the curve.
