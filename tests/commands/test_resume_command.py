@@ -189,6 +189,7 @@ def test_an_interrupt_while_places_are_searched_leaves_nothing(
     before = files(made / "map")
     words = ["map", str(made / "second.npz"), "--resume", str(made / "map")]
     assert main([*words, "-o", str(tmp_path / "out")]) == 130
-    assert capsys.readouterr().err == "slamlab map: interrupted\n"
+    # Before it a slow machine says how far it is.
+    assert capsys.readouterr().err.splitlines()[-1] == "slamlab map: interrupted"
     assert not (tmp_path / "out").exists()
     assert files(made / "map") == before
