@@ -601,8 +601,8 @@ check_region_cost.mistakes = {
 # ## Solution 4: the size of a region
 
 # %% [markdown] tags=["solution"]
-# If a region lasts $R$ metres instead of $R - r$, one hardly larger than the range seems the
-# best, and the filter sees beyond its edge after the first metres:
+# If a region lasts $R$ metres instead of $R - r$, one too small often seems the best, and the
+# filter sees beyond its edge before it is left:
 
 # %% active="ipynb" tags=["solution"]
 # def lasts_too_long(R, n, density, reach, stride):
@@ -763,7 +763,7 @@ check_fundamental.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Without step 3 the epipolar lines do not meet in one point, and no camera belongs to this $F$.
-# Without noise it makes no difference:
+# Where there is hardly noise it makes hardly a difference (the second case has rounded pixels):
 
 # %% active="ipynb" tags=["solution"]
 # def rank_three(first, second):

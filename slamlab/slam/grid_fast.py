@@ -1,8 +1,8 @@
 """Grid FastSLAM: particles that carry occupancy maps; and DP-SLAM, one map for all of them.
 
 Grisetti, Stachniss and Burgard, IEEE T-RO 23(1) 2007: each particle lays the scan upon its own map
-before it is weighed. Eliazar and Parr, IJCAI 2003: many blind particles, a laser that may pass
-through any cell. P5 section 2.4; chapter 15.
+before it is weighed. Eliazar and Parr, IJCAI 2003, ICRA 2004: many blind particles, a laser
+that may pass through any cell. P5 section 2.4; chapter 15.
 """
 
 from __future__ import annotations
