@@ -470,8 +470,8 @@ check_edge_jacobian.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Leaving out the swing sets two entries to zero whose size, together, is the distance of the two
-# poses: close together they are hardly missed. Chapter 00 shows what it does to a building:
-# Gauss-Newton goes down, stands still, and is not at the minimum.
+# poses. In the building of chapter 00 most edges are short, half a metre or so, and still they are
+# missed: Gauss-Newton goes down, stands still, and is not at the minimum.
 
 # %% active="ipynb" tags=["solution"]
 # def without_swing(pose_i, pose_j, z):
@@ -691,8 +691,8 @@ check_relax.mistakes = {
 # %% [markdown] tags=["solution"]
 # A mistake of another kind: an $H$ without the information of its edges. The place where its
 # steps would end is the right one, for there $b$ is zero whatever $H$ is; the steps have the
-# wrong length. With informations of more than one they overshoot, by 15 m where a motion
-# was measured twice:
+# wrong length and the wrong direction. With informations of more than one they overshoot, by 15 m
+# where a motion was measured twice:
 
 # %% active="ipynb" tags=["solution"]
 # def unweighted(poses, edges, z, omega):
@@ -902,7 +902,7 @@ check_slam.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # $\chi^2$ needs no truth: it tells of the closures read backwards without a map to compare with.
-# That is why chapter 00 asks for it first.
+# It does not tell of every mistake: the missing lever of chapter 00 hardly raises it.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 00](../solutions/00_slam_in_ten_minutes.ipynb).

@@ -45,10 +45,10 @@ __all__ = [
 # %% [markdown] tags=["statement"]
 # ## Exercise 1: room to turn, with a pencil
 #
-# A square of half side $h$ turns on the spot. A point at the distance $d$ from its centre, with
-# $h < d < \sqrt2\,h$, stands in one of the four gaps between the square and the circle of its
-# corners. How far may the square turn to the left, and how far to the right, before it touches
-# the point?
+# A square of half side $h$ turns on the spot. A point outside it, at the distance $d$ from its
+# centre with $h < d < \sqrt2\,h$, stands in one of the four gaps between the square and the
+# circle of its corners. How far may the square turn to the left, and how far to the right, before
+# it touches the point?
 #
 # Draw it. Along the circle of radius $d$ the square covers four arcs round its corners. How wide
 # is the gap round the middle of a side? Where in the gap is the point, and which way does it
@@ -359,8 +359,9 @@ check_swept.mistakes = {
 # end.
 
 # %% [markdown] tags=["solution"]
-# The test of `CanMove` asks how far the point is. It lets the front of the robot run into walls
-# that are half a side too near, and it stops before a wall at the side that the body would pass.
+# The test of `CanMove` asks how far the point is; here it is asked of all points ahead, not of the
+# front quarter only. It lets the front of the robot run into walls that are half a side too near,
+# and it stops before a wall at the side that the body would pass.
 
 # %% active="ipynb" tags=["solution"]
 # def as_printed(points, half, step):
@@ -853,7 +854,7 @@ check_frontier.mistakes = {
 # right, through free cells only.
 #
 # The check tries your search on many maps; every shortest way is right. Then it lets it explore a
-# flat of three rooms and a corridor, with a robot that sees two cells far: all of the floor must
+# flat of four rooms and a corridor, with a robot that sees two cells far: all of the floor must
 # be seen within 250 moves.
 
 
@@ -961,7 +962,7 @@ def _explored(way: Function, state: Ints, cell: Ints) -> Any:
 
 
 def _two_rooms() -> Ints:
-    """Return a flat of two rooms, a corridor and a cupboard that nobody can enter."""
+    """Return a flat of four rooms, a corridor and a block of wall that one can drive round."""
     flat = np.ones((17, 24), dtype=int)
     flat[[0, -1]], flat[:, [0, -1]] = 2, 2
     flat[6], flat[10] = 2, 2
@@ -1091,7 +1092,7 @@ check_way.mistakes = {
 # cell met is a nearest one.
 
 # %% [markdown] tags=["solution"]
-# A stack in place of the queue is one word less, and finds *a* way. It goes as far as it can
+# A stack in place of the queue finds *a* way, too. It goes as far as it can
 # before it turns, so the first frontier cell it meets may be anywhere:
 
 # %% active="ipynb" tags=["solution"]
