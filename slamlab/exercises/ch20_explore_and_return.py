@@ -237,8 +237,8 @@ check_turn_back.mistakes = {
 # ## Solution 2: when to turn back
 
 # %% [markdown] tags=["solution"]
-# A reserve on the whole journey makes a robot turn round that has just left and has a long way to
-# go:
+# A reserve on the whole journey makes a robot that has driven far turn round too early, even if
+# home is near:
 
 # %% active="ipynb" tags=["solution"]
 # check_turn_back(
