@@ -110,7 +110,9 @@ TAKE_PART = {
 }
 N_DRIVES = 20
 DRIVES = range(1, N_DRIVES + 1)
-SEEDS = {"points": range(N_DRIVES), "freiburg-101": DRIVES, "csail": DRIVES}  # others: one drive
+SEEDS = {"points": range(N_DRIVES)} | dict.fromkeys(
+    ("office", "ring", "ground", "freiburg-101", "csail"), DRIVES
+)  # Killian: one drive
 PEERS = {"points": "EKF-SLAM", "ground": "dead reckoning"}  # whose time is 1; else scan matching
 
 
