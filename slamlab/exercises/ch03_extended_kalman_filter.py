@@ -20,7 +20,7 @@ __all__ = ["check_follow", "check_innovation", "check_jacobian", "check_range_be
 # %% [markdown] tags=["chapter"]
 # # Exercises 03: the extended Kalman filter
 #
-# Three functions that every extended filter of this course needs; the chapter is [The extended
+# Three functions of a filter that sees landmarks, and the filter; the chapter is [The extended
 # Kalman filter](../03_extended_kalman_filter.ipynb). Replace each `...` and run the check below
 # it as often as you like; then draw what you built beside what is expected.
 
@@ -105,8 +105,8 @@ check_range_bearing = Check(
         "the robot has turned": ([1.0, 2.0, 0.6], [4.0, 3.0]),
         "the landmark is behind": ([1.0, 2.0, 0.4], [-2.0, 1.0]),
         "straight behind: pi, not -pi": ([0.0, 0.0, -np.pi / 2], [0.0, 3.0]),
-        "across the back: the bearing stays wrapped": ([0.0, 0.0, 3.0], [-4.0, -1.0]),
-        "across the back, from the other side": ([0.0, 0.0, -3.0], [-4.0, 1.0]),
+        "ahead, across half a turn: the bearing stays wrapped": ([0.0, 0.0, 3.0], [-4.0, -1.0]),
+        "ahead, across half a turn from the other side": ([0.0, 0.0, -3.0], [-4.0, 1.0]),
         "anywhere": _scene,
     },
     picture=_range_bearing_drawn,
@@ -515,7 +515,7 @@ check_follow = Check(
     {
         "one step without a measurement": _unicycle(1, 1.0),
         "one step and one measurement": _unicycle(1, 0.0, 0.7),
-        "the landmark across the back": (
+        "the heading passes half a turn, and the measurement is far off": (
             [0, 0, 3.0],
             0.05 * np.eye(3),
             [[0.5, 0.6]],

@@ -150,9 +150,9 @@ check_weights.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 1: new weights
 #
-# Products become sums of logarithms, and only the ratios of weights matter. Subtracting the
-# largest logarithm sets the largest weight to one before the exponential, so that something
-# always survives.
+# Products become sums of logarithms, and only the ratios of weights matter. With the largest
+# logarithm subtracted, the exponential makes the largest weight one: unless all particles are
+# excluded, something survives.
 
 # %% [markdown] tags=["solution"]
 # Without that subtraction the function is right on paper, and divides zero by zero at the first
@@ -728,8 +728,8 @@ check_localize.mistakes = {
 # what they said is now said by the number of copies.
 
 # %% [markdown] tags=["solution"]
-# A filter that keeps the weights after resampling lets every reading count again and again. It
-# is overconfident, and early:
+# A filter that keeps the weights after resampling counts old readings again, here even for
+# another particle: row i holds another one now. It becomes overconfident:
 
 # %% active="ipynb" tags=["solution"]
 # def weights_kept(x, moves, noise, z, doors, sigma, u):

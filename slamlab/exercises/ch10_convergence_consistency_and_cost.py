@@ -544,15 +544,15 @@ def update(mean: Array, P: Array, first: Array, z: Array, i: int, R: Array) -> t
 # %% tags=["cases"]
 @drawn
 def _in_a_map(
-    rng: np.random.Generator, landmarks: int, i: int, moved: float = 0.3, behind: bool = False
+    rng: np.random.Generator, landmarks: int, i: int, moved: float = 0.3, past: bool = False
 ) -> Any:
     mean = np.append(a_pose(rng), np.round(rng.uniform(5, 9, 2 * landmarks), 2))
-    if behind:
+    if past:
         mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
     d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
     z = np.array([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])])
     z += rng.normal(0, 0.1, 2)
-    if behind:
+    if past:
         z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
     first = mean + np.round(moved * rng.uniform(-1, 1, len(mean)), 2)
     return mean, a_covariance(rng, len(mean), 0.05), first, z, i, a_covariance(rng, 2, 0.02)
@@ -589,7 +589,7 @@ check_update = Check(
         "one landmark that has moved": _in_a_map(1, 0),
         "the second of three landmarks": _in_a_map(3, 1),
         "the last of four": _in_a_map(4, 3),
-        "a bearing across the back": _in_a_map(2, 1, behind=True),
+        "a landmark ahead, across half a turn": _in_a_map(2, 1, past=True),
         "a heading that is corrected past half a turn": (
             [0.0, 0.0, 3.1, -4.0, 0.3],
             np.diag([0.01, 0.01, 0.3, 0.01, 0.01]),

@@ -679,10 +679,10 @@ def observe_landmark(
 
 # %% tags=["cases"]
 @drawn
-def _particles(rng: np.random.Generator, n: int, alike: bool = False, behind: bool = False) -> Any:
+def _particles(rng: np.random.Generator, n: int, alike: bool = False, past: bool = False) -> Any:
     poses = np.array([a_pose(rng, 1.0) for _ in range(n)])
-    poses[:, 2] = rng.normal(3.0 if behind else 0.3, 0.1, n)
-    means = poses[:, :2] + np.round(rng.normal([-4.0 if behind else 4.0, -0.5], 0.5, (n, 2)), 2)
+    poses[:, 2] = rng.normal(3.0 if past else 0.3, 0.1, n)
+    means = poses[:, :2] + np.round(rng.normal([-4.0 if past else 4.0, -0.5], 0.5, (n, 2)), 2)
     covs = np.array(
         [a_covariance(rng, 2, 0.1 if alike else float(10 ** rng.uniform(-2, 0))) for _ in range(n)]
     )
@@ -721,8 +721,8 @@ check_observe_landmark = Check(
         "one particle": _particles(1),
         "two particles that know the landmark equally well": _particles(2, alike=True),
         "particles that know it more and less well": _particles(5),
-        "a landmark across the back": _particles(4, behind=True),
-        "a landmark across the back, from the other side": (
+        "a landmark ahead, across half a turn": _particles(4, past=True),
+        "a landmark ahead, across half a turn from the other side": (
             [[0.0, 0.0, -3.0]],
             [1.0],
             [[-4.0, 0.4]],
