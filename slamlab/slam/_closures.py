@@ -16,7 +16,7 @@ from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
 from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
 from slamlab.slam._tracking import Keyframe, LocalMap, outline_at
-from slamlab.slam.least_squares import KERNEL_WIDTHS
+from slamlab.slam.least_squares import KERNEL_WIDTHS, edge_error
 from slamlab.slam.pose_graph import PoseGraph
 
 STRIDE = 1.5  # a node is tried for closures every so many metres of travel
@@ -32,7 +32,7 @@ ELSEWHERE, SECOND = 0.8, 0.8  # best score more than so far away (m), as a part 
 SLIDE = 0.3  # point to line must not move the result farther than this (m)
 SPAN = 15.0  # consistent closures lie within this travel of both ends (m)
 FLOOR = np.diag(np.square([0.03, 0.03, np.deg2rad(0.4)]))
-FALSE = 60.0  # chi2 of a closure that is dropped after all
+FALSE = 60.0  # chi2 of a closure that is dropped: by the solver, or by the chain if it fits badly
 
 
 @dataclass(eq=False)
@@ -46,13 +46,13 @@ class Closure:
     z : ndarray, shape (3,)
         Pose of k seen from j (m, m, rad).
     cov : ndarray, shape (3, 3)
-        Covariance of z.
+        Covariance of z, in the frame of k as measured; see `edge_error`.
     second_peak : float
         Score of the best place elsewhere as a part of the best; near 1 in a corridor.
     fit : float
         How well the scans lie on the old place, at most 1.
     state : str
-        "waiting" for consistent closures, "confirmed", or "rejected" by the solver.
+        "waiting" for consistent closures, "confirmed", or "rejected" by the chain or the solver.
     """
 
     j: int
@@ -116,7 +116,7 @@ def verify(
     if found.second_peak > SECOND:
         cov = cov + _along(climbed.cov, radius)
     turn = np.eye(3)
-    turn[:2, :2] = rotation(-poses[j, 2])
+    turn[:2, :2] = rotation(-match.pose[2])
     cov = turn @ cov @ turn.T + FLOOR
     return Closure(
         j, k, between(poses[j], match.pose), 0.5 * (cov + cov.T), found.second_peak, fit
@@ -129,6 +129,22 @@ def _along(cov: Array, radius: float) -> Array:
     out = np.zeros((3, 3))
     out[:2, :2] = (0.5 * radius) ** 2 * np.outer(vectors[:, -1], vectors[:, -1])
     return out
+
+
+def against_chain(one: Closure, poses: Array, covs: Array) -> float:
+    """Squared Mahalanobis distance of a closure from where the chain leads.
+
+    The covariances (n - 1, 3, 3) of the edges, each in the frame of its newer node, are
+    compounded (Smith, Self and Cheeseman 1990): an error of heading has a lever, the way that is
+    left to node k.
+    """
+    x, y, turn = between(poses[one.k], poses[one.j + 1 : one.k + 1]).T
+    jac = np.zeros((len(x), 3, 3))
+    jac[:, :2, :2] = rotation(turn)
+    jac[:, :, 2] = np.stack([y, -x, np.ones_like(x)], axis=-1)
+    cov = one.cov + (jac @ covs[one.j : one.k] @ np.swapaxes(jac, 1, 2)).sum(axis=0)
+    e = edge_error(poses[one.j], poses[one.k], one.z)
+    return float(e @ np.linalg.solve(cov, e))
 
 
 def consistent(one: Closure, others: list[Closure], poses: Array, travel: Array) -> bool:

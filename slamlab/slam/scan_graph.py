@@ -18,8 +18,11 @@ from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
 from slamlab.slam._closures import (
     AROUND,
+    FALSE,
     STRIDE,
+    SURE,
     Closure,
+    against_chain,
     candidates,
     consistent,
     optimized,
@@ -111,7 +114,7 @@ class ScanGraphSlam(ScanSystem):
         self.unmatched_scans: list[int] = []
         self._poses = np.zeros((0, 3))  # of the nodes
         self._travel = np.zeros(0)  # metres driven to each node
-        self._chain: list[tuple[Array, Array]] = []  # (z, cov) from each node to the next
+        self._chain: list[tuple[Array, Array]] = []  # (z, cov in the next one's frame)
         self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
         self._placed = np.zeros((0, 3))  # poses of the scans that the trajectory was asked for
         self._recent: deque[PointsWithNormals] = deque(
@@ -191,7 +194,7 @@ class ScanGraphSlam(ScanSystem):
         length = 0.0
         if self.nodes:
             turn = np.eye(3)
-            turn[:2, :2] = rotation(-self._poses[-1, 2])
+            turn[:2, :2] = rotation(-self._pose[2])
             cov = turn @ self._moved_cov @ turn.T + FLOOR
             self._chain.append((z, 0.5 * (cov + cov.T)))
             length = self._travel[-1] + float(np.hypot(*z[:2]))
@@ -214,6 +217,10 @@ class ScanGraphSlam(ScanSystem):
             verify(j, k, radius, self.nodes, self._poses, self._travel, self._stretch) for j in old
         ]
         found = [closure for closure in tried if closure is not None]
+        covs = np.array([cov for _, cov in self._chain])
+        for one in found:  # what contradicts the chain must fit well
+            if one.fit < SURE and against_chain(one, self._poses, covs) > FALSE:
+                one.state = "rejected"
         self.closures += found
         fresh = [
             one

@@ -10,15 +10,19 @@ import pytest
 
 from slamlab.datasets import killian, read_carmen, read_relations
 from slamlab.evaluation import ate, relation_error, run
-from slamlab.geometry import between, compose, inverse
+from slamlab.geometry import between, compose, inverse, rotation, transform
 from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
 from slamlab.matching import PointsWithNormals
+from slamlab.navigation import YOUBOT_BODY, CoveragePilot
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
-from slamlab.simulation import drifted
-from slamlab.slam import ScanGraphSlam
-from slamlab.slam._closures import Closure, candidates, consistent
+from slamlab.simulation import PerfectEstimator, drifted, record
+from slamlab.simulation.expedition import ENVIRONMENTS
+from slamlab.slam import PoseGraph, ScanGraphSlam
+from slamlab.slam._closures import Closure, against_chain, candidates, consistent, verify
+from slamlab.slam._tracking import Keyframe
+from slamlab.slam.least_squares import edge_error
 from slamlab.worlds import rooms
 from tests.slam.ring import LIDAR, drive
 
@@ -59,6 +63,69 @@ def test_a_ring_is_closed_and_the_map_is_good_to_centimetres():
     assert slam.unmatched_scans == []
 
 
+def leagues_ring(seed):
+    """The first 105 m of a drive through the league's ring, where the start is met again at 90."""
+    place, rng = ENVIRONMENTS["ring"], np.random.default_rng(19 + seed)
+    pilot = CoveragePilot(
+        YOUBOT_BODY, place.lidar, view_range=place.view_range, max_speed=0.6, max_turn=1.0
+    )
+    return record(
+        place.world(), YOUBOT, place.lidar, pilot, PerfectEstimator(), rng,
+        start=place.start, dt=0.2, control_cov=YOUBOT.control_cov(0.4),
+        footprint=YOUBOT_BODY.footprint, max_time=230.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("gated", [True, False])
+def test_three_closures_that_agree_on_the_wrong_door_contradict_the_chain(gated, monkeypatch):
+    """Without the chain's word they would bend the ring by metres (the wrong form)."""
+    if not gated:
+        monkeypatch.setattr("slamlab.slam.scan_graph.FALSE", np.inf)
+    log = leagues_ring(8)
+    slam = ScanGraphSlam(log.scan, log.truth[0], motion=YOUBOT)
+    run(slam, log)
+    error = ate(slam.trajectory, log.truth).rmse
+    wrong, states = false_closures(slam, log), [one.state for one in slam.closures]
+    print(f"gate {gated}: error {error:.3f} m, {len(wrong)} false closures count, {states}")
+    if gated:
+        assert error < 0.05
+        assert wrong == []
+        assert states.count("rejected") == 3
+    else:
+        assert error > 0.5
+        assert len(wrong) == 3
+
+
+def test_the_chain_says_what_a_graph_of_it_says():
+    """Compounding is the marginal of the last pose; without the levers it is not."""
+    rng = np.random.default_rng(4)
+    n = 30
+    z = np.column_stack([rng.uniform(0.2, 0.6, n), rng.normal(0, 0.1, n), rng.normal(0, 0.4, n)])
+    root = rng.normal(size=(n, 3, 3)) * [0.02, 0.02, 0.01]
+    covs = root @ np.swapaxes(root, 1, 2) + 1e-5 * np.eye(3)
+    poses = [np.zeros(3)]
+    for step in z:
+        poses.append(compose(poses[-1], step))
+    poses = np.array(poses)
+    edges = np.column_stack([np.arange(n), np.arange(1, n + 1)])
+    cov = PoseGraph(poses, edges, z, np.linalg.inv(covs)).marginal_cov(n)
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(-poses[n, 2])
+    own = np.diag([0.01, 0.02, 0.001])
+    one = Closure(0, n, poses[n] + [0.3, -0.2, 0.1], own, 0.0, 1.0)
+    e = edge_error(poses[0], poses[n], one.z)
+    expected = e @ np.linalg.solve(turn @ cov @ turn.T + own, e)
+    assert against_chain(one, poses, covs) == pytest.approx(expected)
+    moved = compose([3.0, -1.0, 2.5], poses)  # another world, and not from its first node
+    later = Closure(4, n, between(poses[4], poses[n]) + [0.3, -0.2, 0.1], own, 0.0, 1.0)
+    assert against_chain(later, moved, covs) == pytest.approx(against_chain(later, poses, covs))
+    turns = rotation(poses[1:, 2] - poses[n, 2])
+    bare = own.copy()
+    bare[:2, :2] += (turns @ covs[:, :2, :2] @ np.swapaxes(turns, 1, 2)).sum(axis=0)
+    bare[2, 2] += covs[:, 2, 2].sum()
+    assert abs(e @ np.linalg.solve(bare, e) / expected - 1) > 0.2
+
+
 def test_ambiguous_closures_are_rejected_or_kept_with_a_spread_along_the_corridor():
     log, kept = round_trip(), {}
     for ambiguous in ("reject", "inflate"):
@@ -76,6 +143,28 @@ def test_ambiguous_closures_are_rejected_or_kept_with_a_spread_along_the_corrido
         across, along = np.sqrt(np.linalg.eigvalsh(one.cov[:2, :2]))
         assert across < 0.1
         assert (along > 1.0) == (one.second_peak > 0.8)
+
+
+def test_a_closure_has_its_covariance_in_the_frame_that_an_edge_of_the_graph_expects():
+    """The frame of the newer node: a body mounted a quarter turn round changes nothing."""
+    slam = closed().system
+    nodes, poses = list(slam.nodes), slam._poses.copy()
+    middle = len(nodes) // 2
+    covs = []
+    for mounted in (0.0, np.pi / 2):
+        for n in range(middle, len(nodes)):
+            nodes[n] = Keyframe.of(transform([0.0, 0.0, -mounted], slam.nodes[n].points))
+        poses[middle:, 2] = slam._poses[middle:, 2] + mounted
+        one = verify(28, 142, 4.0, nodes, poses, slam._travel, stretch=True)
+        assert one is not None
+        turn = rotation(poses[142, 2])
+        covs.append((turn @ one.cov[:2, :2] @ turn.T, one.z[2]))
+    (first, z_first), (second, z_second) = covs
+    assert np.linalg.eigvalsh(first)[1] > 1.0
+    assert z_second - z_first == pytest.approx(np.pi / 2, abs=0.01)
+    np.testing.assert_allclose(second, first, atol=0.05 * np.abs(first).max())
+    quarter = rotation(np.pi / 2)  # the wrong form: in the frame of the older node
+    assert np.abs(quarter @ second @ quarter.T - first).max() > 0.5 * np.abs(first).max()
 
 
 def test_the_trajectory_is_that_of_every_step_and_the_graph_holds_it():
