@@ -321,7 +321,7 @@ check_step.mistakes = {
 # its arc.
 
 # %% [markdown] tags=["solution"]
-# Euler's step, P1 (10), passes where nothing turns, and where the robot turns on the spot:
+# Euler's step, P1 (10), passes where nothing turns, and where no time passes:
 
 # %% active="ipynb" tags=["solution"]
 # def euler(pose, u, dt):
@@ -428,8 +428,8 @@ check_noise.mistakes = {
 # ## Solution 3: the process noise
 
 # %% [markdown] tags=["solution"]
-# The paper's (17), without dt, has the units of a speed, not of a position. At dt = 0.1 s its Q
-# is a hundred times too large:
+# With the paper's (17), without dt, Q keeps the units of V, those of speeds. At dt = 0.1 s it is a
+# hundred times too large:
 
 # %% active="ipynb" tags=["solution"]
 # def printed_17(theta, dt, V):
