@@ -57,7 +57,7 @@ TABLES = {
     "test_signature_speed": (
         "Localization by signatures",
         ["promised ratio"],
-        "The peer of the map casts every beam of every place by itself; the peer of the lookup "
+        "The peer of the map casts the same beams and builds no tree; the peer of the lookup "
         "aligns the scan with all places.",
     ),
     "test_lidar_speed": (

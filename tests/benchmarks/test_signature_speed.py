@@ -1,4 +1,4 @@
-"""Signature map: 40 000 places scanned by sweeps, one place found by its signature."""
+"""Signature map: 40 000 places scanned, one place found by its signature."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def atlas():
 
 
 def beam_by_beam(world):
-    """The same map by casting each beam of each place, as P5 does."""
+    """The signatures of the same places, without a tree."""
     centres = world.centres(2)
     places = centres[world.is_free(centres)]
     scans = world.cast(places[:, None], LIDAR.beam_angles)
