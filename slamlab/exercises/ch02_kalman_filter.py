@@ -658,7 +658,7 @@ check_tune = Check(
 # leaves wide margins, and does not ask for all that 600 readings can tell.
 
 # %% [markdown] tags=["solution"]
-# A filter that expects no pushes explains them by the noise of its sensor, and comes late:
+# A filter that expects hardly any pushes explains them by the noise of its sensor, and comes late:
 
 # %% active="ipynb" tags=["solution"]
 # def no_pushes():
