@@ -821,7 +821,7 @@ def together(y: Array, H: Array, P: Array, R: Array, gates: Array) -> Ints:
 # %% [markdown] tags=["hint"]
 # Write a function inside that takes the number of a measurement and the pairs chosen so far. It
 # tries every free landmark for this measurement, and that it belongs to none, and calls itself
-# for the next measurement. Adding a pair never makes the joint distance smaller, so a set outside
+# for the next measurement. Each part of the answer must be inside its own gate, so a set outside
 # its gate need not be followed.
 
 # %% [markdown] tags=["hint"]

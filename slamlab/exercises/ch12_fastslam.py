@@ -810,8 +810,8 @@ check_observe_landmark.mistakes = {
 # off, but the density at the centre of a wide bell is low: that is what the determinant says.
 
 # %% [markdown] tags=["solution"]
-# With $R$ alone in the weight a particle with an uncertain landmark mostly gets too small a
-# weight, and those that happened to start their landmark well take over:
+# With $R$ alone in the weight the error of the landmark counts as if the sensor had made it:
+# particles that happened to start their landmark well take over:
 
 # %% active="ipynb" tags=["solution"]
 # def weighed_by_sensor_noise(poses, weights, means, covs, z, R):

@@ -149,8 +149,8 @@ check_line.mistakes = {
 # edges that hold a pose, off it minus the weight of the edge between both.
 
 # %% [markdown] tags=["solution"]
-# Trusting the closure alone bends only the last step. It looks right whenever the closure is very
-# sure.
+# Trusting the closure alone bends only the last step. Where the closure is very sure the last pose
+# looks right, but the one between is not: both steps share what is missing.
 
 # %% active="ipynb" tags=["solution"]
 # check_line(lambda z, w: np.array([z[0], z[2]]))
