@@ -586,8 +586,9 @@ check_refined.mistakes = {
 # end needs the remainder.
 
 # %% [markdown] tags=["solution"]
-# Leaving the top alone at both ends does less harm, and gives away the fraction just where a
-# robot that drives straight on needs it:
+# Leaving the top alone at both ends is off by up to half a beam there, where the old version may
+# be off by a whole one. It gives away the fraction just where a robot that drives straight on
+# needs it:
 
 # %% active="ipynb" tags=["solution"]
 # def not_at_the_ends(R):
