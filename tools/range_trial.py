@@ -6,6 +6,7 @@ Writes slamlab/datasets/data/range_trial.json, which `slamlab.datasets.stored_ru
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,22 +42,38 @@ FIELDS = {
             "fixed, 14 m": fixed(14.0),
             "law, 5 wanted": LAW,
             "law, up to 15 m": LAW | {"max_range": 15.0},
+            "law, own lane": LAW,
         },
     ),
 }
 
 
+def own_lane(flights, lane=30.0):
+    """Hide all trees but those of the lane over which the aircraft is."""
+    here, there = (np.floor(y / lane) for y in (flights.truth[:, :, 1], flights.landmarks[:, 1]))
+    hidden = (here[..., None] != there)[..., None]
+    return replace(
+        flights, landmark_measurements=np.where(hidden, np.nan, flights.landmark_measurements)
+    )
+
+
 def one(field, name, seed, n_runs=50):
-    """Trees seen at once, position error (m) and NEES at the end, of flights over one field."""
+    """Flights over one field: trees at once, error (m), NEES at the end, shares of the steps.
+
+    The shares: the next range is beyond 15 m; no tree was seen.
+    """
     felled, ranges = FIELDS[field]
     flights = field_flights(n_runs, np.random.default_rng(seed), FAR, felled=felled)
+    flights = own_lane(flights) if name == "law, own lane" else flights
     filters = EKFSlamBatch(Unicycle(), FAR, flights.truth[0], n_landmarks=len(flights.landmarks))
-    result = run(AdaptiveRange(filters, **ranges[name]), flights, record=("n_seen",))
+    result = run(AdaptiveRange(filters, **ranges[name]), flights, record=("n_seen", "range"))
     off = (result.poses - result.truth)[..., :2]
     return {
         "seen": round(float(np.mean(result.recorded["n_seen"])), 3),
         "error": round(float(np.sqrt((off**2).sum(-1).mean())), 4),
         "nees": round(float(nees(result)[-1].mean()), 3),
+        "beyond": round(float((np.array(result.recorded["range"]) > 15.0).mean()), 4),
+        "none": round(float((np.array(result.recorded["n_seen"]) == 0).mean()), 4),
     }
 
 
