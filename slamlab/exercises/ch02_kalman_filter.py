@@ -284,7 +284,7 @@ check_update.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 2: update
 #
-# Five formulas, five lines.
+# Five formulas, in four lines.
 
 # %% [markdown] tags=["solution"]
 # P1 prints its gain (34) with a $+ R$ behind it. In most filters the two matrices have different
