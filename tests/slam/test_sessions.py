@@ -62,7 +62,8 @@ def test_a_drive_through_another_building_is_kept_beside_the_map(seed):
     tie = found.add(*other)
     assert tie.frame is None
     assert tie.places > 10
-    assert alone.startswith("Sessions(1 drive of 152 nodes, ") and "0 waiting" in alone
+    assert alone.startswith("Sessions(1 drive of 152 nodes, ")
+    assert "0 waiting" in alone
     assert repr(found) == alone.replace("0 waiting", "1 waiting")
     np.testing.assert_array_equal(paths(found), before)
     np.testing.assert_allclose(found.waiting[0].trajectory, other[0].trajectory, atol=1e-12)
