@@ -1,6 +1,6 @@
 """The league: every system of the course on the same logs, and the page that shows it.
 
-SLAMLAB_DATA=FOLDER python tools/league.py      (an hour; options as in tools/trials.py)
+SLAMLAB_DATA=FOLDER python tools/league.py      (many hours; options as in tools/trials.py)
 python tools/league.py --page                   (only the page, from what is stored)
 
 The folder holds the two "corrected" logs of the Radish archive and the relations of Killian Court.

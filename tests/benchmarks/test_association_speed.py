@@ -16,14 +16,14 @@ from slamlab.slam.association import joint_search, nearest_neighbour
 SENSOR = RangeBearing(0.1, 0.02)
 
 
-def lost(n, size, doubt, seed=0):
-    """A filter with n landmarks in a square, unsure of its pose, and looks of ten of them."""
+def uncertain(n, size, sigmas, seed=0):
+    """A filter of n landmarks with an uncertain pose, and measurements of ten at a time."""
     rng = np.random.default_rng(seed)
     landmarks = rng.uniform(-size, size, (n, 2))
     slam = EKFSlam(Unicycle(), SENSOR, np.zeros(3))
     slam.update(SENSOR.observe(slam.pose, landmarks), range(n))
     P = slam.cov.copy()
-    P[:3, :3] += np.diag(np.square(doubt))
+    P[:3, :3] += np.diag(np.square(sigmas))
     slam = EKFSlam(Unicycle(), SENSOR, slam.mean, P, slam.ids)
     near, observations = np.argsort(np.hypot(*landmarks.T))[:30], []
     for _ in range(15):
@@ -67,8 +67,8 @@ def seconds(function, arguments):
 
 def measure():
     """Seconds: joint search usual and dense, our nearest neighbour and the textbook's."""
-    slam, observations = lost(*USUAL)
-    dense, hard = lost(*DENSE)
+    slam, observations = uncertain(*USUAL)
+    dense, hard = uncertain(*DENSE)
     return (
         seconds(lambda z: joint_search(slam, z), observations),
         # The slowest, each the median of three: a busy machine can hold up any single one.
@@ -90,7 +90,7 @@ def rows():
 
 
 def test_the_peer_finds_the_same_neighbours():
-    slam, observations = lost(200, 20.0, (0.05, 0.05, 0.01))
+    slam, observations = uncertain(200, 20.0, (0.05, 0.05, 0.01))
     for z in observations[:3]:
         ours, peer = nearest_neighbour(slam, z), one_by_one(slam, z)
         clear = [list(peer).count(row) == 1 and row >= 0 for row in peer]

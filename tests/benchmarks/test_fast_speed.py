@@ -24,7 +24,7 @@ PROMISED = {1: (20.0, 30.0), 2: (40.0, 30.0)}
 
 
 def scene(n_landmarks, seed=1):
-    """Landmarks, and an endless stream of looks of a robot that drives."""
+    """Landmarks, and an endless stream of what a robot that drives observes."""
     rng = np.random.default_rng(seed)
     landmarks = rng.uniform(-10, 10, (n_landmarks, 2))
 

@@ -310,21 +310,21 @@ def test_p2_no_landmark_falls_below_the_initial_uncertainty():
         assert (np.diag(axis(slam))[1:] > 0.04).all()
 
 
-def test_p2_heading_doubt_makes_ekf_slam_overconfident():
+def test_p2_an_uncertain_heading_makes_ekf_slam_overconfident():
     """Bailey 2006: no landmark can tell the compass, yet the filter comes to believe one."""
     drives = room_drives(20, np.random.default_rng(1), n_steps=400)
     sure = batch(drives)
-    doubtful = batch(drives, cov=np.diag([0, 0, np.radians(10.0) ** 2]))
+    uncertain = batch(drives, cov=np.diag([0, 0, np.radians(10.0) ** 2]))
     # The same drives: how large the score of either is depends much on what was drawn.
-    fair, over = (np.nanmean(nees(one), axis=0) for one in (sure, doubtful))
+    fair, over = (np.nanmean(nees(one), axis=0) for one in (sure, uncertain))
     # Over six sets of 20 drives: 2.5 to 3.3 against 6.8 to 9.2, larger in 15 to 17 of 20.
     assert fair.mean() < 4 < over.mean()
     assert over.mean() > 1.5 * fair.mean()
     assert (over > fair).mean() > 0.5
-    claimed = np.degrees(np.sqrt(doubtful.covs[-1, :, 2, 2]))
+    claimed = np.degrees(np.sqrt(uncertain.covs[-1, :, 2, 2]))
     assert (claimed < 3.0).all()
     # What is claimed to be known shrinks with P2's determinants all the same.
-    assert (np.linalg.det(doubtful.system.landmark_covs) < np.radians(10.0) ** 2).all()
+    assert (np.linalg.det(uncertain.system.landmark_covs) < np.radians(10.0) ** 2).all()
 
 
 def test_p2_conclusion_an_update_changes_the_whole_covariance():

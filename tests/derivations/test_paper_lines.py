@@ -288,15 +288,15 @@ def test_p3_the_memory_keeps_up_with_10_hz():
 # P4
 
 
-def off_by_order(motion, sensor, rng, runs, doubt):
+def off_by_order(motion, sensor, rng, runs, spread):
     """Errors of a new landmark, placed after and before the known one corrects the pose."""
     points, errors = np.array([[4.0, 1.0], [3.0, -2.0]]), {True: [], False: []}
     for _ in range(runs):
-        true = motion.step(np.zeros(3), rng.normal(0, doubt), 1.0)
+        true = motion.step(np.zeros(3), rng.normal(0, spread), 1.0)
         z = sensor.observe(true, points) + rng.multivariate_normal([0, 0], sensor.cov, 2)
         for old_first in errors:
             slam = EKFSlam(motion, sensor, [0, 0, 0, *points[0]], np.zeros((5, 5)), ids=["old"])
-            slam.predict([0, 0], 1.0, np.diag(doubt) ** 2)
+            slam.predict([0, 0], 1.0, np.diag(spread) ** 2)
             for k in (0, 1) if old_first else (1, 0):
                 slam.update(z[[k]], [("old", "new")[k]])
             errors[old_first].append(slam.landmarks[1] - points[1])
@@ -349,18 +349,18 @@ def test_p5_the_longest_beam_leads_back_along_the_diagonal():
         assert ahead.mean() < 0.02
 
 
-def test_p5_1_2_without_a_sensor_the_doubt_only_grows_and_no_map_is_made():
+def test_p5_1_2_without_a_sensor_the_uncertainty_only_grows_and_no_map_is_made():
     sensor = RangeBearing(0.05, np.radians(1))
     blind, seeing = (EKFSlam(YOUBOT, sensor, np.zeros(3)) for _ in range(2))
-    u, doubts = np.array([0.3, 0.0, 0.1]), {"blind": [], "seeing": []}
+    u, spreads = np.array([0.3, 0.0, 0.1]), {"blind": [], "seeing": []}
     for _ in range(100):
         for name, slam in (("blind", blind), ("seeing", seeing)):
             slam.predict(u, 0.1, YOUBOT.control_cov(0.4))
             if name == "seeing":
                 slam.update(sensor.observe(slam.pose, [[2.0, 1.0], [-1.0, 2.0]]), [1, 2])
-            doubts[name].append(np.trace(slam.pose_cov[:2, :2]))
-    assert (np.diff(doubts["blind"]) > 0).all()
-    assert doubts["seeing"][-1] < 0.5 * doubts["blind"][-1]
+            spreads[name].append(np.trace(slam.pose_cov[:2, :2]))
+    assert (np.diff(spreads["blind"]) > 0).all()
+    assert spreads["seeing"][-1] < 0.5 * spreads["blind"][-1]
     assert (blind.n_landmarks, seeing.n_landmarks) == (0, 2)
 
 
