@@ -265,7 +265,7 @@ check_innovation.mistakes = {
 # ## Solution 2: the innovation
 
 # %% [markdown] tags=["solution"]
-# Wrapping both bearings beforehand looks careful and does nothing: two wrapped angles can still
+# Wrapping both bearings beforehand looks careful and is not enough: two wrapped angles can still
 # lie almost a full turn apart.
 
 # %% active="ipynb" tags=["solution"]
@@ -597,8 +597,8 @@ check_follow.mistakes = {
 # before it, that of the measurement at the predicted pose.
 
 # %% [markdown] tags=["solution"]
-# With the Jacobian of the motion on the wrong side, $F^\top P F$, the drive without measurements
-# already goes wrong in its covariance, while every pose of that step stays right:
+# With the Jacobian of the motion on the wrong side, $F^\top P F$, the step without a measurement
+# already goes wrong in its covariance, while its pose stays right:
 
 # %% active="ipynb" tags=["solution"]
 # def other_side(mean, cov, u, dt, V, z, landmark, R):
