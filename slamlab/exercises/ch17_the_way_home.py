@@ -586,7 +586,7 @@ def tune() -> tuple[float, float, float]:
 
 # %% [markdown] tags=["hint"]
 # At a right angle the robot begins to turn when $P_f$ has gone round the corner, a look-ahead
-# distance early. Six centimetres off a corner of 90° allow about 0.15 to 0.2 m.
+# distance early. Six centimetres off a corner of 90° allow about 0.2 m.
 
 # %% [markdown] tags=["hint"]
 # $1/k_\omega$ is the time in which the robot turns to $P_f$. In that time it should not drive
