@@ -896,8 +896,8 @@ check_remember.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # It is tempting to test only what is new. The newest point is on the cubic by construction, so
-# take its neighbour, the last but one: that one is near all the same, and it is the middle of the
-# run that the longer cubic leaves. The robot then cuts through what it drove round:
+# take its neighbour, the last but one: that one is near all the same, and it is older points that
+# the longer cubic leaves. The robot then cuts through what it drove round:
 
 # %% active="ipynb" tags=["solution"]
 # def last_but_one(points, tolerance):
