@@ -586,7 +586,7 @@ def tune() -> tuple[float, float, float]:
 
 # %% [markdown] tags=["hint"]
 # At a right angle the robot begins to turn when $P_f$ has gone round the corner, a look-ahead
-# distance early. Six centimetres off a corner of 90° allow about 0.15 to 0.2 m.
+# distance early. Six centimetres off a corner of 90° allow about 0.2 m.
 
 # %% [markdown] tags=["hint"]
 # $1/k_\omega$ is the time in which the robot turns to $P_f$. In that time it should not drive
@@ -896,8 +896,8 @@ check_remember.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # It is tempting to test only what is new. The newest point is on the cubic by construction, so
-# take its neighbour, the last but one: that one is near all the same, and it is the middle of the
-# run that the longer cubic leaves. The robot then cuts through what it drove round:
+# take its neighbour, the last but one: that one is near all the same, and it is older points that
+# the longer cubic leaves. The robot then cuts through what it drove round:
 
 # %% active="ipynb" tags=["solution"]
 # def last_but_one(points, tolerance):
