@@ -125,7 +125,7 @@ def room():
 
 
 @cache
-def toured(building, seed):
+def toured(building, seed, max_time=400.0):
     """Drive round a building with a robot that knows where it is: the estimators do not."""
     place, rng = ENVIRONMENTS[building], np.random.default_rng(19 + seed)
     pilot = CoveragePilot(
@@ -134,7 +134,7 @@ def toured(building, seed):
     return record(
         place.world(), YOUBOT, place.lidar, pilot, PerfectEstimator(), rng,
         start=place.start, dt=0.2, control_cov=YOUBOT.control_cov(0.4),
-        footprint=YOUBOT_BODY.footprint, max_time=400.0,
+        footprint=YOUBOT_BODY.footprint, max_time=max_time,
     )  # fmt: skip
 
 

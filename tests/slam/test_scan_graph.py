@@ -14,17 +14,16 @@ from slamlab.geometry import between, compose, inverse, rotation, transform
 from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
 from slamlab.matching import PointsWithNormals
-from slamlab.navigation import YOUBOT_BODY, CoveragePilot
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
-from slamlab.simulation import PerfectEstimator, drifted, record
-from slamlab.simulation.expedition import ENVIRONMENTS
+from slamlab.simulation import drifted
 from slamlab.slam import PoseGraph, ScanGraphSlam
 from slamlab.slam._closures import Closure, against_chain, candidates, consistent, verify
 from slamlab.slam._tracking import Keyframe
 from slamlab.slam.least_squares import edge_error
 from slamlab.worlds import rooms
 from tests.slam.ring import LIDAR, drive
+from tools.league import toured
 
 DATA = os.environ.get("SLAMLAB_DATA")
 needs_data = pytest.mark.skipif(DATA is None, reason="SLAMLAB_DATA is not set")
@@ -63,25 +62,12 @@ def test_a_ring_is_closed_and_the_map_is_good_to_centimetres():
     assert slam.unmatched_scans == []
 
 
-def leagues_ring(seed):
-    """The first 105 m of a drive through the league's ring, where the start is met again at 90."""
-    place, rng = ENVIRONMENTS["ring"], np.random.default_rng(19 + seed)
-    pilot = CoveragePilot(
-        YOUBOT_BODY, place.lidar, view_range=place.view_range, max_speed=0.6, max_turn=1.0
-    )
-    return record(
-        place.world(), YOUBOT, place.lidar, pilot, PerfectEstimator(), rng,
-        start=place.start, dt=0.2, control_cov=YOUBOT.control_cov(0.4),
-        footprint=YOUBOT_BODY.footprint, max_time=230.0,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("gated", [True, False])
 def test_three_closures_that_agree_on_the_wrong_door_contradict_the_chain(gated, monkeypatch):
     """Without the chain's word they would bend the ring by metres (the wrong form)."""
     if not gated:
         monkeypatch.setattr("slamlab.slam.scan_graph.FALSE", np.inf)
-    log = leagues_ring(8)
+    log = toured("ring", 8, max_time=230.0)  # 105 m; the start is met again at 90
     slam = ScanGraphSlam(log.scan, log.truth[0], motion=YOUBOT)
     run(slam, log)
     error = ate(slam.trajectory, log.truth).rmse
