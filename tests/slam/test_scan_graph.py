@@ -131,6 +131,33 @@ def test_ambiguous_closures_are_rejected_or_kept_with_a_spread_along_the_corrido
         assert (along > 1.0) == (one.second_peak > 0.8)
 
 
+def test_an_edge_of_the_chain_has_its_covariance_in_the_frame_of_the_newer_node():
+    """A robot that turns as it goes along a corridor: the spread stays along the walls."""
+    n, dt, lidar = 60, 0.2, Lidar(180, max_range=5.0, sigma_range=0.01)
+    u, truth = np.zeros((n, 3)), [np.array([8.0, 1.0, 0.0])]
+    for k in range(1, n):
+        u[k] = *(rotation(-truth[-1][2]) @ [0.5, 0.0]), 0.5
+        truth.append(YOUBOT.step(truth[-1], u[k], dt))
+    truth = np.array(truth)
+    ranges = lidar.scan(rooms.long_corridor(), truth, np.random.default_rng(0))
+    steps, cov = np.r_[0.0, np.full(n - 1, dt)], YOUBOT.control_cov(0.3)
+    log = Log(dt * np.arange(n), u, steps, cov, ranges=ranges, scan=lidar, truth=truth)
+    slam = ScanGraphSlam(lidar, truth[0], motion=YOUBOT, loops=False)
+    run(slam, log)
+    assert len(slam._chain) >= 15
+
+    def off_the_walls(headings):
+        """Angles (rad) between the corridor and the direction of the widest spread."""
+        turn = rotation(headings)
+        cov = np.array([cov[:2, :2] for _, cov in slam._chain])
+        world = turn @ cov @ np.swapaxes(turn, 1, 2)
+        widest = np.linalg.eigh(world).eigenvectors[:, :, 1]
+        return np.arcsin(np.abs(widest[:, 1]))
+
+    assert off_the_walls(slam._poses[1:, 2]).max() < np.deg2rad(2)
+    assert off_the_walls(slam._poses[:-1, 2]).min() > np.deg2rad(10)  # that of the older one
+
+
 def test_a_closure_has_its_covariance_in_the_frame_that_an_edge_of_the_graph_expects():
     """The frame of the newer node: a body mounted a quarter turn round changes nothing."""
     slam = closed().system
