@@ -1,6 +1,7 @@
 """What a contributor is told is there: files, make targets, hooks, forms, the short selection."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -90,9 +91,14 @@ def test_the_short_selection_leaves_out_slow_tests_and_its_marker_is_known():
     options = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]
     assert any(line.startswith("slow:") for line in options["markers"])
     words = [sys.executable, "-m", "pytest", "-q", "--collect-only", "-p", "no:nbval"]
+    plain = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
     few, every = (
         subprocess.run(
-            [*words, *chosen, "tests/slam/test_graph.py"], cwd=ROOT, capture_output=True, text=True
+            [*words, *chosen, "tests/slam/test_graph.py"],
+            cwd=ROOT,
+            env=plain,
+            capture_output=True,
+            text=True,
         ).stdout
         for chosen in (["-m", "not slow"], [])
     )
