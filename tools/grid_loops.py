@@ -42,8 +42,7 @@ def one(corridor, particles, seed):
     "nearest" is the least of that over the particles.
 
     "apart", "apart nearest" and "apart end" are "carried", "nearest" and "end" in the particles'
-    own maps: off from where each particle was at that place on its own first lap. (Not yet stored
-    for 1000 blind ones.)
+    own maps: off from where each particle was at that place on its own first lap.
     """
     model, n = ROWS[corridor, particles]
     log = ring_laps(SIZES[corridor], np.random.default_rng(seed))

@@ -20,14 +20,14 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     trial : str
         "grid_loops": grid FastSLAM round two corridors; 8 m before it is round, "before" (error
         of the mean) and "spread" of the particles; errors at the end: "carried" there by the true
-        motion, "nearest" of the particles carried so, and "end" (all m), and, but for 1000 blind
-        ones, the same off the particles' own first laps: "apart", ...; "grid_logs": the same on
-        two real logs, "error" of the path (m); "matching": scan matchers on these logs, "error"
-        of the path (m); "park_twins": Victoria Park with measurements drawn anew, "trees",
-        "error" of the path, "early" of its first 0.9 km (m); "range_trial": fixed and adaptive
-        ranges over 20 fields of trees: "seen" (landmarks at once), "error" (root mean square of
-        fifty flights, m), "nees" (mean of the pose at the end), shares of the steps with a range
-        "beyond" 15 m and with "none" seen.
+        motion, "nearest" of the particles carried so, and "end" (all m), and the same off the
+        particles' own first laps: "apart", "apart nearest", "apart end"; "grid_logs": grid
+        FastSLAM on two real logs, "error" of the path (m); "matching": scan matchers on these
+        logs, "error" of the path (m); "park_twins": Victoria Park with measurements drawn
+        anew, "trees", "error" of the path, "early" of its first 0.9 km (m); "range_trial": fixed
+        and adaptive ranges over 20 fields of trees: "seen" (landmarks at once), "error" (root
+        mean square of fifty flights, m), "nees" (mean of the pose at the end), shares
+        of the steps with a range "beyond" 15 m and with "none" seen.
 
     Returns
     -------

@@ -287,8 +287,8 @@ check_autocorrelation.mistakes = {
 # ## Solution 2: a signature without heading
 #
 # The Fourier transform turns a circular correlation into a product: that of $R$ is $D_k
-# \overline{D_k} = |D_k|^2$. A turn of the robot multiplies $D_k$ by a number of modulus one, and
-# the modulus forgets it.
+# \overline{D_k} = |D_k|^2$. A turn by whole beams multiplies $D_k$ by a number of modulus one,
+# and the modulus forgets it.
 
 # %% [markdown] tags=["solution"]
 # `np.correlate` looks like the same thing and takes the scan for a signal with a beginning and an
