@@ -746,8 +746,8 @@ check_localize.mistakes = {
 # check_localize(weights_kept)
 
 # %% [markdown] tags=["solution"]
-# How many particles does it take? The same drive of forty steps with 10, 50 and 500, a hundred
-# times each: how often does the mean end within half a metre of the robot?
+# How many particles does it take? A hundred drives of forty steps, the same ones with 10, 50 and
+# 500: how often does the mean end within half a metre of the robot?
 
 # %% active="ipynb" tags=["solution"]
 # doors = np.array([1.0, 4.0, 5.5, 11.0])
