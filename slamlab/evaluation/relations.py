@@ -1,8 +1,8 @@
 """How well a path keeps relations measured by hand: the metric of the SLAM benchmark.
 
 Kuemmerle et al. 2009, "On measuring the accuracy of SLAM algorithms", (3) and (4): it needs no
-common frame and no alignment. It sees stretches, not the whole: a corridor that slid as one piece
-costs next to nothing (chapter 13).
+common frame and no alignment. A relation sees only the stretch that it spans: to short ones a
+corridor that slid as one piece costs next to nothing (chapter 13).
 """
 
 from __future__ import annotations

@@ -775,8 +775,9 @@ check_map.mistakes = {
 # local minimum.
 
 # %% [markdown] tags=["solution"]
-# With all coordinates alike the graph still closes its loops, a little beside the best map; only
-# the comparison of the numbers shows it:
+# With all coordinates alike the graph still closes its loops, centimetres beside the best map on
+# the short walk, up to three metres on the long one; only the comparison with the best map shows
+# it:
 
 # %% active="ipynb" tags=["solution"]
 # def unweighted(odometry, closures, sigma):
