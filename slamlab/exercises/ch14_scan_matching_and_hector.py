@@ -83,7 +83,7 @@ def _unit(rng: np.random.Generator) -> Array:
 
 
 def _jacobian_drawn(ax: Any, function: Any) -> None:
-    """Draw the error over a shift in x and a turn, and the tangents that the row promises."""
+    """Draw the error over shifts in x and y and a turn, and the tangents that the row promises."""
     from slamlab import plots
 
     pose, s, n = np.array([1.0, 2.0, 0.9]), np.array([3.0, 0.5]), np.array([0.6, 0.8])
