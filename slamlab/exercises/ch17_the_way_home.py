@@ -560,9 +560,9 @@ check_steer.mistakes = {
 # ## Exercise 4: bring it home
 #
 # P3's law drives with $v = k_v |P_f P_r|$ and $\omega = k_\omega \alpha$ towards a point $P_f$
-# that lies `lookahead` ahead. The speed is limited to 0.2 m/s, the turn rate to 1.5 rad/s. The
-# path goes down stairs of 0.5 m. The check drives home with your gains and says what it does not
-# like; many gains are right.
+# that lies `lookahead` ahead. The speed is limited to 0.2 m/s, the turn rate to 1.5 rad/s. On the
+# floor the path has the shape of stairs: legs of 0.5 m and right angles. The check drives home
+# with your gains and says what it does not like; many gains are right.
 
 
 # %% tags=["exercise"]
