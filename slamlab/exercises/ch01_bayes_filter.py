@@ -326,7 +326,7 @@ def measurements_needed(prior: float, p_right: float, goal: float) -> int:
         0 if the prior is enough.
     """
     odds, n = prior / (1 - prior), 0
-    while odds / (1 + odds) < goal and n < 1000:  # a mistaken eye may never get there
+    while odds / (1 + odds) < goal and n < 100_000:  # a coin never gets there
         odds, n = odds * p_right / (1 - p_right), n + 1
     return n
 
