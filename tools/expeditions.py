@@ -40,7 +40,7 @@ TRIAL = Trial(
     "expeditions",
     dict.fromkeys(product(ENVIRONMENTS, ESTIMATORS), range(30)),
     one,
-    sample=(("corridor", "dead reckoning", 0), ("ring", "scan matching", 3)),
+    sample=(("corridor", "dead reckoning", 0), ("office", "scan graph", 17)),
     rel=0.1,
     off=0.01,
 )
