@@ -536,7 +536,7 @@ def weights(alpha: Array, beta: Array, cells: Ints, heights: Array, width: float
 
 # %% [markdown] tags=["hint"]
 # `math.lgamma` is $\ln\Gamma$. In a cell with one height $\nu = 0$ and $S = 0$: all terms are zero
-# but $-\ln L$.
+# or cancel but $-\ln L$.
 
 # %% [markdown] tags=["hint"]
 # Logarithms of -5000 are too small for `exp`. The largest of them may be taken off all before.

@@ -121,8 +121,8 @@ class _CellMap:
 class VarianceGrid(_CellMap):
     """How far the heights scatter in each cell: tau = 1 / variance ~ Gamma(alpha, beta).
 
-    Nothing is kept of the heights themselves: a robot that rose by a hand, or leans, sees the same
-    map.
+    Nothing is kept of the heights themselves: a robot that rose by a hand sees the same map, and
+    one that leans by a degree nearly the same.
 
     Parameters
     ----------
