@@ -200,8 +200,8 @@ def match_field(
     guess : array_like, shape (3,)
         Where to begin (m, m, rad).
     prior_cov : array_like, shape (3, 3), optional
-        Covariance of the guess, if it is to pull; one point's weight is 1. Wheels have a bias that
-        no covariance tells: chapter 14 shows what that does.
+        Covariance of the guess, if it is to pull; one point's weight is 1. A bias of the wheels
+        is not in it.
     n_iterations : int, default 10
         Steps at most, for each field.
 
