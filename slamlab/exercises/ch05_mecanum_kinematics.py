@@ -1,4 +1,4 @@
-"""Exercises, chapter 05: wheel map, exact step, process noise, slip alarm.
+"""Exercises, chapter 05: wheel map, exact step, process noise, slip alarm, odometry.
 
 P1 (9), (10), (14) and (17) with its dt, and the wheel map (9a) that P1 leaves out.
 """
