@@ -79,7 +79,8 @@ def one(field, name, seed, n_runs=50):
     """
     felled, ranges = FIELDS[field]
     flights = field_flights(n_runs, np.random.default_rng(seed), FAR, felled=felled)
-    flights = CHANGES.get(name, lambda same: same)(flights)
+    if name in CHANGES:
+        flights = CHANGES[name](flights)
     filters = EKFSlamBatch(Unicycle(), FAR, flights.truth[0], n_landmarks=len(flights.landmarks))
     result = run(AdaptiveRange(filters, **ranges[name]), flights, record=("n_seen", "range"))
     off = (result.poses - result.truth)[..., :2]

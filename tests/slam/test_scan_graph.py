@@ -63,7 +63,7 @@ def test_a_ring_is_closed_and_the_map_is_good_to_centimetres():
 
 
 @pytest.mark.parametrize("gated", [True, False])
-def test_three_closures_that_agree_on_the_wrong_door_contradict_the_chain(gated, monkeypatch):
+def test_three_closures_that_agree_on_the_wrong_alcove_contradict_the_chain(gated, monkeypatch):
     """Without the chain's word they would bend the ring by metres (the wrong form)."""
     if not gated:
         monkeypatch.setattr("slamlab.slam.scan_graph.FALSE", np.inf)
