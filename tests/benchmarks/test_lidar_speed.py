@@ -19,14 +19,19 @@ POSES = free_poses(WORLD, 200, np.random.default_rng(5), 0.25)
 
 
 def alternate(ours, peer, rounds):
-    """Median seconds of both, run in turn, so that a busy machine slows both alike."""
-    seconds = np.empty((rounds + 1, 2))
+    """Median seconds of both, run in turn, so that a busy machine slows both alike.
+
+    Some virtual machines take 20 ms for the first call into NumPy after 0.3 s of anything else,
+    even of a sum; so each is called once before it is timed.
+    """
+    seconds = np.empty((rounds, 2))
     for row in seconds:
         for column, function in enumerate((ours, peer)):
+            function()
             start = time.process_time()
             function()
             row[column] = time.process_time() - start
-    return np.median(seconds[1:], axis=0)
+    return np.median(seconds, axis=0)
 
 
 @njit
