@@ -434,7 +434,7 @@ check_turn.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Following the longest beam, as P5's `Whatangle` does, needs no correlation. After a turn by whole
-# beams it works as long as nothing happens to this one beam. A door that opens is enough:
+# beams it works as long as this beam stays the longest. A door that opens elsewhere is enough:
 
 # %% active="ipynb" tags=["solution"]
 # def longest_beam(before, after):
