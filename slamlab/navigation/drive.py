@@ -139,7 +139,8 @@ class CoveragePilot:
         Return to the start in the end.
     revisit_after : float, default 0.0
         When it comes near its start again, on the way out or home, it drives so much of its first
-        way (m) once more: a belief that recognises places gets the chance to do so.
+        way (m) once more: a belief that recognises places gets the chance to do so. On the way
+        out this ends when the belief has moved the floor.
     smoother : Smoother, optional
         The belief itself, if it revises its past: the floor is then drawn anew, from where the
         scans were taken as it says now, whenever one of those places has moved by 5 cm.
