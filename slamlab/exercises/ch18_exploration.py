@@ -209,8 +209,8 @@ check_free_turn.mistakes = {
 # ## Exercise 2: what the body sweeps
 #
 # A square robot drives straight ahead. Which of the points that its lidar has met would it touch
-# on the way? P5's `CanMove` compares the *distance* of each point with the step; the body does
-# not.
+# on the way? P5's `CanMove` compares the *distance* of the points in its front quarter with the
+# step; the body does not.
 
 
 # %% tags=["exercise"]
