@@ -263,8 +263,8 @@ check_effective_sample_size.mistakes = {
 # ## Solution 2: how many particles count?
 
 # %% [markdown] tags=["solution"]
-# Counting the particles whose weight is not zero looks reasonable and says nothing: after one
-# sharp measurement all weights are positive, and one of them is 0.999.
+# Counting the particles whose weight is not zero looks reasonable and says little: after one
+# sharp measurement all weights may be positive, and one of them 0.999.
 
 # %% active="ipynb" tags=["solution"]
 # def alive(weights):
@@ -416,7 +416,8 @@ check_resample.mistakes = {
 # ## Solution 3: systematic resampling
 
 # %% [markdown] tags=["solution"]
-# Points that never move draw the same particles for ever, and favour those at the left ends:
+# With points that never move the copies are not right on average: the first particle, for one,
+# always gets $M w$ rounded up.
 
 # %% active="ipynb" tags=["solution"]
 # def fixed_points(weights, u):

@@ -209,8 +209,8 @@ check_free_turn.mistakes = {
 # ## Exercise 2: what the body sweeps
 #
 # A square robot drives straight ahead. Which of the points that its lidar has met would it touch
-# on the way? P5's `CanMove` compares the *distance* of each point with the step; the body does
-# not.
+# on the way? P5's `CanMove` compares the *distance* of the points in its front quarter with the
+# step; the body does not.
 
 
 # %% tags=["exercise"]
@@ -677,8 +677,8 @@ check_free_step.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 4: a guard with a bug
 #
-# The margin was added in front and forgotten at the flanks. A wall is as wide as the robot, so it
-# meets the centre line and the bug cannot be seen; a post is not. Test a guard with single
+# The margin was added in front and forgotten at the flanks. A wall reaches across the robot's
+# way, so its points straight ahead hide the bug; a post does not. Test a guard with single
 # points, at all its edges.
 
 # %% [markdown] tags=["solution"]
