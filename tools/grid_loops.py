@@ -1,4 +1,4 @@
-"""Grid FastSLAM round two corridors: the stored table of chapter 15c.
+"""Grid FastSLAM round two corridors: the stored table of chapter 15d.
 
 python tools/grid_loops.py      (an hour; options as in tools/trials.py)
 

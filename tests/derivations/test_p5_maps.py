@@ -92,7 +92,7 @@ def test_2_4_maps_in_particles_come_round_a_short_loop_and_not_a_long_one():
 
 @pytest.mark.slow
 def test_2_4_the_stored_table_of_loops_is_what_it_says():
-    # As chapter 15c shows it (tools/grid_loops.py); two more of its runs: test_stored_trials.py.
+    # As chapter 15d shows it (tools/grid_loops.py); two more of its runs: test_stored_trials.py.
     assert TRIAL.differences("28 m", "30 that match", 1) == []
 
 
