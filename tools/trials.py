@@ -34,6 +34,8 @@ TOOLS = {
     "grid_loops": "grid_loops",
     "league": "league",
     "matching": "matching_table",
+    "orchard": "orchard",
+    "park_start": "park_start",
     "park_twins": "park_twins",
     "range_trial": "range_trial",
     "victoria_park": "victoria_park",

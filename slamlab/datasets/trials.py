@@ -1,4 +1,4 @@
-"""Stored trials: results over many seeds, made apart and read by a page. Chapters 14 to 16."""
+"""Stored trials: results over many seeds, made apart and read by a page. Chapters 10 to 16."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         motion, "nearest" of the particles carried so, and "end" (all m), and the same off the
         particles' own first laps: "apart", "apart nearest", "apart end"; "grid_logs": grid
         FastSLAM on two real logs, "error" of the path (m); "matching": scan matchers on these
-        logs, "error" of the path (m); "park_twins": Victoria Park with measurements drawn
+        logs, "error" of the path (m); "orchard": who decides which tree was observed, after a
+        drive with the sensor off: "precision" and "recall" of the pairs, "end" (error, m);
+        "park_start": Victoria Park's first 0.9 km by the factor on its odometry's variance, as
+        `victoria_park_runs`; "park_twins": Victoria Park with measurements drawn
         anew, "trees", "error" of the path, "early" of its first 0.9 km (m); "range_trial": fixed
         and adaptive ranges over 20 fields of trees: "seen" (landmarks at once), "error" (root
         mean square of fifty flights, m), "nees" (mean of the pose at the end), shares
@@ -39,7 +42,10 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     >>> float(stored_runs("matching")["CSAIL"]["20 scans and closures"]["error"][0])
     0.088
     """
-    names = ("grid_logs", "grid_loops", "matching", "park_twins", "range_trial")
+    names = (
+        "grid_logs", "grid_loops", "matching", "orchard", "park_start", "park_twins",
+        "range_trial",
+    )  # fmt: skip
     if trial not in names:
         raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
     stored = json.loads((Path(__file__).parent / "data" / f"{trial}.json").read_text())
