@@ -26,7 +26,7 @@ from tools.trials import Trial, main
 
 DRIFTS = ("1.25", "2.0")
 SEEDS = range(48)  # four blocks of twelve
-RETURN = 51  # the first measurement after the round with the sensor off
+RETURN = 51  # half a lap: all later observations are of the return
 # An association for a filter with one mean, or a number of particles that each decide.
 DECIDERS = {
     "nearest neighbour": nearest_neighbour,
