@@ -32,10 +32,16 @@ TOOLS = {
     "expeditions": "expeditions",
     "grid_logs": "grid_table",
     "grid_loops": "grid_loops",
+    "killian_walls": "killian_walls",
     "league": "league",
     "matching": "matching_table",
+    "orchard": "orchard",
+    "orchard_returns": "orchard_returns",
+    "park_start": "park_start",
     "park_twins": "park_twins",
+    "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
+    "start_heading": "start_heading",
     "victoria_park": "victoria_park",
 }
 

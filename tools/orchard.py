@@ -1,0 +1,74 @@
+"""Who decides which tree was observed: the orchard of chapters 11 and 12, a stored trial.
+
+python tools/orchard.py      (some minutes; options as in tools/trials.py)
+
+Writes slamlab/datasets/data/orchard.json, which `slamlab.datasets.stored_runs` reads.
+"""
+
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from slamlab.evaluation import association_scores, run
+from slamlab.robots import Unicycle
+from slamlab.simulation import ORCHARD_SENSOR, orchard_loop
+from slamlab.slam import EKFSlam, FastSlam
+from slamlab.slam.association import (
+    Confirmation,
+    joint_search,
+    maximum_likelihood,
+    nearest_neighbour,
+)
+from tools.trials import Trial, main
+
+DRIFTS = ("1.25", "2.0")
+SEEDS = range(48)  # four blocks of twelve
+RETURN = 51  # half a lap: all later observations are of the return
+# An association for a filter with one mean, or a number of particles that each decide.
+DECIDERS = {
+    "nearest neighbour": nearest_neighbour,
+    "nearest, with a margin": partial(nearest_neighbour, margin=4.6),
+    "maximum likelihood": maximum_likelihood,
+    "joint compatibility": lambda slam, z: joint_search(slam, z).rows,
+    "FastSLAM 2.0, 100 particles": 100,
+    "FastSLAM 2.0, 400 particles": 400,
+}
+
+
+def one(drift, name, seed):
+    """Drive once, with no names given: pairs after the return, and how far off it ends (m)."""
+    log = orchard_loop(np.random.default_rng(100 + seed), drift=float(drift), laps=1.03)
+    world = Unicycle(), ORCHARD_SENSOR, log.truth[0]
+    decide, more = DECIDERS[name], {}
+    if isinstance(decide, int):
+        rng = np.random.default_rng(seed)
+        slam = FastSlam(*world, decide, 2, rng=rng, detection_probabilities=(0.9, 0.05))
+        more = {"record": ("associations", "is_new", "ancestors")}
+    else:
+        slam = EKFSlam(*world, associate=Confirmation(decide))
+    result = run(slam, log, known_ids=False, **more)
+    score = association_scores(result, since=RETURN)
+    return {
+        "precision": round(float(score.precision), 4),
+        "recall": round(float(score.recall), 4),
+        "end": round(float(np.hypot(*(result.poses[-1] - log.truth[-1])[:2])), 4),
+    }
+
+
+TRIAL = Trial(
+    "orchard",
+    {(drift, name): SEEDS for drift in DRIFTS for name in DECIDERS},
+    one,
+    sample=(
+        ("1.25", "nearest, with a margin", 0),
+        ("2.0", "joint compatibility", 5),
+        ("2.0", "FastSLAM 2.0, 100 particles", 3),
+    ),
+    off=0.002,
+)
+
+if __name__ == "__main__":
+    sys.exit(main(TRIAL))

@@ -1,0 +1,57 @@
+"""Returns to an orchard, known on the first half of the lap: chapter 11b's stored trial.
+
+python tools/orchard_returns.py      (a minute; options as in tools/trials.py)
+
+Writes slamlab/datasets/data/orchard_returns.json, which `slamlab.datasets.stored_runs` reads.
+"""
+
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from slamlab.evaluation import association_scores, run
+from slamlab.robots import Unicycle
+from slamlab.simulation import ORCHARD_SENSOR, orchard_loop
+from slamlab.slam import EKFSlam
+from slamlab.slam.association import Confirmation, nearest_euclidean
+from tools.orchard import DECIDERS, RETURN
+from tools.trials import Trial, main
+
+DRIFTS = ("0.25", "0.75", "1.25", "2.0")
+BACK = 97  # three steps before the lap is closed
+METHODS = {
+    "P4, fixed 1 m": partial(nearest_euclidean, gate=1.0),
+    "nearest neighbour": DECIDERS["nearest neighbour"],
+    "nearest, margin 4.6": DECIDERS["nearest, with a margin"],
+    "maximum likelihood": DECIDERS["maximum likelihood"],
+    "joint compatibility": DECIDERS["joint compatibility"],
+}
+
+
+def one(drift, name, seed):
+    """Drive once: precision and recall of the pairs after the return, and σ of the place (m)."""
+    log = orchard_loop(np.random.default_rng(100 + seed), drift=float(drift), laps=1.03)
+    slam = EKFSlam(Unicycle(), ORCHARD_SENSOR, log.truth[0], associate=Confirmation(METHODS[name]))
+    result = run(slam, log, known_ids=RETURN)
+    score = association_scores(result, RETURN)
+    sigma = np.sqrt(np.trace(result.covs[BACK, :2, :2]))
+    found = {"precision": score.precision, "recall": score.recall, "sigma": sigma}
+    return {key: round(float(value), 6) for key, value in found.items()}
+
+
+TRIAL = Trial(
+    "orchard_returns",
+    {(drift, name): range(20) for drift in DRIFTS for name in METHODS},
+    one,
+    sample=(
+        ("0.75", "nearest neighbour", 2),
+        ("2.0", "joint compatibility", 7),
+    ),
+    off=0.002,
+)
+
+if __name__ == "__main__":
+    sys.exit(main(TRIAL))
