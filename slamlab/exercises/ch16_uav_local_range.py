@@ -465,7 +465,7 @@ check_note_update.mistakes = {
 # $k = 2\rho(2rD + \pi r^2)$ observed in a region (never more than $N_a$),
 #
 # $$
-# C(R) = 2 m N_a^2 + \Big(\tfrac12 k N^2 + N_a^2 N\Big)\frac{s}{D} .
+# C(R) = 2 m N_a^2 + \Big(\tfrac12 k N^2 + k^2 N + N_a^2 N\Big)\frac{s}{D} .
 # $$
 
 
@@ -498,7 +498,7 @@ def region_cost(
     N, m, drive = 2 * n, 2 * density * np.pi * reach**2, R - reach
     inside = np.minimum(2 * density * np.pi * R**2, N)
     told = np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)
-    settle = 0.5 * told * N**2 + inside**2 * N
+    settle = 0.5 * told * N**2 + told**2 * N + inside**2 * N
     cost = 2 * m * inside**2 + settle * stride / drive
     return cost, R[np.argmin(cost)]
 
@@ -583,10 +583,13 @@ check_region_cost.mistakes = {
     ),
     "this is the smallest cost: expected its radius": "R[np.argmin(cost)] => cost.min()",
     "leaving a region costs nothing here": (
-        "settle = 0.5 * told * N**2 + inside**2 * N => settle = 0 * told"
+        "settle = 0.5 * told * N**2 + told**2 * N + inside**2 * N => settle = 0 * told"
     ),
     "only P_bb is brought up to date: P_ab takes N_a^2 N": " + inside**2 * N => ",
-    "only P_ab is brought up to date: P_bb takes k N^2 / 2": "0.5 * told * N**2 +  => ",
+    "only P_ab is brought up to date: P_bb takes k^2 N + k N^2 / 2": (
+        "0.5 * told * N**2 + told**2 * N +  => "
+    ),
+    "Psi P_ab takes k^2 N products, too": " + told**2 * N => ",
     "a local step costs something too": "2 * m * inside**2 +  => ",
     "in a region no more numbers are observed than it holds": (
         "np.minimum(2 * density * (2 * reach * drive + np.pi * reach**2), inside)"
@@ -610,7 +613,7 @@ check_region_cost.mistakes = {
 #     inside = np.minimum(2 * density * np.pi * R**2, N)
 #     ring = 2 * reach * (R - reach) + np.pi * reach**2
 #     told = np.minimum(2 * density * ring, inside)
-#     settle = 0.5 * told * N**2 + inside**2 * N
+#     settle = 0.5 * told * N**2 + told**2 * N + inside**2 * N
 #     cost = 2 * m * inside**2 + settle * stride / R
 #     return cost, R[np.argmin(cost)]
 #
