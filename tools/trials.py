@@ -41,6 +41,7 @@ TOOLS = {
     "park_twins": "park_twins",
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
+    "rough_ground": "rough_ground",
     "start_heading": "start_heading",
     "victoria_park": "victoria_park",
 }
