@@ -436,7 +436,7 @@ PARTS = {  # with the lessons that show them
     "mapping/occupancy.py",  # 08
     "matching/field.py",  # 14
     "matching/icp.py",  # 14
-    "navigation/boxes.py",  # 17b
+    "navigation/boxes.py",  # 17d
     "navigation/exploration_grid.py",  # 18
 }
 # Their public parts check again: points, poses, choices, numbers of each.

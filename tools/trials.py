@@ -39,6 +39,7 @@ TOOLS = {
     "orchard_returns": "orchard_returns",
     "park_start": "park_start",
     "park_twins": "park_twins",
+    "path_fits": "path_fits",
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
     "rough_ground": "rough_ground",

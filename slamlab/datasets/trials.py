@@ -29,7 +29,9 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         "orchard_returns": the same where the names are given until then, and "sigma" of the place
         on return (m); "park_start": Victoria Park's first 0.9 km by the factor on its odometry's
         variance, as `victoria_park_runs`; "park_twins": Victoria Park with measurements drawn
-        anew, "trees", "error" of the path, "early" of its first 0.9 km (m); "printed_formulas":
+        anew, "trees", "error" of the path, "early" of its first 0.9 km (m); "path_fits": chapter
+        17's drive stored by P3's four fits: "segments", mean "kink" (degrees), and the distance of
+        the points over that from the nearest cubics, "excess"; "printed_formulas":
         filters with formulas as P1 prints them, over sets of twenty drives: "rmse" of the position
         (m), NEES of the pose after the "first" step and at the end, "nees"; the "map" (m), and the
         share of it "inside" the 95 % ellipses; "range_trial": fixed and adaptive ranges over 20
@@ -53,7 +55,7 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     """
     names = (
         "grid_logs", "grid_loops", "killian_walls", "matching", "orchard", "orchard_returns",
-        "park_start", "park_twins", "printed_formulas", "range_trial", "rough_ground",
+        "park_start", "park_twins", "path_fits", "printed_formulas", "range_trial", "rough_ground",
         "start_heading",
     )  # fmt: skip
     if trial not in names:
