@@ -42,20 +42,11 @@ FIELDS = {
             "fixed, 14 m": fixed(14.0),
             "law, 5 wanted": LAW,
             "law, up to 15 m": LAW | {"max_range": 15.0},
-            "law, own lane": LAW,
+            "law, own lane": LAW,  # trees of all other lanes are hidden
             "law, new names": LAW,
         },
     ),
 }
-
-
-def own_lane(flights, lane=30.0):
-    """Hide all trees but those of the lane over which the aircraft is."""
-    here, there = (np.floor(y / lane) for y in (flights.truth[:, :, 1], flights.landmarks[:, 1]))
-    hidden = (here[..., None] != there)[..., None]
-    return replace(
-        flights, landmark_measurements=np.where(hidden, np.nan, flights.landmark_measurements)
-    )
 
 
 def new_names(flights, lane=30.0):
@@ -69,18 +60,18 @@ def new_names(flights, lane=30.0):
     return replace(flights, landmark_measurements=z[:, :, seen], landmarks=trees, ids=ids)
 
 
-CHANGES = {"law, own lane": own_lane, "law, new names": new_names}
-
-
 def one(field, name, seed, n_runs=50):
     """Flights over one field: trees at once, error (m), NEES at the end, shares of the steps.
 
     The shares: the next range is beyond 15 m; no tree was seen.
     """
     felled, ranges = FIELDS[field]
-    flights = field_flights(n_runs, np.random.default_rng(seed), FAR, felled=felled)
-    if name in CHANGES:
-        flights = CHANGES[name](flights)
+    hidden = name == "law, own lane"
+    flights = field_flights(
+        n_runs, np.random.default_rng(seed), FAR, felled=felled, own_lane=hidden
+    )
+    if name == "law, new names":
+        flights = new_names(flights)
     filters = EKFSlamBatch(Unicycle(), FAR, flights.truth[0], n_landmarks=len(flights.landmarks))
     result = run(AdaptiveRange(filters, **ranges[name]), flights, record=("n_seen", "range"))
     off = (result.poses - result.truth)[..., :2]
@@ -101,6 +92,7 @@ TRIAL = Trial(
         ("clearing", "fixed, 20 m", 3),
         ("clearing", "law, 5 wanted", 17),
         ("even", "law, 5 wanted", 8),
+        ("even", "law, own lane", 2),
     ),
 )
 

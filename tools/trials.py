@@ -43,6 +43,7 @@ TOOLS = {
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
     "rough_ground": "rough_ground",
+    "short_range": "short_range",
     "start_heading": "start_heading",
     "victoria_park": "victoria_park",
 }

@@ -39,9 +39,11 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         m), "nees" (mean of the pose at the end), shares of the steps with a range "beyond" 15 m
         and with "none" seen; "rough_ground": of ten pictures of a drive, the 95 % intervals by
         Gamma-SLAM's likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1,
-        0.03), and "of 60" (1000) particles; "start_heading": EKF-SLAM by the σ of the heading at
-        the start (degrees), over sets of twenty drives: "nees" (invariant, mean of the steps) and
-        its "end", "sigma" of the heading at the end (degrees), "nis" over its degrees of freedom.
+        0.03), and "of 60" (1000) particles; "short_range": EKF-SLAM by its Jacobians and how far
+        it sees, over 20 fields: "seen", "error" and "nees" as in "range_trial"; "start_heading":
+        EKF-SLAM by the σ of the heading at the start (degrees), over sets of twenty drives: "nees"
+        (invariant, mean of the steps) and its "end", "sigma" of the heading at the end (degrees),
+        "nis" over its degrees of freedom.
 
     Returns
     -------
@@ -55,8 +57,8 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     """
     names = (
         "grid_logs", "grid_loops", "killian_walls", "matching", "orchard", "orchard_returns",
-        "park_start", "park_twins", "path_fits", "printed_formulas", "range_trial", "rough_ground",
-        "start_heading",
+        "park_start", "park_twins", "path_fits", "printed_formulas", "range_trial",
+        "rough_ground", "short_range", "start_heading",
     )  # fmt: skip
     if trial not in names:
         raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")

@@ -32,6 +32,7 @@ def field_flights(
     n_landmarks: int | None = None,
     sigmas: tuple[float, float] = (0.5, 0.03),
     felled: float = 0.0,
+    own_lane: bool = False,
 ) -> Log:
     """Fly over a square field lane by lane, turn by half circles, and come home across the lanes.
 
@@ -55,6 +56,9 @@ def field_flights(
         Noise of the speed (m/s) and of the turn rate (rad/s) measured in a step.
     felled : float, default 0.0
         Share of trees that are missing on the right half of the field, in [0, 1].
+    own_lane : bool, default False
+        Of all trees in range only those of the lane are seen over which the aircraft is; noise,
+        path and trees are the same.
 
     Returns
     -------
@@ -88,8 +92,11 @@ def field_flights(
     steps, n = len(truth), len(landmarks)
     u = controls[:, None] + noise * rng.standard_normal((steps - 1, n_runs, 2))
     error = rng.standard_normal((steps, n_runs, n, 2)) @ root(sensor.cov).T
-    there = sensor.visible(truth, landmarks)[:, None, :, None]
-    z = np.where(there, sensor.observe(truth, landmarks)[:, None] + error, np.nan)
+    there = sensor.visible(truth, landmarks)
+    if own_lane:
+        there &= truth[..., 1] // lane == landmarks[:, 1] // lane
+    measured = sensor.observe(truth, landmarks)[:, None] + error
+    z = np.where(there[:, None, :, None], measured, np.nan)
     ids, cov = (np.arange(n),) * steps, np.diag(noise**2)
     truth = truth.repeat(n_runs, axis=1)
     return landmark_log(

@@ -68,6 +68,22 @@ def test_trees_do_not_depend_on_the_sensor_and_some_are_felled():
     assert len(thin) == (one.landmarks[:, 0] < 45.0).sum()
 
 
+def test_trees_of_other_lanes_can_be_hidden_and_nothing_else_changes():
+    far = PointSensor(FIELD_SENSOR.cov, max_range=40.0)
+    for lane in (30.0, 20.0):
+        whole, own = (
+            field_flights(2, np.random.default_rng(6), far, lane=lane, own_lane=hidden)
+            for hidden in (False, True)
+        )
+        np.testing.assert_array_equal(whole.landmarks, own.landmarks)
+        np.testing.assert_array_equal(np.array(whole.u), np.array(own.u))
+        z, kept = (np.array(log.landmark_measurements) for log in (whole, own))
+        here, there = (np.floor(y / lane) for y in (own.truth[..., 1], own.landmarks[:, 1]))
+        same = here[..., None] == there
+        assert (np.isfinite(z[..., 0]) & ~same).any()
+        np.testing.assert_array_equal(kept, np.where(same[..., None], z, np.nan))
+
+
 def test_with_four_trees_in_sight_the_usual_filter_believes_too_much_and_the_invariant_not():
     near = PointSensor(FIELD_SENSOR.cov, max_range=12.0)
     low, high = chi2_band(3, 50)
