@@ -12,6 +12,7 @@ is stored, and nothing is written; exits with 1 if a run differs.
 from __future__ import annotations
 
 import argparse
+import ast
 import importlib
 import json
 import os
@@ -44,6 +45,7 @@ TOOLS = {
     "range_trial": "range_trial",
     "rough_ground": "rough_ground",
     "short_range": "short_range",
+    "signatures": "signatures",
     "start_heading": "start_heading",
     "victoria_park": "victoria_park",
 }
@@ -143,6 +145,30 @@ class Trial:
 def text_of(stored: dict) -> str:
     """JSON with one run a line."""
     return json.dumps(stored, separators=(",", ":")).replace("},{", "},\n{") + "\n"
+
+
+def of_page(page: str, *names: str) -> dict:
+    """Give functions and constants (in capitals) of a page, and what else is named.
+
+    What page and tool share stands on the page alone; nothing else of it is run.
+    """
+    path = ROOT / "notebooks" / page
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    defines = (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef)
+    kept = [
+        node
+        for node in ast.parse(code).body
+        if isinstance(node, defines)
+        or isinstance(node, ast.Assign)
+        and any(
+            isinstance(n, ast.Name) and (n.id.isupper() or n.id in names)
+            for n in ast.walk(node.targets[0])
+        )
+    ]
+    found: dict = {}
+    exec(compile(ast.Module(kept, []), str(path), "exec"), found)
+    return found
 
 
 def load(name: str) -> Trial:

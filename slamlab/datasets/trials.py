@@ -1,4 +1,4 @@
-"""Stored trials: results over many seeds, made apart and read by a page. Chapters 9 to 16."""
+"""Stored trials: results over many seeds, made apart and read by a page. Chapters 9 to 20."""
 
 from __future__ import annotations
 
@@ -40,10 +40,13 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         and with "none" seen; "rough_ground": of ten pictures of a drive, the 95 % intervals by
         Gamma-SLAM's likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1,
         0.03), and "of 60" (1000) particles; "short_range": EKF-SLAM by its Jacobians and how far
-        it sees, over 20 fields: "seen", "error" and "nees" as in "range_trial"; "start_heading":
-        EKF-SLAM by the σ of the heading at the start (degrees), over sets of twenty drives: "nees"
-        (invariant, mean of the steps) and its "end", "sigma" of the heading at the end (degrees),
-        "nis" over its degrees of freedom.
+        it sees, over 20 fields: "seen", "error" and "nees" as in "range_trial"; "signatures":
+        answers of a database of scans: "places" in it, median error of the place ("off", pixels)
+        and heading ("turn", degrees), "wrong" and "flagged" (%); of six robots whose particles
+        start there, how many have "begun", a "wrong" start, are "lost", are "lost from a right
+        start"; "start_heading": EKF-SLAM by the σ of the heading at the start (degrees), over
+        sets of twenty drives: "nees" (invariant, mean of the steps) and its "end", "sigma" of the
+        heading at the end (degrees), "nis" over its degrees of freedom.
 
     Returns
     -------
@@ -58,7 +61,7 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     names = (
         "grid_logs", "grid_loops", "killian_walls", "matching", "orchard", "orchard_returns",
         "park_start", "park_twins", "path_fits", "printed_formulas", "range_trial",
-        "rough_ground", "short_range", "start_heading",
+        "rough_ground", "short_range", "signatures", "start_heading",
     )  # fmt: skip
     if trial not in names:
         raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
