@@ -12,6 +12,7 @@ is stored, and nothing is written; exits with 1 if a run differs.
 from __future__ import annotations
 
 import argparse
+import ast
 import importlib
 import json
 import os
@@ -39,10 +40,12 @@ TOOLS = {
     "orchard_returns": "orchard_returns",
     "park_start": "park_start",
     "park_twins": "park_twins",
+    "picture_flights": "picture_flights",
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
     "rough_ground": "rough_ground",
     "start_heading": "start_heading",
+    "tilted_flights": "tilted_flights",
     "victoria_park": "victoria_park",
 }
 
@@ -141,6 +144,23 @@ class Trial:
 def text_of(stored: dict) -> str:
     """JSON with one run a line."""
     return json.dumps(stored, separators=(",", ":")).replace("},{", "},\n{") + "\n"
+
+
+def of_page(stem: str) -> dict:
+    """Give a page's functions and its constants (in capitals); nothing else of it is run."""
+    page = ROOT / "notebooks" / f"{stem}.ipynb"
+    cells = json.loads(page.read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    names = {}
+    kept = [
+        node
+        for node in ast.parse(code).body
+        if isinstance(node, ast.Import | ast.ImportFrom | ast.FunctionDef | ast.ClassDef)
+        or isinstance(node, ast.Assign)
+        and any(isinstance(n, ast.Name) and n.id.isupper() for n in ast.walk(node.targets[0]))
+    ]
+    exec(compile(ast.Module(kept, []), str(page), "exec"), names)
+    return names
 
 
 def load(name: str) -> Trial:

@@ -29,17 +29,21 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         "orchard_returns": the same where the names are given until then, and "sigma" of the place
         on return (m); "park_start": Victoria Park's first 0.9 km by the factor on its odometry's
         variance, as `victoria_park_runs`; "park_twins": Victoria Park with measurements drawn
-        anew, "trees", "error" of the path, "early" of its first 0.9 km (m); "printed_formulas":
-        filters with formulas as P1 prints them, over sets of twenty drives: "rmse" of the position
-        (m), NEES of the pose after the "first" step and at the end, "nees"; the "map" (m), and the
-        share of it "inside" the 95 % ellipses; "range_trial": fixed and adaptive ranges over 20
-        fields of trees: "seen" (landmarks at once), "error" (root mean square of fifty flights,
-        m), "nees" (mean of the pose at the end), shares of the steps with a range "beyond" 15 m
-        and with "none" seen; "rough_ground": of ten pictures of a drive, the 95 % intervals by
-        Gamma-SLAM's likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1,
-        0.03), and "of 60" (1000) particles; "start_heading": EKF-SLAM by the σ of the heading at
-        the start (degrees), over sets of twenty drives: "nees" (invariant, mean of the steps) and
-        its "end", "sigma" of the heading at the end (degrees), "nis" over its degrees of freedom.
+        anew, "trees", "error" of the path, "early" of its first 0.9 km (m); "picture_flights":
+        EKF-SLAM of trees from two pictures, by what it is given: mean "squared" error of the
+        positions (m^2) and "nees" of the last pose; "printed_formulas": filters with formulas as
+        P1 prints them, over sets of twenty drives: "rmse" of the position (m), NEES of the pose
+        after the "first" step and at the end, "nees"; the "map" (m), and the share of it "inside"
+        the 95 % ellipses; "range_trial": fixed and adaptive ranges over 20 fields of trees: "seen"
+        (landmarks at once), "error" (root mean square of fifty flights, m), "nees" (mean of the
+        pose at the end), shares of the steps with a range "beyond" 15 m and with "none" seen;
+        "rough_ground": of ten pictures of a drive, the 95 % intervals by Gamma-SLAM's likelihood
+        that "held" the true place, also "smoothed", by a "power 0.3" (0.1, 0.03), and "of 60"
+        (1000) particles; "start_heading": EKF-SLAM by the σ of the heading at the start (degrees),
+        over sets of twenty drives: "nees" (invariant, mean of the steps) and its "end", "sigma" of
+        the heading at the end (degrees), "nis" over its degrees of freedom; "tilted_flights":
+        flights with an attitude that errs, by a plane and a filter of heights and by a "large"
+        filter: "error" of the last position (m), its "nees", "trees" (m).
 
     Returns
     -------
@@ -53,8 +57,8 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     """
     names = (
         "grid_logs", "grid_loops", "killian_walls", "matching", "orchard", "orchard_returns",
-        "park_start", "park_twins", "printed_formulas", "range_trial", "rough_ground",
-        "start_heading",
+        "park_start", "park_twins", "picture_flights", "printed_formulas", "range_trial",
+        "rough_ground", "start_heading", "tilted_flights",
     )  # fmt: skip
     if trial not in names:
         raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
