@@ -41,12 +41,14 @@ TOOLS = {
     "park_start": "park_start",
     "park_twins": "park_twins",
     "path_fits": "path_fits",
+    "picture_flights": "picture_flights",
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
     "rough_ground": "rough_ground",
     "short_range": "short_range",
     "signatures": "signatures",
     "start_heading": "start_heading",
+    "tilted_flights": "tilted_flights",
     "victoria_park": "victoria_park",
 }
 

@@ -11,6 +11,78 @@ from slamlab._checks import Array
 
 __all__ = ["stored_runs"]
 
+# What a run of each trial holds, by name.
+TRIALS = {
+    "grid_logs": 'grid FastSLAM on two real logs, "error" of the path (m)',
+    "grid_loops": (
+        'grid FastSLAM round two corridors; 8 m before it is round, "before" (error of the '
+        'mean) and "spread" of the particles; errors at the end: "carried" there by the true '
+        'motion, "nearest" of the particles carried so, and "end" (all m), and the same off '
+        'the particles\' own first laps: "apart", "apart nearest", "apart end"'
+    ),
+    "killian_walls": (
+        'filters on the walls of nine parts of Killian Court, "error" of the position (m)'
+    ),
+    "matching": 'scan matchers on the two logs, "error" of the path (m)',
+    "orchard": (
+        'who decides which tree was observed, after a drive with the sensor off: "precision" '
+        'and "recall" of the pairs, "end" (error, m)'
+    ),
+    "orchard_returns": (
+        'the same where the names are given until then, and "sigma" of the place on return (m)'
+    ),
+    "park_start": (
+        "Victoria Park's first 0.9 km by the factor on its odometry's variance, as "
+        "`victoria_park_runs`"
+    ),
+    "park_twins": (
+        'Victoria Park with measurements drawn anew, "trees", "error" of the path, "early" of '
+        "its first 0.9 km (m)"
+    ),
+    "path_fits": (
+        'chapter 17\'s drive stored by P3\'s four fits: "segments", mean "kink" (degrees), and '
+        'the distance of the points over that from the nearest cubics, "excess"'
+    ),
+    "picture_flights": (
+        'EKF-SLAM of trees from two pictures, by what it is given: mean "squared" error of '
+        'the positions (m^2) and "nees" of the last pose'
+    ),
+    "printed_formulas": (
+        'filters with formulas as P1 prints them, over sets of twenty drives: "rmse" of the '
+        'position (m), NEES of the pose after the "first" step and at the end, "nees"; the '
+        '"map" (m), and the share of it "inside" the 95 % ellipses'
+    ),
+    "range_trial": (
+        'fixed and adaptive ranges over 20 fields of trees: "seen" (landmarks at once), '
+        '"error" (root mean square of fifty flights, m), "nees" (mean of the pose at the '
+        'end), shares of the steps with a range "beyond" 15 m and with "none" seen'
+    ),
+    "rough_ground": (
+        "of ten pictures of a drive, the 95 % intervals by Gamma-SLAM's likelihood that "
+        '"held" the true place, also "smoothed", by a "power 0.3" (0.1, 0.03), and "of 60" '
+        "(1000) particles"
+    ),
+    "short_range": (
+        'EKF-SLAM by its Jacobians and how far it sees, over 20 fields: "seen", "error" and '
+        '"nees" as in "range_trial"'
+    ),
+    "signatures": (
+        'answers of a database of scans: "places" in it, median error of the place ("off", '
+        'pixels) and heading ("turn", degrees), "wrong" and "flagged" (%); of six robots '
+        'whose particles start there, how many have "begun", a "wrong" start, are "lost", are '
+        '"lost from a right start"'
+    ),
+    "start_heading": (
+        "EKF-SLAM by the σ of the heading at the start (degrees), over sets of twenty drives: "
+        '"nees" (invariant, mean of the steps) and its "end", "sigma" of the heading at the '
+        'end (degrees), "nis" over its degrees of freedom'
+    ),
+    "tilted_flights": (
+        "flights with an attitude that errs, by a plane and a filter of heights and by a "
+        '"large" filter: "error" of the last position (m), its "nees", "trees" (m)'
+    ),
+}
+
 
 def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     """Return the stored runs of a trial: of its tool in `tools/`, one number a seed.
@@ -18,35 +90,7 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     Parameters
     ----------
     trial : str
-        "grid_loops": grid FastSLAM round two corridors; 8 m before it is round, "before" (error of
-        the mean) and "spread" of the particles; errors at the end: "carried" there by the true
-        motion, "nearest" of the particles carried so, and "end" (all m), and the same off the
-        particles' own first laps: "apart", "apart nearest", "apart end"; "grid_logs": grid
-        FastSLAM on two real logs, "error" of the path (m); "killian_walls": filters on the walls
-        of nine parts of Killian Court, "error" of the position (m); "matching": scan matchers on
-        the two logs, "error" of the path (m); "orchard": who decides which tree was observed,
-        after a drive with the sensor off: "precision" and "recall" of the pairs, "end" (error, m);
-        "orchard_returns": the same where the names are given until then, and "sigma" of the place
-        on return (m); "park_start": Victoria Park's first 0.9 km by the factor on its odometry's
-        variance, as `victoria_park_runs`; "park_twins": Victoria Park with measurements drawn
-        anew, "trees", "error" of the path, "early" of its first 0.9 km (m); "path_fits": chapter
-        17's drive stored by P3's four fits: "segments", mean "kink" (degrees), and the distance of
-        the points over that from the nearest cubics, "excess"; "printed_formulas":
-        filters with formulas as P1 prints them, over sets of twenty drives: "rmse" of the position
-        (m), NEES of the pose after the "first" step and at the end, "nees"; the "map" (m), and the
-        share of it "inside" the 95 % ellipses; "range_trial": fixed and adaptive ranges over 20
-        fields of trees: "seen" (landmarks at once), "error" (root mean square of fifty flights,
-        m), "nees" (mean of the pose at the end), shares of the steps with a range "beyond" 15 m
-        and with "none" seen; "rough_ground": of ten pictures of a drive, the 95 % intervals by
-        Gamma-SLAM's likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1,
-        0.03), and "of 60" (1000) particles; "short_range": EKF-SLAM by its Jacobians and how far
-        it sees, over 20 fields: "seen", "error" and "nees" as in "range_trial"; "signatures":
-        answers of a database of scans: "places" in it, median error of the place ("off", pixels)
-        and heading ("turn", degrees), "wrong" and "flagged" (%); of six robots whose particles
-        start there, how many have "begun", a "wrong" start, are "lost", are "lost from a right
-        start"; "start_heading": EKF-SLAM by the σ of the heading at the start (degrees), over
-        sets of twenty drives: "nees" (invariant, mean of the steps) and its "end", "sigma" of the
-        heading at the end (degrees), "nis" over its degrees of freedom.
+        A key of `slamlab.datasets.trials.TRIALS`, which says what its runs hold.
 
     Returns
     -------
@@ -58,13 +102,8 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     >>> float(stored_runs("matching")["CSAIL"]["20 scans and closures"]["error"][0])
     0.088
     """
-    names = (
-        "grid_logs", "grid_loops", "killian_walls", "matching", "orchard", "orchard_returns",
-        "park_start", "park_twins", "path_fits", "printed_formulas", "range_trial",
-        "rough_ground", "short_range", "signatures", "start_heading",
-    )  # fmt: skip
-    if trial not in names:
-        raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
+    if trial not in TRIALS:
+        raise ValueError(f"trial: expected one of {', '.join(TRIALS)}, got {trial!r}")
     stored = json.loads((Path(__file__).parent / "data" / f"{trial}.json").read_text())
     return {
         first: {

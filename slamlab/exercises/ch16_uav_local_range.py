@@ -26,8 +26,9 @@ __all__ = [
 #
 # Five functions on the way from a tilted camera to a filter that works in a part of its map; the
 # chapter is [UAV SLAM with a local range](../16_uav_local_range.ipynb), and its further pages are
-# [16b](../16b_uav_local_range.ipynb) and [16c](../16c_uav_local_range.ipynb). Replace each `...`
-# and run the check below it as often as you like.
+# [16b](../16b_uav_local_range.ipynb), [16c](../16c_uav_local_range.ipynb) and
+# [16d](../16d_uav_local_range.ipynb). Replace each `...` and run the check below it as often as
+# you like.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 16: UAV SLAM with a local range
