@@ -6,35 +6,13 @@ The functions are those of the page, notebooks/15b_other_maps.ipynb: it shows th
 Writes slamlab/datasets/data/rough_ground.json, which `slamlab.datasets.stored_runs` reads.
 """
 
-import ast
-import json
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from tools.trials import ROOT, Trial, main
+from tools.trials import Trial, main, of_page
 
-PAGE = ROOT / "notebooks" / "15b_other_maps.ipynb"
-DEFINES = (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef)
-
-
-def of_page():
-    """Give the page's functions and its constants (in capitals); nothing else of it is run."""
-    cells = json.loads(PAGE.read_text(encoding="utf-8"))["cells"]
-    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
-    names = {}
-    kept = [
-        node
-        for node in ast.parse(code).body
-        if isinstance(node, DEFINES)
-        or isinstance(node, ast.Assign)
-        and any(isinstance(n, ast.Name) and n.id.isupper() for n in ast.walk(node.targets[0]))
-    ]
-    exec(compile(ast.Module(kept, []), str(PAGE), "exec"), names)
-    return names
-
-
-page = of_page()
+page = of_page("15b_other_maps")
 
 
 def one(what, name, seed):

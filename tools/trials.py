@@ -12,6 +12,7 @@ is stored, and nothing is written; exits with 1 if a run differs.
 from __future__ import annotations
 
 import argparse
+import ast
 import importlib
 import json
 import os
@@ -29,7 +30,9 @@ sys.path.insert(0, str(ROOT))
 DATA = ROOT / "slamlab" / "datasets" / "data"
 # The tools of the trials, by the name of what they store.
 TOOLS = {
+    "certificates": "certificates",
     "expeditions": "expeditions",
+    "fast_rounds": "fast_rounds",
     "grid_logs": "grid_table",
     "grid_loops": "grid_loops",
     "killian_walls": "killian_walls",
@@ -37,12 +40,14 @@ TOOLS = {
     "matching": "matching_table",
     "orchard": "orchard",
     "orchard_returns": "orchard_returns",
+    "park_fitted": "park_fitted",
     "park_start": "park_start",
     "park_twins": "park_twins",
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
     "rough_ground": "rough_ground",
     "start_heading": "start_heading",
+    "time_updates": "time_updates",
     "victoria_park": "victoria_park",
 }
 
@@ -141,6 +146,30 @@ class Trial:
 def text_of(stored: dict) -> str:
     """JSON with one run a line."""
     return json.dumps(stored, separators=(",", ":")).replace("},{", "},\n{") + "\n"
+
+
+def of_page(name: str, *constants: str) -> dict:
+    """Give the functions of a page, its constants in capitals (two or more), and others by name.
+
+    Nothing else of it is run. So what a page shows is what a trial runs.
+    """
+    path = ROOT / "notebooks" / f"{name}.ipynb"
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    defines = ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef
+    kept = [
+        node
+        for node in ast.parse(code).body
+        if isinstance(node, defines)
+        or isinstance(node, ast.Assign)
+        and any(
+            isinstance(n, ast.Name) and (n.id in constants or len(n.id) > 1 and n.id.isupper())
+            for n in ast.walk(node.targets[0])
+        )
+    ]
+    names: dict = {}
+    exec(compile(ast.Module(kept, []), str(path), "exec"), names)
+    return names
 
 
 def load(name: str) -> Trial:

@@ -18,6 +18,10 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     Parameters
     ----------
     trial : str
+        "certificates": towns by the noise of a heading (rad), "certified" (1 or 0), "gap" of cost
+        and bound (%), whether the map from the true poses is "cheaper";
+        "fast_rounds": FastSLAM round a circle, "shared" (first steps that all particles have in
+        common) and the "nees" of the pose at every third step;
         "grid_loops": grid FastSLAM round two corridors; 8 m before it is round, "before" (error of
         the mean) and "spread" of the particles; errors at the end: "carried" there by the true
         motion, "nearest" of the particles carried so, and "end" (all m), and the same off the
@@ -27,7 +31,9 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         the two logs, "error" of the path (m); "orchard": who decides which tree was observed,
         after a drive with the sensor off: "precision" and "recall" of the pairs, "end" (error, m);
         "orchard_returns": the same where the names are given until then, and "sigma" of the place
-        on return (m); "park_start": Victoria Park's first 0.9 km by the factor on its odometry's
+        on return (m); "park_fitted": Victoria Park with a noise fitted by parts, error of the
+        "trees" (m) by the linearisation of the filter;
+        "park_start": Victoria Park's first 0.9 km by the factor on its odometry's
         variance, as `victoria_park_runs`; "park_twins": Victoria Park with measurements drawn
         anew, "trees", "error" of the path, "early" of its first 0.9 km (m); "printed_formulas":
         filters with formulas as P1 prints them, over sets of twenty drives: "rmse" of the position
@@ -39,12 +45,15 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         Gamma-SLAM's likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1,
         0.03), and "of 60" (1000) particles; "start_heading": EKF-SLAM by the σ of the heading at
         the start (degrees), over sets of twenty drives: "nees" (invariant, mean of the steps) and
-        its "end", "sigma" of the heading at the end (degrees), "nis" over its degrees of freedom.
+        its "end", "sigma" of the heading at the end (degrees), "nis" over its degrees of freedom;
+        "time_updates": EKF-SLAM with and without the cross-covariance's time update, over sets of
+        ten drives: "nees" of the pose, "error" of the position (m).
 
     Returns
     -------
     dict
-        ``stored_runs(trial)[log][system]`` maps names to arrays of shape (number of seeds,).
+        ``stored_runs(trial)[log][system]`` maps names to arrays of shape (number of seeds,);
+        "nees" of "fast_rounds" (number of seeds, steps).
 
     Examples
     --------
@@ -52,9 +61,9 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     0.088
     """
     names = (
-        "grid_logs", "grid_loops", "killian_walls", "matching", "orchard", "orchard_returns",
-        "park_start", "park_twins", "printed_formulas", "range_trial", "rough_ground",
-        "start_heading",
+        "certificates", "fast_rounds", "grid_logs", "grid_loops", "killian_walls", "matching",
+        "orchard", "orchard_returns", "park_fitted", "park_start", "park_twins",
+        "printed_formulas", "range_trial", "rough_ground", "start_heading", "time_updates",
     )  # fmt: skip
     if trial not in names:
         raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
