@@ -57,7 +57,7 @@ def test_every_row_is_stored_with_its_seeds_and_no_other(name):
 @pytest.mark.parametrize("name", TRIALS)
 def test_what_is_drawn_by_lot_has_twenty_seeds(name):
     """One run is enough where nothing is drawn: filters on real logs, and drives of the league."""
-    one_is_enough = {"killian_walls", "victoria_park", "park_start", "league"}
+    one_is_enough = {"killian_walls", "league", "park_fitted", "park_start", "victoria_park"}
     least = {1, SEEDS} if name in one_is_enough else {SEEDS}
     for row, seeds in TRIALS[name].rows.items():
         assert len(seeds) in least or len(seeds) > SEEDS, (name, row)
@@ -72,6 +72,12 @@ def test_no_two_seeds_of_a_row_gave_the_same_numbers():
                 texts = {json.dumps(run) for run in runs}
                 if name in all_drawn or second.startswith("FastSLAM"):
                     assert len(texts) == len(runs), (name, first, second)
+
+
+def test_of_a_page_a_trial_has_functions_and_constants_and_runs_nothing_else():
+    page = tool.of_page("13b_pose_graphs", "motion")
+    assert {"town_from_the_linear_start", "motion"} <= set(page)
+    assert not {"park", "large", "towns"} & set(page)
 
 
 def toy(tmp_path, monkeypatch, factor=1.0, **options):
@@ -161,6 +167,6 @@ def test_a_trial_that_there_is_not_is_refused(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["trials", "leauge"])
     with pytest.raises(SystemExit):
         tool.main()
-    assert "expected names of expeditions, grid_logs" in capsys.readouterr().err
-    with pytest.raises(ValueError, match="trial: expected one of grid_logs"):
+    assert "expected names of certificates, expeditions" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="trial: expected one of certificates"):
         stored_runs("leauge")

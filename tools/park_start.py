@@ -1,4 +1,4 @@
-"""Victoria Park, its first 1500 steps: chapter 12b's stored trial.
+"""Victoria Park, its first 1500 steps: the stored trial of chapters 11b and 12b.
 
 python tools/park_start.py      (some minutes; options as in tools/trials.py)
 
@@ -6,24 +6,28 @@ Writes slamlab/datasets/data/park_start.json, which `slamlab.datasets.stored_run
 """
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from slamlab.evaluation import run
 from tools.trials import Trial, main
-from tools.victoria_park import SCALES, SYSTEMS, judged, park
+from tools.victoria_park import SCALES, SYSTEMS, judged_over, park
 
 STEPS = 1500  # 0.9 km
-NAMES = ("EKF-SLAM", "EKF-SLAM, invariant", "FastSLAM 1.0", "FastSLAM 2.0")
+NAMES = (
+    "EKF-SLAM",
+    "EKF-SLAM, invariant",
+    "nearest neighbour",
+    "joint compatibility",
+    "nearest neighbour, confirmed",
+    "FastSLAM 1.0",
+    "FastSLAM 2.0",
+)
 SEEDS = {name: range(SYSTEMS[name][1]) for name in NAMES}
 
 
 def one(name, scale, seed):
-    """Run a system over the start with the odometry's variance of the file times `scale`."""
-    log = park()[:STEPS]
-    log = replace(log, control_cov=log.control_cov * float(scale))
-    return judged(run(SYSTEMS[name][0](seed), log, every=10), told=True)
+    """Run a system over the start of the park."""
+    return judged_over(park()[:STEPS], name, scale, seed)
 
 
 TRIAL = Trial(

@@ -3,11 +3,10 @@
 python tools/park_twins.py      (half an hour; options as in tools/trials.py)
 
 Writes slamlab/datasets/data/park_twins.json, which chapters 10b and 12b read. On a twin the noise
-is what the filter is given, and the truth is known.
+is what the filter is given, and the truth is known; `twin` is the function of page 12b.
 """
 
 import sys
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,14 +15,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from slamlab.datasets import victoria_park
 from slamlab.evaluation import run
-from slamlab.geometry import between
 from slamlab.logs import Log
-from slamlab.robots import RelativePose
-from slamlab.sensors import PointSensor
 from slamlab.slam import EKFSlam, FastSlam
-from tools.trials import Trial, main
+from tools.trials import Trial, main, of_page
 
-WORLD = RelativePose(), PointSensor(0.4 * np.eye(2)), np.zeros(3)
+page = of_page("12b_fastslam", "world", "odometry", "everyday")
+WORLD = page["world"]
 SYSTEMS = {
     "EKF-SLAM": lambda seed: EKFSlam(*WORLD),
     "EKF-SLAM, first estimates": lambda seed: EKFSlam(*WORLD, linearisation="first-estimates"),
@@ -33,22 +30,9 @@ SYSTEMS = {
 EARLY = 1500  # steps, 0.9 km
 
 
-def twin(log: Log, seed: int) -> Log:
-    """Path and trees of a log, with odometry and observations drawn from its own covariances."""
-    rng = np.random.default_rng(seed)
-    u = between(log.truth[:-1], log.truth[1:])
-    V = np.broadcast_to(log.control_cov, (len(log), 3, 3))[1:]
-    u = u + np.einsum("kij,kj->ki", np.linalg.cholesky(V), rng.standard_normal(u.shape))
-    zs = []
-    for pose, names, R in zip(log.truth, log.ids, log.covs, strict=True):
-        z = WORLD[1].observe(pose, log.landmarks[names]) if len(names) else np.empty((0, 2))
-        zs.append(z + np.array([rng.multivariate_normal([0, 0], c) for c in R]).reshape(z.shape))
-    return replace(log, u=np.vstack([log.u[:1], u]), landmark_measurements=zs)
-
-
 @cache
 def park_twin(seed: int) -> Log:
-    return twin(victoria_park(), seed)
+    return page["twin"](victoria_park(), seed)
 
 
 def one(park: str, name: str, seed: int) -> dict:

@@ -12,7 +12,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.trials import Trial, main, of_page
 
-page = of_page("15b_other_maps.ipynb")
+page = of_page("15b_other_maps")
 
 
 def one(what, name, seed):

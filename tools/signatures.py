@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.trials import Trial, main, of_page
 
 SHARED = ("room", "lidar", "atlas", "body", "field", "wheels", "x")
-page = of_page("19b_autocorrelation_localization.ipynb", *SHARED)
+page = of_page("19b_autocorrelation_localization", *SHARED)
 signature_map = lru_cache(page["signature_map"])
 drives = lru_cache(maxsize=len(page["TABLES"]))(page["drives"])
 

@@ -30,7 +30,9 @@ sys.path.insert(0, str(ROOT))
 DATA = ROOT / "slamlab" / "datasets" / "data"
 # The tools of the trials, by the name of what they store.
 TOOLS = {
+    "certificates": "certificates",
     "expeditions": "expeditions",
+    "fast_rounds": "fast_rounds",
     "grid_logs": "grid_table",
     "grid_loops": "grid_loops",
     "killian_walls": "killian_walls",
@@ -38,6 +40,7 @@ TOOLS = {
     "matching": "matching_table",
     "orchard": "orchard",
     "orchard_returns": "orchard_returns",
+    "park_fitted": "park_fitted",
     "park_start": "park_start",
     "park_twins": "park_twins",
     "path_fits": "path_fits",
@@ -49,6 +52,7 @@ TOOLS = {
     "signatures": "signatures",
     "start_heading": "start_heading",
     "tilted_flights": "tilted_flights",
+    "time_updates": "time_updates",
     "victoria_park": "victoria_park",
 }
 
@@ -149,28 +153,28 @@ def text_of(stored: dict) -> str:
     return json.dumps(stored, separators=(",", ":")).replace("},{", "},\n{") + "\n"
 
 
-def of_page(page: str, *names: str) -> dict:
-    """Give functions and constants (in capitals) of a page, and what else is named.
+def of_page(name: str, *constants: str) -> dict:
+    """Give the functions of a page, its constants in capitals (two or more), and others by name.
 
-    What page and tool share stands on the page alone; nothing else of it is run.
+    Nothing else of it is run. So what a page shows is what a trial runs.
     """
-    path = ROOT / "notebooks" / page
+    path = ROOT / "notebooks" / f"{name}.ipynb"
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
-    defines = (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef)
+    defines = ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef
     kept = [
         node
         for node in ast.parse(code).body
         if isinstance(node, defines)
         or isinstance(node, ast.Assign)
         and any(
-            isinstance(n, ast.Name) and (n.id.isupper() or n.id in names)
+            isinstance(n, ast.Name) and (n.id in constants or len(n.id) > 1 and n.id.isupper())
             for n in ast.walk(node.targets[0])
         )
     ]
-    found: dict = {}
-    exec(compile(ast.Module(kept, []), str(path), "exec"), found)
-    return found
+    names: dict = {}
+    exec(compile(ast.Module(kept, []), str(path), "exec"), names)
+    return names
 
 
 def load(name: str) -> Trial:

@@ -22,6 +22,7 @@ from slamlab.robots import RelativePose
 from slamlab.sensors import PointSensor
 from slamlab.slam import CompressedEKFSlam, EKFSlam, FastSlam
 from slamlab.slam.association import (
+    Confirmation,
     SearchLimitWarning,
     joint_compatibility,
     maximum_likelihood,
@@ -42,6 +43,11 @@ def of_ekf(linearisation="standard", associate=None):
     return lambda seed: EKFSlam(*WORLD, linearisation=linearisation, associate=associate)
 
 
+def confirmed(linearisation="standard"):
+    # A confirmation remembers what it observed: each run has its own.
+    return lambda seed: of_ekf(linearisation, Confirmation(nearest_neighbour))(seed)
+
+
 # Name: what makes it from a seed, how many seeds, whether the trees are told by name.
 SYSTEMS = {
     "dead reckoning": (lambda seed: DeadReckoning(WORLD[0], WORLD[2]), 1, True),
@@ -55,6 +61,8 @@ SYSTEMS = {
     "joint compatibility": (of_ekf(associate=joint_compatibility), 1, False),
     "nearest neighbour, invariant": (of_ekf("invariant", nearest_neighbour), 1, False),
     "joint compatibility, invariant": (of_ekf("invariant", joint_compatibility), 1, False),
+    "nearest neighbour, confirmed": (confirmed(), 1, False),
+    "nearest neighbour, confirmed, invariant": (confirmed("invariant"), 1, False),
     "FastSLAM 2.0": (of_fast(2), 20, True),
     "FastSLAM 1.0": (of_fast(1), 20, True),
 }
@@ -95,20 +103,29 @@ def park():
     return victoria_park()
 
 
-def one(name, scale, seed):
-    """Run a system over the park with the odometry's variance of the file times `scale`."""
+def judged_over(log, name, scale, seed):
+    """Run a system over a log with the odometry's variance of the file times `scale`."""
     make, _, told = SYSTEMS[name]
-    log = replace(park(), control_cov=park().control_cov * float(scale))
+    log = replace(log, control_cov=log.control_cov * float(scale))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SearchLimitWarning)
         return judged(run(make(seed), log, every=10, known_ids=told), told)
+
+
+def one(name, scale, seed):
+    """Run a system over the whole park."""
+    return judged_over(park(), name, scale, seed)
 
 
 TRIAL = Trial(
     "victoria_park",
     {(name, str(scale)): range(n) for name, (_, n, _) in SYSTEMS.items() for scale in SCALES},
     one,
-    sample=(("EKF-SLAM", "25", 0), ("FastSLAM 1.0", "25", 3)),
+    sample=(
+        ("EKF-SLAM", "25", 0),
+        ("nearest neighbour, confirmed, invariant", "25", 0),
+        ("FastSLAM 1.0", "25", 3),
+    ),
 )
 
 if __name__ == "__main__":

@@ -13,6 +13,14 @@ __all__ = ["stored_runs"]
 
 # What a run of each trial holds, by name.
 TRIALS = {
+    "certificates": (
+        'towns by the noise of a heading (rad), "certified" (1 or 0), "gap" of cost and bound '
+        '(%), whether the map from the true poses is "cheaper"'
+    ),
+    "fast_rounds": (
+        'FastSLAM round a circle, "shared" (first steps that all particles have in common) '
+        'and the "nees" of the pose at every third step'
+    ),
     "grid_logs": 'grid FastSLAM on two real logs, "error" of the path (m)',
     "grid_loops": (
         'grid FastSLAM round two corridors; 8 m before it is round, "before" (error of the '
@@ -30,6 +38,10 @@ TRIALS = {
     ),
     "orchard_returns": (
         'the same where the names are given until then, and "sigma" of the place on return (m)'
+    ),
+    "park_fitted": (
+        'Victoria Park with a noise fitted by parts, error of the "trees" (m) by the '
+        "linearisation of the filter"
     ),
     "park_start": (
         "Victoria Park's first 0.9 km by the factor on its odometry's variance, as "
@@ -80,6 +92,10 @@ TRIALS = {
     "tilted_flights": (
         "flights with an attitude that errs, by a plane and a filter of heights and by a "
         '"large" filter: "error" of the last position (m), its "nees", "trees" (m)'
+    ),
+    "time_updates": (
+        "EKF-SLAM with and without the cross-covariance's time update, over sets of ten "
+        'drives: "nees" of the pose, "error" of the position (m)'
     ),
 }
 

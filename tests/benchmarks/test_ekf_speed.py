@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
+from in_turn import alternate
 from scipy.linalg.blas import dgemm
 
 from slamlab.robots import YOUBOT
@@ -15,23 +14,6 @@ from slamlab.slam import CompressedEKFSlam, EKFSlam, FastSlam
 DT, U, V = 0.1, np.array([0.5, 0.1, 0.2]), YOUBOT.control_cov(0.4)
 SENSOR = RangeBearing(0.05, 0.02, offset=0.3)
 SEEN = 10
-
-
-def alternate(*functions, rounds, burst=1):
-    """Median CPU seconds of each, run in turn, so that a busy machine slows all alike.
-
-    A burst of several calls (one number, or one for each) finds its own data in the cache, as the
-    steps of a drive do.
-    """
-    seconds = np.empty((rounds + 1, len(functions)))
-    bursts = np.broadcast_to(burst, len(functions))
-    for row in seconds:
-        for column, (function, calls) in enumerate(zip(functions, bursts, strict=True)):
-            start = time.thread_time()
-            for _ in range(calls):
-                function()
-            row[column] = (time.thread_time() - start) / calls
-    return np.median(seconds[1:], axis=0)
 
 
 def scene(n, kind=EKFSlam):

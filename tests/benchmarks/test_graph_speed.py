@@ -7,12 +7,12 @@ table of the performance page; ``python tests/benchmarks/test_graph_speed.py`` p
 from __future__ import annotations
 
 import os
-import time
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from in_turn import alternate
 
 from slamlab.datasets.synthetic import manhattan_graph
 from slamlab.geometry import between, wrap_angle
@@ -97,17 +97,6 @@ def gtsam_poses(name):
     return np.array([[pose.x(), pose.y(), pose.theta()] for pose in poses])
 
 
-def in_turn(ours, theirs, rounds):
-    """Median CPU seconds of both, run in turn, so that a busy machine slows both alike."""
-    seconds = np.empty((rounds + 1, 2))
-    for row in seconds:
-        for column, function in enumerate((ours, theirs)):
-            start = time.process_time()
-            function()
-            row[column] = time.process_time() - start
-    return np.median(seconds[1:], axis=0)
-
-
 def measure(name, rounds=9, tries=3):
     """Name, ms of ours, ms of gtsam, ratio, chi2 of ours, chi2 of gtsam (design's metric).
 
@@ -115,7 +104,8 @@ def measure(name, rounds=9, tries=3):
     both together took least.
     """
     graph = load(name)
-    each = [in_turn(lambda: run_ours(name), lambda: run_gtsam(name), rounds) for _ in range(tries)]
+    pair = (lambda: run_ours(name)), (lambda: run_gtsam(name))
+    each = [alternate(*pair, rounds=rounds) for _ in range(tries)]
     ours, theirs = 1e3 * min(each, key=sum)
     return name, ours, theirs, ours / theirs, run_ours(name).chi2, graph.chi2(gtsam_poses(name))
 
@@ -158,7 +148,7 @@ def test_both_run_to_convergence_and_ours_ends_no_higher(name):
 def test_a_graph_of_the_size_in_p5_takes_its_time_too():
     graph = load(NAMES[-1])
     # P5 cites 100 ms; a busy machine may need more.
-    assert any(in_turn(graph.optimize, lambda: None, 5)[0] < 0.3 for _ in range(3))
+    assert any(alternate(graph.optimize, rounds=5)[0] < 0.3 for _ in range(3))
 
 
 @pytest.mark.parametrize("name", NAMES)

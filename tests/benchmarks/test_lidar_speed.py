@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from in_turn import alternate
 from numba import njit
 
 from slamlab.mapping import OccupancyGrid
@@ -16,22 +17,6 @@ from slamlab.worlds import free_poses, rooms
 WORLD = rooms.thesis_room()
 LIDAR = Lidar(360, max_range=6.0)
 POSES = free_poses(WORLD, 200, np.random.default_rng(5), 0.25)
-
-
-def alternate(ours, peer, rounds):
-    """Median seconds of both, run in turn, so that a busy machine slows both alike.
-
-    Some virtual machines take 20 ms for the first call into NumPy after 0.3 s of anything else,
-    even of a sum; so each is called once before it is timed.
-    """
-    seconds = np.empty((rounds, 2))
-    for row in seconds:
-        for column, function in enumerate((ours, peer)):
-            function()
-            start = time.process_time()
-            function()
-            row[column] = time.process_time() - start
-    return np.median(seconds, axis=0)
 
 
 @njit
@@ -89,7 +74,7 @@ def pixel_walk(pose, angles):
 
 
 def measure_batch(rounds=9):
-    return alternate(lambda: LIDAR.scan(WORLD, POSES), lambda: peer_scan(POSES), rounds)
+    return alternate(lambda: LIDAR.scan(WORLD, POSES), lambda: peer_scan(POSES), rounds=rounds)
 
 
 def measure_walk(rounds=5, n=20):
@@ -97,7 +82,7 @@ def measure_walk(rounds=5, n=20):
     return alternate(
         lambda: LIDAR.scan(WORLD, few),
         lambda: [pixel_walk(pose, LIDAR.beam_angles) for pose in few],
-        rounds,
+        rounds=rounds,
     )
 
 
@@ -106,14 +91,15 @@ def measure_single(rounds=200):
     pose, grid = POSES[3], OccupancyGrid((400, 400), 0.01)
     scan = LIDAR.scan(WORLD, pose)
     return alternate(
-        lambda: LIDAR.scan(WORLD, pose), lambda: grid.insert(pose, scan, LIDAR), rounds
+        lambda: LIDAR.scan(WORLD, pose), lambda: grid.insert(pose, scan, LIDAR), rounds=rounds
     )
 
 
 def measure_everywhere(rounds=3):
     """Seconds for 40 000 places x 120 beams."""
     angles = Lidar(120).beam_angles
-    return alternate(lambda: WORLD.cast_everywhere(angles, stride=2), lambda: None, rounds)[0]
+    (seconds,) = alternate(lambda: WORLD.cast_everywhere(angles, stride=2), rounds=rounds)
+    return seconds
 
 
 def rows(rounds=9):

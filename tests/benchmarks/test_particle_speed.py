@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
+from in_turn import alternate
 
 from slamlab.filters.particle import ParticleFilter, systematic_resample
 from slamlab.robots import Unicycle
@@ -14,17 +13,6 @@ from slamlab.sensors import RangeBearing
 N_PARTICLES, N_LANDMARKS, DT = 100_000, 10, 0.1
 CONTROL, CONTROL_COV = np.array([1.0, 0.3]), np.diag([0.05**2, 0.05**2])
 SENSOR = RangeBearing(0.3, 0.1, offset=0.2)
-
-
-def alternate(ours, peer, rounds):
-    """Median seconds of both, run in turn, so that a busy machine slows both alike."""
-    seconds = np.empty((rounds + 1, 2))
-    for row in seconds:
-        for column, function in enumerate((ours, peer)):
-            start = time.process_time()
-            function()
-            row[column] = time.process_time() - start
-    return np.median(seconds[1:], axis=0)
 
 
 def scene():
@@ -87,7 +75,7 @@ def measure_step(rounds=9, in_one_block=True):
     return alternate(
         lambda: our_step(ParticleFilter(particles, rng), z, landmarks),
         lambda: bare_step(particles, equal, z, landmarks, rng, in_one_block),
-        rounds,
+        rounds=rounds,
     )
 
 
@@ -100,7 +88,7 @@ def measure_resampling(n=1_000_000, rounds=9):
         positions = (np.arange(n) + rng.random()) / n
         np.searchsorted(np.cumsum(weights), positions, side="right")
 
-    return alternate(lambda: systematic_resample(weights, rng), peer, rounds)
+    return alternate(lambda: systematic_resample(weights, rng), peer, rounds=rounds)
 
 
 def rows(rounds=9):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import functools
-import time
 
 import numpy as np
 import pytest
+from in_turn import alternate
 
 from slamlab.localization.signature import SignatureMap, spectrum
 from slamlab.sensors.lidar import Lidar
@@ -48,21 +48,10 @@ def brute_force(spectra, scan, n_beams=120):
     return (square / n_beams - 2 * fit).argmin()
 
 
-def alternate(ours, peer, rounds):
-    """Median CPU seconds of both, run in turn, the first round left out."""
-    seconds = np.empty((rounds + 1, 2))
-    for row in seconds:
-        for column, function in enumerate((ours, peer)):
-            start = time.process_time()
-            function()
-            row[column] = time.process_time() - start
-    return np.median(seconds[1:], axis=0)
-
-
 def measure_build(rounds=3):
     world = hall()
     return alternate(
-        lambda: SignatureMap.build(world, LIDAR, 2), lambda: beam_by_beam(world), rounds
+        lambda: SignatureMap.build(world, LIDAR, 2), lambda: beam_by_beam(world), rounds=rounds
     )
 
 
@@ -74,7 +63,7 @@ def measure_lookup(rounds=5, n=200):
     ours, peer = alternate(
         lambda: [atlas().locate(scan) for scan in scans],
         lambda: [brute_force(spectra, scan) for scan in scans[: n // 50]],
-        rounds,
+        rounds=rounds,
     )
     return ours / n, peer / (n // 50)
 
