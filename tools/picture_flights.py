@@ -13,7 +13,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.trials import Trial, main, of_page
 
-page = of_page("16d_uav_local_range")
+page = of_page("16d_uav_local_range", "K")
 
 
 def one(what, field, seed):
