@@ -35,9 +35,13 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         share of it "inside" the 95 % ellipses; "range_trial": fixed and adaptive ranges over 20
         fields of trees: "seen" (landmarks at once), "error" (root mean square of fifty flights,
         m), "nees" (mean of the pose at the end), shares of the steps with a range "beyond" 15 m
-        and with "none" seen; "rough_ground": of ten pictures of a drive, the 95 % intervals by
-        Gamma-SLAM's likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1,
-        0.03), and "of 60" (1000) particles; "start_heading": EKF-SLAM by the σ of the heading at
+        and with "none" seen; "rough_ground": Gamma-SLAM over twenty grounds: of ten
+        "pictures" the 95 % intervals that "held" the true place, also "smoothed", by a
+        "power 0.3" (0.1, 0.03), "of 60" (1000) particles, of two worlds with "L 1 km" (1 m, 10 cm,
+        1 cm, 1 mm) and their "best" places (m) with the "roll" of the camera (rad), of one "by E";
+        "maps": error of the best place (m) by map, and "held, height" ("held, height, plane
+        fitted"); "drives": "error" of the path (m), "nees" and "parents" (medians);
+        "start_heading": EKF-SLAM by the σ of the heading at
         the start (degrees), over sets of twenty drives: "nees" (invariant, mean of the steps) and
         its "end", "sigma" of the heading at the end (degrees), "nis" over its degrees of freedom.
 
