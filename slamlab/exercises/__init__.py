@@ -1,4 +1,4 @@
-"""Exercise checks, one module a chapter."""
+"""Exercise checks, one module a chapter; the labs; experiments that one page shows."""
 
 from slamlab.exercises._report import Check, Observation, Report
 
