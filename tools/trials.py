@@ -42,6 +42,7 @@ TOOLS = {
     "park_twins": "park_twins",
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
+    "return_variants": "return_variants",
     "rough_ground": "rough_ground",
     "signatures": "signatures",
     "start_heading": "start_heading",

@@ -35,10 +35,12 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         share of it "inside" the 95 % ellipses; "range_trial": fixed and adaptive ranges over 20
         fields of trees: "seen" (landmarks at once), "error" (root mean square of fifty flights,
         m), "nees" (mean of the pose at the end), shares of the steps with a range "beyond" 15 m
-        and with "none" seen; "rough_ground": of ten pictures of a drive, the 95 % intervals by
-        Gamma-SLAM's likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1,
-        0.03), and "of 60" (1000) particles; "signatures": answers of a database of scans: "places"
-        in it, median error of the place ("off", pixels) and heading ("turn", degrees), "wrong" and
+        and with "none" seen; "return_variants": ways home of chapter 20 with one thing changed:
+        how far "off" the marker a robot ends, and as "believed", or how long its "path" home is
+        (m); "rough_ground": of ten pictures of a drive, the 95 % intervals by Gamma-SLAM's
+        likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1, 0.03), and
+        "of 60" (1000) particles; "signatures": answers of a database of scans: "places" in it,
+        median error of the place ("off", pixels) and heading ("turn", degrees), "wrong" and
         "flagged" (%); of six robots whose particles start there, how many have "begun", a "wrong"
         start, are "lost", are "lost from a right start"; "start_heading": EKF-SLAM by the σ of the
         heading at the start (degrees), over sets of twenty drives: "nees" (invariant, mean of the
@@ -57,8 +59,8 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     """
     names = (
         "grid_logs", "grid_loops", "killian_walls", "matching", "orchard", "orchard_returns",
-        "park_start", "park_twins", "printed_formulas", "range_trial", "rough_ground",
-        "signatures", "start_heading",
+        "park_start", "park_twins", "printed_formulas", "range_trial", "return_variants",
+        "rough_ground", "signatures", "start_heading",
     )  # fmt: skip
     if trial not in names:
         raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
