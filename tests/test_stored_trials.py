@@ -16,6 +16,7 @@ TRIALS = {name: tool.load(name) for name in tool.TOOLS}
 PLAIN_CODE = {
     "expeditions": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
     "grid_logs": pytest.mark.needs_numba(reason="300 scans of 10 particles take more than 25 s"),
+    "return_variants": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
 }
 SAMPLE = [
     pytest.param(name, *run, marks=PLAIN_CODE.get(name, ()))
@@ -58,8 +59,11 @@ def test_every_row_is_stored_with_its_seeds_and_no_other(name):
 def test_what_is_drawn_by_lot_has_twenty_seeds(name):
     """One run is enough where nothing is drawn: filters on real logs, and drives of the league."""
     one_is_enough = {"killian_walls", "league", "park_fitted", "park_start", "victoria_park"}
+    picked = {"return_variants": "first metres to their end"}  # of thirty stored drives
     least = {1, SEEDS} if name in one_is_enough else {SEEDS}
     for row, seeds in TRIALS[name].rows.items():
+        if row[0] == picked.get(name):
+            continue
         assert len(seeds) in least or len(seeds) > SEEDS, (name, row)
         assert len(set(seeds)) == len(seeds)
 

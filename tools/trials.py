@@ -47,6 +47,7 @@ TOOLS = {
     "picture_flights": "picture_flights",
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
+    "return_variants": "return_variants",
     "rough_ground": "rough_ground",
     "short_range": "short_range",
     "signatures": "signatures",

@@ -69,13 +69,14 @@ TRIALS = {
         '"error" (root mean square of fifty flights, m), "nees" (mean of the pose at the '
         'end), shares of the steps with a range "beyond" 15 m and with "none" seen'
     ),
+    "return_variants": (
+        'ways home of chapter 20 with one thing changed: how far "off" the marker a robot '
+        'ends, and as "believed", or how long its "path" home is (m)'
+    ),
     "rough_ground": (
-        'Gamma-SLAM over twenty grounds: of ten "pictures" the 95 % intervals that "held" the '
-        'true place, also "smoothed", by a "power 0.3" (0.1, 0.03), "of 60" (1000) particles, '
-        'of two worlds with "L 1 km" (1 m, 10 cm, 1 cm, 1 mm) and their "best" places (m) '
-        'with the "roll" of the camera (rad), of one "by E"; "maps": error of the best place '
-        '(m) by map, and "held, height" ("held, height, plane fitted"); "drives": "error" of '
-        'the path (m), "nees" and "parents" (medians)'
+        "of ten pictures of a drive, the 95 % intervals by Gamma-SLAM's likelihood that "
+        '"held" the true place, also "smoothed", by a "power 0.3" (0.1, 0.03), and "of 60" '
+        "(1000) particles"
     ),
     "short_range": (
         'EKF-SLAM by its Jacobians and how far it sees, over 20 fields: "seen", "error" and '
