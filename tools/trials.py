@@ -46,6 +46,7 @@ TOOLS = {
     "printed_formulas": "printed_formulas",
     "range_trial": "range_trial",
     "rough_ground": "rough_ground",
+    "slip": "slip",
     "start_heading": "start_heading",
     "time_updates": "time_updates",
     "victoria_park": "victoria_park",

@@ -43,7 +43,9 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
         m), "nees" (mean of the pose at the end), shares of the steps with a range "beyond" 15 m
         and with "none" seen; "rough_ground": of ten pictures of a drive, the 95 % intervals by
         Gamma-SLAM's likelihood that "held" the true place, also "smoothed", by a "power 0.3" (0.1,
-        0.03), and "of 60" (1000) particles; "start_heading": EKF-SLAM by the σ of the heading at
+        0.03), and "of 60" (1000) particles; "slip": EKF-SLAM by the noise of the wheels (rad/s),
+        over sets of ten drives: "nees" at the end, "error" of the position (cm);
+        "start_heading": EKF-SLAM by the σ of the heading at
         the start (degrees), over sets of twenty drives: "nees" (invariant, mean of the steps) and
         its "end", "sigma" of the heading at the end (degrees), "nis" over its degrees of freedom;
         "time_updates": EKF-SLAM with and without the cross-covariance's time update, over sets of
@@ -63,7 +65,8 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     names = (
         "certificates", "fast_rounds", "grid_logs", "grid_loops", "killian_walls", "matching",
         "orchard", "orchard_returns", "park_fitted", "park_start", "park_twins",
-        "printed_formulas", "range_trial", "rough_ground", "start_heading", "time_updates",
+        "printed_formulas", "range_trial", "rough_ground", "slip", "start_heading",
+        "time_updates",
     )  # fmt: skip
     if trial not in names:
         raise ValueError(f"trial: expected one of {', '.join(names)}, got {trial!r}")
