@@ -51,6 +51,7 @@ TOOLS = {
     "rough_ground": "rough_ground",
     "short_range": "short_range",
     "signatures": "signatures",
+    "slip": "slip",
     "start_heading": "start_heading",
     "tilted_flights": "tilted_flights",
     "time_updates": "time_updates",

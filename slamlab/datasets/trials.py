@@ -74,9 +74,12 @@ TRIALS = {
         'ends, and as "believed", or how long its "path" home is (m)'
     ),
     "rough_ground": (
-        "of ten pictures of a drive, the 95 % intervals by Gamma-SLAM's likelihood that "
-        '"held" the true place, also "smoothed", by a "power 0.3" (0.1, 0.03), and "of 60" '
-        "(1000) particles"
+        'Gamma-SLAM over twenty grounds: of ten "pictures" the 95 % intervals that "held" the '
+        'true place, also "smoothed", by a "power 0.3" (0.1, 0.03), "of 60" (1000) particles, '
+        'of two worlds with "L 1 km" (1 m, 10 cm, 1 cm, 1 mm) and their "best" places (m) '
+        'with the "roll" of the camera (rad), of one "by E"; "maps": error of the best place '
+        '(m) by map, and "held, height" ("held, height, plane fitted"); "drives": "error" of '
+        'the path (m), "nees" and "parents" (medians)'
     ),
     "short_range": (
         'EKF-SLAM by its Jacobians and how far it sees, over 20 fields: "seen", "error" and '
@@ -87,6 +90,10 @@ TRIALS = {
         'pixels) and heading ("turn", degrees), "wrong" and "flagged" (%); of six robots '
         'whose particles start there, how many have "begun", a "wrong" start, are "lost", are '
         '"lost from a right start"'
+    ),
+    "slip": (
+        'EKF-SLAM by the noise of the wheels (rad/s), over sets of ten drives: "nees" at the '
+        'end, "error" of the position (cm)'
     ),
     "start_heading": (
         "EKF-SLAM by the σ of the heading at the start (degrees), over sets of twenty drives: "
