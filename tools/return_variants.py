@@ -20,7 +20,7 @@ from slamlab.simulation import expedition
 from slamlab.simulation.expedition import ENVIRONMENTS, ESTIMATORS, explore, results
 from tools.trials import Trial, main, of_page
 
-page = of_page("20b_explore_and_return.ipynb", "ring")
+page = of_page("20b_explore_and_return", "ring")
 FIRST_METRES = "first metres to their end"
 METRES = results()["ring"]["scan graph"]["metres"]
 # The drives whose way along the path is so much longer than by map that it leads round the ring.
