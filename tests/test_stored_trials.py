@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from slamlab.datasets import stored_runs
+from tools import grid_table
 from tools import trials as tool
 
 TRIALS = {name: tool.load(name) for name in tool.TOOLS}
@@ -34,6 +35,12 @@ def test_a_sample_of_each_trial_can_be_had_again(name, first, second, seed):
     if first in TRIALS[name].needs_data and not HAS_DATA:
         pytest.skip("SLAMLAB_DATA is not set")
     assert TRIALS[name].differences(first, second, seed) == []
+
+
+@pytest.mark.skipif(not HAS_DATA, reason="SLAMLAB_DATA is not set")
+def test_five_scans_of_csail_are_turned_off_the_reference_as_page_15c_says():
+    off = grid_table.turned(grid_table.read("csail"), [42, 364, 397, 398, 399])
+    assert off.round().tolist() == [11, 20, 11, 12, 11]
 
 
 @pytest.mark.parametrize("name", TRIALS)

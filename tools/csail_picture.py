@@ -57,7 +57,7 @@ def drawing():
     parts = []
     for left, low, poses, error, name, style in (
         (4, (-10.5, -42.0), wheels.poses, ate(wheels).rmse, "odometry alone", dashed),
-        (328, (-19.0, -26.0), best, ate(result).rmse, "thirty particles", solid),
+        (328, (-19.0, -26.0), best, ate(best, whole.truth).rmse, "thirty particles", solid),
     ):
         box = f'x="{left}" y="{TOP}" width="{WIDTH}" height="{HEIGHT}"'
         walls = walls_of(log.scan, log.ranges, poses, low)

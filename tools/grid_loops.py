@@ -35,7 +35,7 @@ ROWS = {
 
 
 def one(corridor, particles, seed):
-    """Measure a drive 8 m before it is round (all but "end"), and at its end; metres.
+    """Measure a drive 8 m before the lap is complete (all but "end"), and at its end; metres.
 
     "before" is the error of the mean, "spread" the particles' RMS distance from it. "carried" is
     the error at the end if the true motion brought the mean there, with no loop and no new error;

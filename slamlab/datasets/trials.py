@@ -23,10 +23,10 @@ TRIALS = {
     ),
     "grid_logs": 'grid FastSLAM on two real logs, "error" of the path (m)',
     "grid_loops": (
-        'grid FastSLAM round two corridors; 8 m before it is round, "before" (error of the '
-        'mean) and "spread" of the particles; errors at the end: "carried" there by the true '
-        'motion, "nearest" of the particles carried so, and "end" (all m), and the same off '
-        'the particles\' own first laps: "apart", "apart nearest", "apart end"'
+        'grid FastSLAM round two corridors; 8 m before the lap is complete, "before" (error '
+        'of the mean) and "spread" of the particles; at the end (m): "carried" there by the '
+        'true motion, "nearest" of the particles carried so, and "end", and the same off the '
+        'particles\' own first laps: "apart", "apart nearest", "apart end"'
     ),
     "killian_walls": (
         'filters on the walls of nine parts of Killian Court, "error" of the position (m)'
