@@ -20,7 +20,7 @@ from slamlab.simulation import expedition
 from slamlab.simulation.expedition import ENVIRONMENTS, ESTIMATORS, explore, results
 from tools.trials import Trial, main, of_page
 
-page = of_page("20b_explore_and_return", "ring")
+page = of_page("20b_explore_and_return", "ring", "hall")
 FIRST_METRES = "first metres to their end"
 METRES = results()["ring"]["scan graph"]["metres"]
 # The drives whose way along the path is so much longer than by map that it leads round the ring.
@@ -49,6 +49,10 @@ def one(what, name, seed):
     if what == "no noise":
         _, off, believed = page["along_own_path"](by_wheels(seed), name == "cut out")
         return {"off": round(float(off), 3), "believed": round(float(believed), 3)}
+    if what == "corridor":
+        along, across, believed = page["home_by_map"](name, seed)
+        numbers = {"along": along, "across": across, "believed": believed}
+        return {key: round(float(value), 3) for key, value in numbers.items()}
     ring = ENVIRONMENTS["ring"]
     with patch.object(expedition, "CoveragePilot", ToItsEnd):
         out = explore(ring, ESTIMATORS[name], seed)
@@ -59,9 +63,14 @@ def one(what, name, seed):
 TRIAL = Trial(
     "return_variants",
     {("no noise", loops): range(20) for loops in ("cut out", "kept")}
+    | {("corridor", name): range(30) for name in page["MEMORIES"]}
     | {(FIRST_METRES, "scan graph"): ROUND_AGAIN},
     one,
-    sample=(("no noise", "kept", 1), ("no noise", "cut out", 4)),
+    sample=(
+        ("no noise", "kept", 1),
+        ("no noise", "cut out", 4),
+        ("corridor", "EKF-SLAM, walls forgotten", 1),
+    ),
     rel=0.1,
     off=0.05,
 )

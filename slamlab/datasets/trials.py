@@ -71,7 +71,8 @@ TRIALS = {
     ),
     "return_variants": (
         'ways home of chapter 20 with one thing changed: how far "off" the marker a robot '
-        'ends, and as "believed", or how long its "path" home is (m)'
+        'ends ("along" and "across" the corridor), and as "believed", or how long its "path" '
+        "home is (m)"
     ),
     "rough_ground": (
         'Gamma-SLAM over twenty grounds: of ten "pictures" the 95 % intervals that "held" the '
