@@ -43,9 +43,9 @@ def of_ekf(linearisation="standard", associate=None):
     return lambda seed: EKFSlam(*WORLD, linearisation=linearisation, associate=associate)
 
 
-def confirmed(linearisation="standard"):
+def confirmed(linearisation="standard", n=3):
     # A confirmation remembers what it observed: each run has its own.
-    return lambda seed: of_ekf(linearisation, Confirmation(nearest_neighbour))(seed)
+    return lambda seed: of_ekf(linearisation, Confirmation(nearest_neighbour, n))(seed)
 
 
 # Name: what makes it from a seed, how many seeds, whether the trees are told by name.
@@ -63,6 +63,12 @@ SYSTEMS = {
     "joint compatibility, invariant": (of_ekf("invariant", joint_compatibility), 1, False),
     "nearest neighbour, confirmed": (confirmed(), 1, False),
     "nearest neighbour, confirmed, invariant": (confirmed("invariant"), 1, False),
+    "nearest neighbour, confirmed by 2": (confirmed(n=2), 1, False),
+    "nearest neighbour, confirmed by 4": (confirmed(n=4), 1, False),
+    "nearest neighbour, confirmed by 5": (confirmed(n=5), 1, False),
+    "nearest neighbour, confirmed by 2, invariant": (confirmed("invariant", 2), 1, False),
+    "nearest neighbour, confirmed by 4, invariant": (confirmed("invariant", 4), 1, False),
+    "nearest neighbour, confirmed by 5, invariant": (confirmed("invariant", 5), 1, False),
     "FastSLAM 2.0": (of_fast(2), 20, True),
     "FastSLAM 1.0": (of_fast(1), 20, True),
 }
