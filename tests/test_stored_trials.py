@@ -178,6 +178,6 @@ def test_a_trial_that_there_is_not_is_refused(monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["trials", "leauge"])
     with pytest.raises(SystemExit):
         tool.main()
-    assert "expected names of certificates, expeditions" in capsys.readouterr().err
-    with pytest.raises(ValueError, match="trial: expected one of certificates"):
+    assert f"expected names of {', '.join(tool.TOOLS)}, got" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="trial: expected one of ambiguous_closures"):
         stored_runs("leauge")

@@ -30,7 +30,9 @@ sys.path.insert(0, str(ROOT))
 DATA = ROOT / "slamlab" / "datasets" / "data"
 # The tools of the trials, by the name of what they store.
 TOOLS = {
+    "ambiguous_closures": "ambiguous_closures",
     "certificates": "certificates",
+    "court_drifts": "court_drifts",
     "expeditions": "expeditions",
     "fast_rounds": "fast_rounds",
     "grid_logs": "grid_table",

@@ -13,9 +13,19 @@ __all__ = ["stored_runs"]
 
 # What a run of each trial holds, by name.
 TRIALS = {
+    "ambiguous_closures": (
+        "a scan graph along a plain corridor and back by what it does with ambiguous closures: "
+        'how many are "kept", how far the way back is off the way out "along" and "across" it '
+        '(m), the worst "closure along" and "closure across" (m), and "sigmas", the largest '
+        "error along it over the claimed standard deviation"
+    ),
     "certificates": (
         'towns by the noise of a heading (rad), "certified" (1 or 0), "gap" of cost and bound '
         '(%), whether the map from the true poses is "cheaper"'
+    ),
+    "court_drifts": (
+        'scan matchers on the first scans of Killian Court with drifting wheels, "error" of '
+        "the path (m)"
     ),
     "fast_rounds": (
         'FastSLAM round a circle, "shared" (first steps that all particles have in common) '
