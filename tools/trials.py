@@ -39,6 +39,7 @@ TOOLS = {
     "grid_loops": "grid_loops",
     "killian_walls": "killian_walls",
     "league": "league",
+    "long_way": "long_way",
     "matching": "matching_table",
     "orchard": "orchard",
     "orchard_returns": "orchard_returns",

@@ -41,6 +41,10 @@ TRIALS = {
     "killian_walls": (
         'filters on the walls of nine parts of Killian Court, "error" of the position (m)'
     ),
+    "long_way": (
+        "robots that drive home along a straight path by its length (m): median distance from "
+        'the start at the "end" (m)'
+    ),
     "matching": 'scan matchers on the two logs, "error" of the path (m)',
     "orchard": (
         'who decides which tree was observed, after a drive with the sensor off: "precision" '

@@ -1,0 +1,36 @@
+"""How far from the start robots end that drive home along a long path: chapter 17's stored trial.
+
+python tools/long_way.py      (two minutes; options as in tools/trials.py)
+
+The functions are those of the page, notebooks/17_the_way_home.ipynb.
+Writes slamlab/datasets/data/long_way.json, which `slamlab.datasets.stored_runs` reads.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tools.trials import Trial, main, of_page
+
+DRIVE = "E", "leg", "start", "truth", "room", "camera", "light"
+page = of_page("17_the_way_home", *DRIVE)
+
+
+def one(metres, noise, seed):
+    """Sixty robots: median distance of their ends from the start (m)."""
+    ends = page["way_back"](float(metres), seed, noise)
+    return {"end": float(f"{np.median(np.hypot(*ends.T)):.3g}")}
+
+
+TRIAL = Trial(
+    "long_way",
+    {(metres, "light model"): range(20) for metres in ("3.5", "14", "42")}
+    | {("42", page["CALM"]): range(20)},
+    one,
+    sample=(("14", "light model", 3),),
+)
+
+if __name__ == "__main__":
+    sys.exit(main(TRIAL))
