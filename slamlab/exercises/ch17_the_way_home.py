@@ -74,8 +74,8 @@ def fit_between(t: Array, points: Array) -> Array:
     line = points[0] + tau[:, None] * (points[-1] - points[0])
     bulge = tau * (1 - tau)
     shapes = np.stack([bulge, tau * bulge], 1)
-    alpha, beta = np.linalg.lstsq(shapes, points - line, rcond=None)[0]
-    return np.stack([points[0], points[-1] - points[0] + alpha, beta - alpha, -beta])
+    lam, mu = np.linalg.lstsq(shapes, points - line, rcond=None)[0]
+    return np.stack([points[0], points[-1] - points[0] + lam, mu - lam, -mu])
 
 
 # %% active="ipynb" tags=["try"]
@@ -86,12 +86,12 @@ def fit_between(t: Array, points: Array) -> Array:
 # A cubic that is zero at 0 and at 1 has the factor $\tau(1 - \tau)$. What is left over is linear.
 
 # %% [markdown] tags=["hint"]
-# Subtract the line from the points. What remains is $\tau(1-\tau)(\alpha + \beta\tau)$ plus
+# Subtract the line from the points. What remains is $\tau(1-\tau)(\lambda + \mu\tau)$ plus
 # noise: two unknowns for each coordinate, one `np.linalg.lstsq` for both.
 
 # %% [markdown] tags=["hint"]
-# Multiply out: $\tau(1-\tau)(\alpha + \beta\tau) = \alpha\tau + (\beta - \alpha)\tau^2 -
-# \beta\tau^3$.
+# Multiply out: $\tau(1-\tau)(\lambda + \mu\tau) = \lambda\tau + (\mu - \lambda)\tau^2 -
+# \mu\tau^3$.
 
 
 # %% tags=["cases"]
@@ -161,8 +161,8 @@ def _divided(t: Array, points: Array) -> Array:
     line = points[0] + tau[:, None] * (points[-1] - points[0])
     due = (points - line)[1:-1] / (tau * (1 - tau))[1:-1, None]
     shapes = np.stack([np.ones(len(due)), tau[1:-1]], 1)
-    alpha, beta = np.linalg.lstsq(shapes, due, rcond=None)[0]
-    return np.stack([points[0], points[-1] - points[0] + alpha, beta - alpha, -beta])
+    lam, mu = np.linalg.lstsq(shapes, due, rcond=None)[0]
+    return np.stack([points[0], points[-1] - points[0] + lam, mu - lam, -mu])
 
 
 check_fit.mistakes = {
@@ -175,11 +175,9 @@ check_fit.mistakes = {
     "one shape only: tau (1 - tau) and tau^2 (1 - tau) are both free": (
         "np.stack([bulge, tau * bulge], 1) => np.stack([bulge, 0 * bulge], 1)"
     ),
-    "the sign of beta was lost in multiplying out: tau^2 (1 - tau) has -tau^3": (
-        "-beta]) => beta])"
-    ),
-    "the sign of alpha was lost in multiplying out: tau (1 - tau) has -tau^2": (
-        "beta - alpha => beta + alpha"
+    "the sign of mu was lost in multiplying out: tau^2 (1 - tau) has -tau^3": ("-mu]) => mu])"),
+    "the sign of lambda was lost in multiplying out: tau (1 - tau) has -tau^2": (
+        "mu - lam => mu + lam"
     ),
     "these are powers of t - t0: tau = (t - t0) / (t1 - t0)": (
         lambda t, points: fit_between(t, points) / (t[-1] - t[0]) ** np.arange(4)[:, None]
@@ -200,11 +198,11 @@ check_fit.mistakes = {
 # ## Solution 1: a cubic through two points
 #
 # The line meets both constraints, and everything that may be added to it has the factor $\tau(1 -
-# \tau)$. So there are two free factors, $\alpha$ and $\beta$, and the residual is the true one:
+# \tau)$. So there are two free factors, $\lambda$ and $\mu$, and the residual is the true one:
 # nothing was multiplied or divided.
 
 # %% [markdown] tags=["solution"]
-# It is tempting to divide by $\tau(1 - \tau)$, so that only $\alpha + \beta\tau$ is left to fit.
+# It is tempting to divide by $\tau(1 - \tau)$, so that only $\lambda + \mu\tau$ is left to fit.
 # The constraints still hold, and cubic data are still reproduced. But the residual of a point
 # near an end has been divided by almost nothing, and its noise rules the fit:
 
@@ -214,8 +212,8 @@ check_fit.mistakes = {
 #     line = points[0] + tau[:, None] * (points[-1] - points[0])
 #     due = (points - line)[1:-1] / (tau * (1 - tau))[1:-1, None]
 #     A = np.stack([np.ones(len(due)), tau[1:-1]], 1)
-#     alpha, beta = np.linalg.lstsq(A, due, rcond=None)[0]
-#     return np.stack([points[0], points[-1] - points[0] + alpha, beta - alpha, -beta])
+#     lam, mu = np.linalg.lstsq(A, due, rcond=None)[0]
+#     return np.stack([points[0], points[-1] - points[0] + lam, mu - lam, -mu])
 #
 # check_fit(divided)
 
@@ -710,7 +708,7 @@ check_tune = Check(
 # of it lies within the tolerance of the cubic, at its own $\tau$. The run before the first one
 # that does not is stored, and the next run begins at its last point. As parameter take the way
 # driven so far, from point to point. A run of two or three points does not determine the cubic:
-# take the smallest $\alpha$ and $\beta$ then, as `np.linalg.lstsq` does.
+# take the smallest $\lambda$ and $\mu$ then, as `np.linalg.lstsq` does.
 #
 # The check then drives a robot home along your cubics, with the law of exercise 3 repaired: over
 # a way of four metres from 121 points it must not leave the points by more than 8 cm, must end
