@@ -454,11 +454,11 @@ def test_a_page_loads_local_files_only(page):
 
 
 def test_the_book_is_light():
-    """Under 53 MB, as a disk counts them; no page over 1.5 MB, no source page with a sidebar."""
+    """Under 56 MB, as a disk counts them; no page over 1.5 MB, no source page with a sidebar."""
     files = [path for path in HTML.rglob("*") if path.is_file()]
     # A lesson and its second page take some 0.3 MB more than one long chapter did;
-    # with 17 further pages the book had 48.0 MB, with 22 it had 51.8; 16c is one more.
-    assert sum(-(-path.stat().st_size // 4096) * 4096 for path in files) < 53e6
+    # with 17 further pages the book had 48.0 MB, with 22 it had 51.8, with 15d, 16d, 17d 54.6.
+    assert sum(-(-path.stat().st_size // 4096) * 4096 for path in files) < 56e6
     heavy = [path.name for path in HTML.rglob("*.html") if path.stat().st_size > 1.5e6]
     assert heavy == []
     # Every page loads the icons: only those that it shows.
