@@ -15,6 +15,7 @@ import argparse
 import ast
 import importlib
 import json
+import linecache
 import os
 import sys
 import tempfile
@@ -39,6 +40,7 @@ TOOLS = {
     "grid_loops": "grid_loops",
     "killian_walls": "killian_walls",
     "league": "league",
+    "lesson_tables": "lesson_tables",
     "long_way": "long_way",
     "matching": "matching_table",
     "orchard": "orchard",
@@ -178,7 +180,10 @@ def of_page(name: str, *constants: str) -> dict:
         )
     ]
     names: dict = {}
-    exec(compile(ast.Module(kept, []), str(path), "exec"), names)
+    source = f"<{name}>"
+    # So that `inspect`, and with it `changed`, finds the text of the functions.
+    linecache.cache[source] = len(code), None, code.splitlines(keepends=True), source
+    exec(compile(ast.Module(kept, []), source, "exec"), names)
     return names
 
 

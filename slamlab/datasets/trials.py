@@ -41,6 +41,9 @@ TRIALS = {
     "killian_walls": (
         'filters on the walls of nine parts of Killian Court, "error" of the position (m)'
     ),
+    "lesson_tables": (
+        "tables of the lessons, by chapter and subject: what the functions of the page give"
+    ),
     "long_way": (
         "robots that drive home along a straight path by its length (m): median distance from "
         'the start at the "end" (m)'

@@ -1,0 +1,115 @@
+"""Tables of the lessons over many seeds: the stored runs of their own functions.
+
+python tools/lesson_tables.py     (an hour; options as in tools/trials.py)
+
+A page says what its runs are called and makes one of them by name and seed; nothing of the
+experiment is written here. Writes slamlab/datasets/data/lesson_tables.json, which
+`slamlab.datasets.stored_runs` reads.
+"""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tools.trials import Trial, main, of_page
+
+SENSIBLE = 1e6  # what is larger has diverged
+
+
+@dataclass(frozen=True)
+class Table:
+    """The page, the function that makes a run, what lists the runs' names, and their seeds."""
+
+    page: str
+    function: str
+    names: str
+    seeds: Sequence[int]
+    constants: tuple[str, ...] = ()  # of the page, in small letters, that the function needs
+
+
+FAST_SLAM = ("motion", "floor", "dull", "sharp")
+GAMMA_SLAM = ("motion", "rig", "side", "wide")
+EXPEDITION = ("world", "lidar", "near", "guard")
+EXPLORATION = ("robot", "lidar", "room")
+ICP = ("office", "lidar", "here")
+SCANS = ("room", "lidar", "step", "atlas", "pitch", "hall", "hall_atlas")
+WAY_HOME = ("E", "leg", "start", "truth", "room", "camera", "light", "drives", "calm")
+TABLES = {
+    "04 awakenings": Table(
+        "04_particle_filter",
+        "awakened",
+        "CLOUDS",
+        range(100),
+        ("motion", "sensor", "pillars", "hall", "sigmas", "V"),
+    ),
+    "04 mistakes": Table(
+        "04_particle_filter",
+        "with_mistake",
+        "MISTAKES",
+        range(100),
+        ("motion", "sensor", "pillars", "hall", "sigmas", "V"),
+    ),
+    "09 mistakes": Table(
+        "09_ekf_slam", "with_mistake", "MISTAKES", range(5, 25), ("sets", "log", "V")
+    ),
+    "12 mistakes": Table("12_fastslam", "with_mistake", "MISTAKES", range(1, 21), FAST_SLAM),
+    "12 noise given": Table("12_fastslam", "with_noise", "GIVEN", range(100), FAST_SLAM),
+    "12 sensors": Table("12_fastslam", "with_sensor", "ASKED", range(1, 21), FAST_SLAM),
+    "15 grounds": Table("15_other_maps", "on_ground", "GROUNDS", range(1, 21), GAMMA_SLAM),
+    "15 mistakes": Table("15_other_maps", "with_mistake", "MISTAKES", range(1, 21), GAMMA_SLAM),
+    "15 powers": Table("15_other_maps", "with_power", "POWERS", range(1, 21), GAMMA_SLAM),
+    "20 ways home": Table("20_explore_and_return", "all_ways", "TRIPS", range(20), EXPEDITION),
+    "04b injection": Table(
+        "04b_particle_filter",
+        "injected",
+        "INJECTION",
+        range(100),
+        ("motion", "sensor", "pillars", "hall"),
+    ),
+    "13 kernels": Table("13_pose_graphs", "rejected", "RECIPES", range(20)),
+    "13 mistakes": Table("13_pose_graphs", "with_mistake", "MISTAKES", range(40), ("sigma",)),
+    "14 mistakes": Table(
+        "14_scan_matching_and_hector", "with_mistake", "MISTAKES", range(20), ICP
+    ),
+    "14 slopes": Table("14_scan_matching_and_hector", "with_slopes", "SLOPES", range(1, 21), ICP),
+    "17 mistakes": Table("17_the_way_home", "with_mistake", "MISTAKES", range(20), WAY_HOME),
+    "18 mistakes": Table("18_exploration", "with_mistake", "MISTAKES", range(20), EXPLORATION),
+    "19 mistakes": Table(
+        "19_autocorrelation_localization", "with_mistake", "MISTAKES", range(1, 21), SCANS
+    ),
+}
+
+
+@cache
+def page(table: str) -> dict:
+    """Give the functions of a table's page."""
+    return of_page(TABLES[table].page, *TABLES[table].constants)
+
+
+def one(table: str, name: str, seed: int) -> dict:
+    """Make a run as its page does: numbers, or lists of numbers, with four digits."""
+    run = page(table)[TABLES[table].function](name, seed)
+
+    def short(value: object) -> object:
+        if isinstance(value, list):
+            return [short(each) for each in value]
+        return float(f"{min(float(value), SENSIBLE):.4g}")
+
+    return {key: short(value) for key, value in run.items()}
+
+
+TRIAL = Trial(
+    "lesson_tables",
+    {(table, name): how.seeds for table, how in TABLES.items() for name in page(table)[how.names]},
+    one,
+    sample=(
+        ("04 awakenings", "8000", 3),
+        ("04 mistakes", "C  weights kept", 1),
+    ),
+)
+
+if __name__ == "__main__":
+    sys.exit(main(TRIAL))
