@@ -1,8 +1,8 @@
-"""Victoria Park with a noise that is fitted by parts: chapter 10b's stored trial.
+"""Victoria Park with a noise that is fitted by parts: chapter 10c's stored trial.
 
 python tools/park_fitted.py      (a minute; options as in tools/trials.py)
 
-The functions are those of the page, notebooks/10b_convergence_consistency_and_cost.ipynb.
+The functions are those of the page, notebooks/10c_convergence_consistency_and_cost.ipynb.
 Writes slamlab/datasets/data/park_fitted.json, which `slamlab.datasets.stored_runs` reads.
 """
 
@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from slamlab.datasets import victoria_park
 from tools.trials import Trial, main, of_page
 
-page = of_page("10b_convergence_consistency_and_cost", "world")
+page = of_page("10c_convergence_consistency_and_cost", "world")
 
 
 @cache

@@ -2,7 +2,7 @@
 
 python tools/park_twins.py      (half an hour; options as in tools/trials.py)
 
-Writes slamlab/datasets/data/park_twins.json, which chapters 10b and 12b read. On a twin the noise
+Writes slamlab/datasets/data/park_twins.json, which chapters 10c and 12b read. On a twin the noise
 is what the filter is given, and the truth is known; `twin` is the function of page 12b.
 """
 

@@ -1,4 +1,4 @@
-"""EKF-SLAM from an uncertain heading, by its Jacobians: chapter 10b's stored trial.
+"""EKF-SLAM from an uncertain heading, by its Jacobians: chapter 10c's stored trial.
 
 python tools/start_heading.py      (some minutes; options as in tools/trials.py)
 

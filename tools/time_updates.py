@@ -1,8 +1,8 @@
-"""Time updates with and without the cross-covariance: chapter 10b's stored trial.
+"""Time updates with and without the cross-covariance: chapter 10d's stored trial.
 
 python tools/time_updates.py      (a minute; options as in tools/trials.py)
 
-The functions are those of the page, notebooks/10b_convergence_consistency_and_cost.ipynb.
+The functions are those of the page, notebooks/10d_convergence_consistency_and_cost.ipynb.
 Writes slamlab/datasets/data/time_updates.json, which `slamlab.datasets.stored_runs` reads.
 """
 
@@ -12,7 +12,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.trials import Trial, main, of_page
 
-page = of_page("10b_convergence_consistency_and_cost")
+page = of_page("10d_convergence_consistency_and_cost")
 
 
 def one(wheels, name, seed):
