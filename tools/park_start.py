@@ -23,6 +23,7 @@ NAMES = (
     "FastSLAM 2.0",
 )
 SEEDS = {name: range(SYSTEMS[name][1]) for name in NAMES}
+FACTORS = ("4", "9", "16", "36", "50", "64", "100", "400")  # of the nearest neighbour
 
 
 def one(name, scale, seed):
@@ -32,9 +33,10 @@ def one(name, scale, seed):
 
 TRIAL = Trial(
     "park_start",
-    {(name, str(scale)): SEEDS[name] for name in NAMES for scale in SCALES},
+    {(name, str(scale)): SEEDS[name] for name in NAMES for scale in SCALES}
+    | {("nearest neighbour", factor): range(1) for factor in FACTORS},
     one,
-    sample=(("EKF-SLAM", "1", 0), ("FastSLAM 2.0", "25", 3)),
+    sample=(("EKF-SLAM", "1", 0), ("nearest neighbour", "16", 0), ("FastSLAM 2.0", "25", 3)),
 )
 
 if __name__ == "__main__":
