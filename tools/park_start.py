@@ -1,4 +1,4 @@
-"""Victoria Park, its first 1500 steps: the stored trial of chapters 11b and 12b.
+"""Victoria Park, its first 1500 steps: the stored trial of chapters 11b and 12c.
 
 python tools/park_start.py      (some minutes; options as in tools/trials.py)
 

@@ -2,8 +2,8 @@
 
 python tools/park_twins.py      (half an hour; options as in tools/trials.py)
 
-Writes slamlab/datasets/data/park_twins.json, which chapters 10c and 12b read. On a twin the noise
-is what the filter is given, and the truth is known; `twin` is the function of page 12b.
+Writes slamlab/datasets/data/park_twins.json, which chapters 10c and 12c read. On a twin the noise
+is what the filter is given, and the truth is known; `twin` is the function of page 12c.
 """
 
 import sys
@@ -19,7 +19,7 @@ from slamlab.logs import Log
 from slamlab.slam import EKFSlam, FastSlam
 from tools.trials import Trial, main, of_page
 
-page = of_page("12b_fastslam", "world", "odometry", "everyday")
+page = of_page("12c_fastslam", "world", "odometry", "everyday")
 WORLD = page["world"]
 SYSTEMS = {
     "EKF-SLAM": lambda seed: EKFSlam(*WORLD),
