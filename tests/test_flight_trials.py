@@ -49,3 +49,12 @@ def test_an_exact_matrix_costs_twice_the_error():
     error = {name: np.sqrt(PICTURES[f"{name} squared"].mean()) for name in ("B", "C", "ranger")}
     assert error["B"] > 2 * error["C"]
     assert error["C"] > 1.5 * error["ranger"]
+
+
+def test_errors_beyond_first_derivatives_are_most_of_what_is_left_of_the_nees():
+    nees = {name: PICTURES[f"{name} nees"] for name in ("C", "E", "exact", "linear")}
+    less = nees["exact"] - nees["linear"]
+    assert less.mean() > 2 * less.std(ddof=1) / np.sqrt(len(less))
+    assert (less > 0).sum() == 26
+    assert nees["linear"].mean() == pytest.approx(nees["E"].mean(), rel=0.1)
+    assert nees["C"].mean() > 2 * nees["linear"].mean()

@@ -26,8 +26,8 @@ PAGES = {"index", "questions", "simulator"}
 CHAPTERS = [
     path for path in sorted((ROOT / "notebooks").glob("*.ipynb")) if path.stem not in PAGES
 ]
-# Other pages of a chapter (NNb_ to NNd_) have a head, run and end; the lesson has the rest.
-SECOND = [path for path in CHAPTERS if re.match(r"\d\d[bcd]_", path.stem)]
+# Other pages of a chapter (NNb_ to NNe_) have a head, run and end; the lesson has the rest.
+SECOND = [path for path in CHAPTERS if re.match(r"\d\d[b-e]_", path.stem)]
 CHAPTERS = [path for path in CHAPTERS if path not in SECOND]
 # Chapters whose lesson shows its algorithm whole, in cells of this tag.
 LESSONS = {

@@ -26,9 +26,9 @@ __all__ = [
 #
 # Five functions on the way from a tilted camera to a filter that works in a part of its map; the
 # chapter is [UAV SLAM with a local range](../16_uav_local_range.ipynb), and its further pages are
-# [16b](../16b_uav_local_range.ipynb), [16c](../16c_uav_local_range.ipynb) and
-# [16d](../16d_uav_local_range.ipynb). Replace each `...` and run the check below it as often as
-# you like.
+# [16b](../16b_uav_local_range.ipynb), [16c](../16c_uav_local_range.ipynb),
+# [16d](../16d_uav_local_range.ipynb) and [16e](../16e_uav_local_range.ipynb). Replace each
+# `...` and run the check below it as often as you like.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 16: UAV SLAM with a local range
@@ -177,7 +177,7 @@ check_level.mistakes = {
 # ## Exercise 2: the law of the range
 #
 # `n_seen` landmarks were seen within `reach`; `wanted` are to be seen. What should the next range
-# be, if the landmarks are as dense there as here? The law is (B) of
+# be, if the landmarks are as dense there as here? The law is (A) of
 # [page 16b](../16b_uav_local_range.ipynb).
 
 
@@ -460,7 +460,7 @@ check_note_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: the size of a region
 #
-# Write (A) of [page 16b](../16b_uav_local_range.ipynb) as a
+# Write (A) of [page 16e](../16e_uav_local_range.ipynb) as a
 # function of many radii, and let it choose. With $N_a = 2\rho\pi R^2$ numbers in the region
 # (never more than the map's $N = 2n$), $m = 2\rho\pi r^2$ in an observation, $D = R - r$ and
 # $k = 2\rho(2rD + \pi r^2)$ observed in a region (never more than $N_a$),
