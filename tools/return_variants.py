@@ -45,14 +45,22 @@ def by_wheels(seed):
 
 
 def one(what, name, seed):
-    """Drive home: how far off it ends, and as it believes; or how long its path home is (m)."""
+    """Drive home with one thing changed: what `stored_runs` says of this trial."""
     if what == "no noise":
-        _, off, believed = page["along_own_path"](by_wheels(seed), name == "cut out")
-        return {"off": round(float(off), 3), "believed": round(float(believed), 3)}
-    if what == "corridor":
-        along, across, believed = page["home_by_map"](name, seed)
-        numbers = {"along": along, "across": across, "believed": believed}
+        out = by_wheels(seed)
+        home, off, believed = page["along_own_path"](out, name == "cut out")
+        numbers = {"off": off, "believed": believed}
+        if name == "cut out":
+            carried = page["carried_marker"](out.log)[:2]
+            numbers["carried"] = np.hypot(*(carried - out.log.truth[0, :2]))
+            numbers["apart"] = np.hypot(*(carried - home.truth[-1, :2]))
         return {key: round(float(value), 3) for key, value in numbers.items()}
+    if what == "corridor":
+        _, _, numbers = page["there_and_back"](name, seed)
+        return {key: round(float(value), 3) for key, value in numbers.items()}
+    if what == "far end":
+        off, sigma = page["far_end"](seed, scale=0.02 if name == "worn" else 0.0)
+        return {"off": round(float(off), 4), "sigma": round(float(sigma), 4)}
     ring = ENVIRONMENTS["ring"]
     with patch.object(expedition, "CoveragePilot", ToItsEnd):
         out = explore(ring, ESTIMATORS[name], seed)
@@ -64,12 +72,14 @@ TRIAL = Trial(
     "return_variants",
     {("no noise", loops): range(20) for loops in ("cut out", "kept")}
     | {("corridor", name): range(30) for name in page["MEMORIES"]}
+    | {("far end", wheels): range(30) for wheels in ("worn", "of the right size")}
     | {(FIRST_METRES, "scan graph"): ROUND_AGAIN},
     one,
     sample=(
         ("no noise", "kept", 1),
         ("no noise", "cut out", 4),
         ("corridor", "EKF-SLAM, walls forgotten", 1),
+        ("far end", "worn", 1),
     ),
     rel=0.1,
     off=0.05,

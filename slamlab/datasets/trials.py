@@ -88,8 +88,10 @@ TRIALS = {
     ),
     "return_variants": (
         'ways home of chapter 20 with one thing changed: how far "off" the marker a robot '
-        'ends ("along" and "across" the corridor), and as "believed", or how long its "path" '
-        "home is (m)"
+        'ends ("along" and "across" the corridor), and as "believed"; how far cut loops have '
+        '"carried" the marker, and the end "apart" from that; the errors at the far end, "far '
+        'along" and "far across", or "off" and the claimed "sigma"; or how long its "path" home '
+        "is (m)"
     ),
     "rough_ground": (
         'Gamma-SLAM over twenty grounds: of ten "pictures" the 95 % intervals that "held" the '
