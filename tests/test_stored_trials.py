@@ -16,11 +16,12 @@ from tools import trials as tool
 TRIALS = {name: tool.load(name) for name in tool.TOOLS}
 PLAIN_CODE = {
     "expeditions": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
+    "20 ways home": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
     "grid_logs": pytest.mark.needs_numba(reason="300 scans of 10 particles take more than 25 s"),
     "return_variants": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
 }
 SAMPLE = [
-    pytest.param(name, *run, marks=PLAIN_CODE.get(name, ()))
+    pytest.param(name, *run, marks=PLAIN_CODE.get(name) or PLAIN_CODE.get(run[0], ()))
     for name, trial in TRIALS.items()
     for run in trial.sample
 ]

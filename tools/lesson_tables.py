@@ -32,54 +32,39 @@ class Table:
 
 FAST_SLAM = ("motion", "floor", "dull", "sharp")
 GAMMA_SLAM = ("motion", "rig", "side", "wide")
+EKF_SLAM = ("sets", "log", "V")
 EXPEDITION = ("world", "lidar", "near", "guard")
 EXPLORATION = ("robot", "lidar", "room")
+FAST_SLAM = ("motion", "floor", "dull", "sharp")
+GAMMA_SLAM = ("motion", "rig", "side", "wide")
+HALL = ("motion", "sensor", "pillars", "hall", "sigmas", "V")
 ICP = ("office", "lidar", "here")
 SCANS = ("room", "lidar", "step", "atlas", "pitch", "hall", "hall_atlas")
 WAY_HOME = ("E", "leg", "start", "truth", "room", "camera", "light", "drives", "calm")
 TABLES = {
-    "04 awakenings": Table(
-        "04_particle_filter",
-        "awakened",
-        "CLOUDS",
-        range(100),
-        ("motion", "sensor", "pillars", "hall", "sigmas", "V"),
-    ),
-    "04 mistakes": Table(
-        "04_particle_filter",
-        "with_mistake",
-        "MISTAKES",
-        range(100),
-        ("motion", "sensor", "pillars", "hall", "sigmas", "V"),
-    ),
-    "09 mistakes": Table(
-        "09_ekf_slam", "with_mistake", "MISTAKES", range(5, 25), ("sets", "log", "V")
-    ),
+    "00 mistakes": Table("00_slam_in_ten_minutes", "with_mistake", "MISTAKES", range(40)),
+    "04 awakenings": Table("04_particle_filter", "awakened", "CLOUDS", range(100), HALL),
+    "04 mistakes": Table("04_particle_filter", "with_mistake", "MISTAKES", range(100), HALL),
+    "04b injection": Table("04b_particle_filter", "injected", "INJECTION", range(100), HALL),
+    "09 mistakes": Table("09_ekf_slam", "with_mistake", "MISTAKES", range(5, 25), EKF_SLAM),
     "12 mistakes": Table("12_fastslam", "with_mistake", "MISTAKES", range(1, 21), FAST_SLAM),
     "12 noise given": Table("12_fastslam", "with_noise", "GIVEN", range(100), FAST_SLAM),
     "12 sensors": Table("12_fastslam", "with_sensor", "ASKED", range(1, 21), FAST_SLAM),
-    "15 grounds": Table("15_other_maps", "on_ground", "GROUNDS", range(1, 21), GAMMA_SLAM),
-    "15 mistakes": Table("15_other_maps", "with_mistake", "MISTAKES", range(1, 21), GAMMA_SLAM),
-    "15 powers": Table("15_other_maps", "with_power", "POWERS", range(1, 21), GAMMA_SLAM),
-    "20 ways home": Table("20_explore_and_return", "all_ways", "TRIPS", range(20), EXPEDITION),
-    "04b injection": Table(
-        "04b_particle_filter",
-        "injected",
-        "INJECTION",
-        range(100),
-        ("motion", "sensor", "pillars", "hall"),
-    ),
     "13 kernels": Table("13_pose_graphs", "rejected", "RECIPES", range(20)),
     "13 mistakes": Table("13_pose_graphs", "with_mistake", "MISTAKES", range(40), ("sigma",)),
     "14 mistakes": Table(
         "14_scan_matching_and_hector", "with_mistake", "MISTAKES", range(20), ICP
     ),
     "14 slopes": Table("14_scan_matching_and_hector", "with_slopes", "SLOPES", range(1, 21), ICP),
+    "15 grounds": Table("15_other_maps", "on_ground", "GROUNDS", range(1, 21), GAMMA_SLAM),
+    "15 mistakes": Table("15_other_maps", "with_mistake", "MISTAKES", range(1, 21), GAMMA_SLAM),
+    "15 powers": Table("15_other_maps", "with_power", "POWERS", range(1, 21), GAMMA_SLAM),
     "17 mistakes": Table("17_the_way_home", "with_mistake", "MISTAKES", range(20), WAY_HOME),
     "18 mistakes": Table("18_exploration", "with_mistake", "MISTAKES", range(20), EXPLORATION),
     "19 mistakes": Table(
         "19_autocorrelation_localization", "with_mistake", "MISTAKES", range(1, 21), SCANS
     ),
+    "20 ways home": Table("20_explore_and_return", "all_ways", "TRIPS", range(20), EXPEDITION),
 }
 
 
@@ -106,8 +91,25 @@ TRIAL = Trial(
     {(table, name): how.seeds for table, how in TABLES.items() for name in page(table)[how.names]},
     one,
     sample=(
+        ("00 mistakes", "D  Ω ten times too large", 3),
         ("04 awakenings", "8000", 3),
         ("04 mistakes", "C  weights kept", 1),
+        ("04b injection", "with, kidnapped", 2),
+        ("09 mistakes", "D  no lever arm in H", 6),
+        ("12 mistakes", "2  weight with R alone", 2),
+        ("12 noise given", "100, noise 0.25", 1),
+        ("12 sensors", "sharp: 10 of 2.0", 2),
+        ("13 kernels", "k = 3, headings first", 1),
+        ("13 mistakes", "1  Ω in the frame of pose i", 2),
+        ("14 mistakes", "error not projected", 1),
+        ("14 slopes", "Hector as written", 2),
+        ("15 grounds", "cells across patches", 3),
+        ("15 mistakes", "4  density of variances", 2),
+        ("15 powers", "0.1", 4),
+        ("17 mistakes", "B  begins halfway", 1),
+        ("18 mistakes", "4  only where beams end", 11),
+        ("19 mistakes", "2  no cap", 2),
+        ("20 ways home", "worn wheels", 6),
     ),
 )
 

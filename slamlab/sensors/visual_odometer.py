@@ -194,6 +194,13 @@ class StereoOdometer:
         f, half = self.focal, 0.5 * self.baseline
         return np.stack([f * (half - y) / depth, -f * z / depth, f * (-half - y) / depth], -1)
 
+    def _pixel_jacobians(self, body: Array) -> Array:
+        """Derivatives (n, 3, 3) of `_pixels`; their inverse is that of `triangulate`."""
+        J = np.zeros((len(body), 3, 3))
+        J[:, :, 0] = -self._pixels(body) / body[:, :1]
+        J[:, 0, 1] = J[:, 1, 2] = J[:, 2, 1] = -self.focal / body[:, 0]
+        return J
+
     def triangulate(self, pixels: ArrayLike) -> Array:
         """Points (..., 3) of the body frame, ahead, left, up (m), from pictures (..., 3)."""
         pixels = as_shaped("pixels", pixels, ("...", 3))
@@ -234,13 +241,15 @@ class StereoOdometer:
         if len(before) < 3:
             raise ValueError(f"before: expected at least three matches, got {len(before)}")
         motion = self._search(before, after, as_rng("rng", rng))
+        points = self.triangulate(before)
+        to_point = np.linalg.inv(self._pixel_jacobians(points))
         # The followers of the proposal, then of their own fit, in an ever narrower gate.
         for gate in (20.0, 8.0, 3.5, 3.5):
             error = np.abs(self._errors(motion, before, after))
             inliers = (error < gate * self.sigma_pixel * np.sqrt(2.0)).all(-1)
             if inliers.sum() < 3:
                 raise ValueError("after: expected three matches that agree, got fewer")
-            motion, cov = self._refine(motion, before[inliers], after[inliers])
+            motion, cov = self._refine(motion, points[inliers], to_point[inliers], after[inliers])
         return MeasuredMotion(motion, cov, inliers)
 
     def _errors(self, motion: Array, before: Array, after: Array) -> Array:
@@ -261,14 +270,14 @@ class StereoOdometer:
         limit = 20.0 * self.sigma_pixel
         return proposals[np.where(error < limit, error, limit).sum(-1).argmin()]
 
-    def _refine(self, motion: Array, before: Array, after: Array) -> tuple[Array, Array]:
+    def _refine(
+        self, motion: Array, points: Array, to_point: Array, after: Array
+    ) -> tuple[Array, Array]:
         """Gauss-Newton on the second picture over x, y, theta; covariance from both pictures."""
-        points = self.triangulate(before)
-        to_point = _numerical(self.triangulate, before)
         for _ in range(4):
             body = _to_body(motion, points)
             error = after - self._pixels(body)
-            to_pixel = _numerical(self._pixels, body)
+            to_pixel = self._pixel_jacobians(body)
             c, s = np.cos(motion[2]), np.sin(motion[2])
             R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
             # d body / d (x, y, theta): -R^T for the shift; the turn moves (x, y) to (y, -x).
@@ -279,9 +288,11 @@ class StereoOdometer:
             from_first = to_pixel @ R @ to_point
             S = self.sigma_pixel**2 * (np.eye(3) + from_first @ np.swapaxes(from_first, -1, -2))
             weighted = np.linalg.solve(S, H)
-            information = np.einsum("nij,nik->jk", H, weighted)
-            step = np.linalg.solve(information, np.einsum("nij,ni->j", weighted, error))
+            information = H.reshape(-1, 3).T @ weighted.reshape(-1, 3)
+            step = np.linalg.solve(information, weighted.reshape(-1, 3).T @ error.ravel())
             motion = motion + step
+            if np.abs(step).max() < 1e-9:
+                break
         cov = np.linalg.inv(information)
         motion[2] = wrap_angle(motion[2])
         return motion, 0.5 * (cov + cov.T)
@@ -319,13 +330,6 @@ def _to_body(pose: Array, points: Array, camera_height: float = 0.0) -> Array:
     dx, dy = points[..., 0] - pose[..., 0], points[..., 1] - pose[..., 1]
     z = np.broadcast_to(points[..., 2] - camera_height, dx.shape)
     return np.stack([c * dx + s * dy, -s * dx + c * dy, z], -1)
-
-
-def _numerical(function: object, at: Array) -> Array:
-    """Central differences of a map of points (n, 3) to (n, 3): (n, 3, 3)."""
-    steps = 1e-5 * np.concatenate([np.eye(3), -np.eye(3)])[:, None]
-    values = function(at + steps)  # type: ignore[operator]
-    return np.stack((values[:3] - values[3:]) / 2e-5, -1)
 
 
 @dataclass(frozen=True, eq=False)
