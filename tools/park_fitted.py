@@ -1,6 +1,6 @@
-"""Victoria Park with a noise that is fitted by parts: chapter 10c's stored trial.
+"""Victoria Park with a noise that is fitted by parts, and with others: chapter 10c's stored trial.
 
-python tools/park_fitted.py      (a minute; options as in tools/trials.py)
+python tools/park_fitted.py      (some minutes; options as in tools/trials.py)
 
 The functions are those of the page, notebooks/10c_convergence_consistency_and_cost.ipynb.
 Writes slamlab/datasets/data/park_fitted.json, which `slamlab.datasets.stored_runs` reads.
@@ -18,18 +18,23 @@ page = of_page("10c_convergence_consistency_and_cost", "world")
 
 
 @cache
-def fitted():
-    return page["noise_by_parts"](victoria_park())
+def log_with(noise):
+    return page["with_noise"](victoria_park(), *page["NOISES"][noise])
 
 
 def one(noise, linearisation, seed):
     """Error of the trees after the drive (m); infinite where the filter has no covariance left."""
-    return {"trees": float(f"{page['trees_off'](fitted(), linearisation):.3g}")}
+    return {"trees": float(f"{page['trees_off'](log_with(noise), linearisation):.3g}")}
 
 
 TRIAL = Trial(
     "park_fitted",
-    {("noise by parts", kind): range(1) for kind in page["KINDS"]},
+    {
+        (noise, kind): range(1)
+        for noise in page["NOISES"]
+        for kind in page["KINDS"]
+        if noise == "noise by parts" or kind != "first-estimates"
+    },
     one,
     sample=(("noise by parts", "standard", 0),),
 )
