@@ -39,22 +39,33 @@ DECIDERS = {
 
 
 def one(drift, name, seed):
-    """Drive once, with no names given: pairs after the return, and how far off it ends (m)."""
+    """Drive once, with no names given: pairs after the return, and how far off it ends (m).
+
+    Of particles also the distance of the nearest one to the robot, before the first tree is back
+    and at the end, and how many count when it is.
+    """
     log = orchard_loop(np.random.default_rng(100 + seed), drift=float(drift), laps=1.03)
     world = Unicycle(), ORCHARD_SENSOR, log.truth[0]
-    decide, more = DECIDERS[name], {}
+    decide, more, near = DECIDERS[name], {}, {}
     if isinstance(decide, int):
         rng = np.random.default_rng(seed)
         slam = FastSlam(*world, decide, 2, rng=rng, detection_probabilities=(0.9, 0.05))
-        more = {"record": ("associations", "is_new", "ancestors")}
+        more = {"record": ("associations", "is_new", "ancestors", "poses", "ess")}
     else:
         slam = EKFSlam(*world, associate=Confirmation(decide))
     result = run(slam, log, known_ids=False, **more)
     score = association_scores(result, since=RETURN)
+    if more:
+        first = next(k for k in range(RETURN, len(log)) if len(log.landmark_measurements[k]))
+        near["count"] = round(float(result.recorded["ess"][first]), 4)
+        for key, k in (("nearest_before", first - 1), ("nearest_end", -1)):
+            off = (result.recorded["poses"][k] - log.truth[k])[:, :2]
+            near[key] = round(float(np.hypot(*off.T).min()), 4)
     return {
         "precision": round(float(score.precision), 4),
         "recall": round(float(score.recall), 4),
         "end": round(float(np.hypot(*(result.poses[-1] - log.truth[-1])[:2])), 4),
+        **near,
     }
 
 
