@@ -195,7 +195,7 @@ class StereoOdometer:
         return np.stack([f * (half - y) / depth, -f * z / depth, f * (-half - y) / depth], -1)
 
     def _pixel_jacobians(self, body: Array) -> Array:
-        """Derivatives (n, 3, 3) of `_pixels`; their inverse is that of `triangulate`."""
+        """Derive `_pixels` at points: (n, 3, 3); the inverse is that of `triangulate`."""
         J = np.zeros((len(body), 3, 3))
         J[:, :, 0] = -self._pixels(body) / body[:, :1]
         J[:, 0, 1] = J[:, 1, 2] = J[:, 2, 1] = -self.focal / body[:, 0]
