@@ -34,7 +34,7 @@ FAST_SLAM = ("motion", "floor", "dull", "sharp")
 GAMMA_SLAM = ("motion", "rig", "side", "wide")
 EKF_SLAM = ("sets", "log", "V")
 EXPEDITION = ("world", "lidar", "near", "guard")
-EXPLORATION = ("robot", "lidar", "room")
+EXPLORATION = ("robot", "lidar", "room", "clearance", "contest")
 FAST_SLAM = ("motion", "floor", "dull", "sharp")
 GAMMA_SLAM = ("motion", "rig", "side", "wide")
 HALL = ("motion", "sensor", "pillars", "hall", "sigmas", "V")
@@ -60,6 +60,7 @@ TABLES = {
     "15 mistakes": Table("15_other_maps", "with_mistake", "MISTAKES", range(1, 21), GAMMA_SLAM),
     "15 powers": Table("15_other_maps", "with_power", "POWERS", range(1, 21), GAMMA_SLAM),
     "17 mistakes": Table("17_the_way_home", "with_mistake", "MISTAKES", range(20), WAY_HOME),
+    "18 contest": Table("18_exploration", "toured", "RUNS", range(20), EXPLORATION),
     "18 mistakes": Table("18_exploration", "with_mistake", "MISTAKES", range(20), EXPLORATION),
     "19 mistakes": Table(
         "19_autocorrelation_localization", "with_mistake", "MISTAKES", range(1, 21), SCANS
@@ -107,6 +108,7 @@ TRIAL = Trial(
         ("15 mistakes", "4  density of variances", 2),
         ("15 powers", "0.1", 4),
         ("17 mistakes", "B  begins halfway", 1),
+        ("18 contest", "first room: information gain", 3),
         ("18 mistakes", "4  only where beams end", 11),
         ("19 mistakes", "2  no cap", 2),
         ("20 ways home", "worn wheels", 6),
