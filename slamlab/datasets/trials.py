@@ -51,8 +51,9 @@ TRIALS = {
     "matching": 'scan matchers on the two logs, "error" of the path (m)',
     "orchard": (
         'who decides which tree was observed, after a drive with the sensor off: "precision" '
-        'and "recall" of the pairs, "end" (error, m); of particles the '
-        '"nearest_before" the return and "nearest_end" (m), and how many "count" at the first tree'
+        'and "recall" of the pairs, at the larger drift those of before "found_again", "end" '
+        '(error, m); of particles the "nearest_before" the return and "nearest_end" (m), and how '
+        'many "count" at the first tree'
     ),
     "orchard_returns": (
         'the same where the names are given until then, and "sigma" of the place on return (m)'

@@ -25,7 +25,8 @@ class AssociationScores:
     named : int
         Measurements that were paired with a landmark of the map.
     right : int
-        Of these, those paired with a landmark that was started by the same true landmark.
+        Of these, those paired with a landmark that was started by the same true landmark, be it
+        the first of its map or a later copy.
     possible : int
         Measurements whose true landmark stood in the map.
     origins : dict
