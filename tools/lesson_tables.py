@@ -1,6 +1,6 @@
 """Tables of the lessons over many seeds: the stored runs of their own functions.
 
-python tools/lesson_tables.py     (an hour; options as in tools/trials.py)
+python tools/lesson_tables.py     (half an hour; options as in tools/trials.py)
 
 A page says what its runs are called and makes one of them by name and seed; nothing of the
 experiment is written here. Writes slamlab/datasets/data/lesson_tables.json, which
