@@ -162,7 +162,8 @@ class Visit:
         if self.tab.query_selector(".math"):
             self.tab.wait_for_selector("mjx-container", state="attached")
         if self.tab.query_selector("script[type='application/vnd.jupyter.widget-view+json']"):
-            self.tab.wait_for_selector(".slam-figure canvas")
+            # Attached, not visible: a page may have its only figure in a fold.
+            self.tab.wait_for_selector(".slam-figure canvas", state="attached")
             self.tab.wait_for_timeout(300)
 
     def _show(self, width, **media):
@@ -454,11 +455,12 @@ def test_a_page_loads_local_files_only(page):
 
 
 def test_the_book_is_light():
-    """Under 56 MB, as a disk counts them; no page over 1.5 MB, no source page with a sidebar."""
+    """Under 58 MB, as a disk counts them; no page over 1.5 MB, no source page with a sidebar."""
     files = [path for path in HTML.rglob("*") if path.is_file()]
     # A lesson and its second page take some 0.3 MB more than one long chapter did;
-    # with 17 further pages the book had 48.0 MB, with 22 it had 51.8, with 15d, 16d, 17d 54.6.
-    assert sum(-(-path.stat().st_size // 4096) * 4096 for path in files) < 56e6
+    # with 17 further pages the book had 48.0 MB, with 22 it had 51.8, with 25 54.6; with 10c, 10d,
+    # 12c and 16e it has 56.7.
+    assert sum(-(-path.stat().st_size // 4096) * 4096 for path in files) < 58e6
     heavy = [path.name for path in HTML.rglob("*.html") if path.stat().st_size > 1.5e6]
     assert heavy == []
     # Every page loads the icons: only those that it shows.
