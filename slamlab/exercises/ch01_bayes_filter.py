@@ -303,10 +303,10 @@ check_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: how many measurements? (pencil first)
 #
-# A place has the prior probability $p_0$ of being where the robot stands. The eye agrees with it,
-# measurement after measurement, and is right with probability $p$; all other places disagree with
-# what it sees. After how many measurements is the belief in the place at least $g$? On paper: what
-# happens to the *odds* $b / (1 - b)$ in one measurement?
+# The robot stands still. One place has the prior probability $p_0$ of being where it stands, and
+# every measurement fits this place and no other. A measurement is right with probability $p$,
+# whatever the others were. After how many of them is the belief in the place at least $g$? On
+# paper: what happens to the *odds* $b / (1 - b)$ in one measurement?
 
 
 # %% tags=["exercise"]

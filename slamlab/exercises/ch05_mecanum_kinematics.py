@@ -573,7 +573,7 @@ check_slip.mistakes = {
 # $$
 #
 # where $l$ is half the length plus half the width. Every wheel's speed has an error of `sigma`,
-# independent of the others. Move the pose with your exact `step`; move its covariance with
+# independent of the others. Move the pose with your `exact_step`; move its covariance with
 # Euler's derivative by the pose and your `process_noise`, both at the heading before the step.
 
 

@@ -158,8 +158,8 @@ check_line.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: what one edge adds
 #
-# The four blocks of the drawing in [the lesson](../13_pose_graphs.ipynb), above its formula (A),
-# and the two pieces of the gradient: five products.
+# The blocks of the drawing in [the lesson](../13_pose_graphs.ipynb), above its formula (A), three
+# of the four ($H_{ji}$ is the transpose of $H_{ij}$), and the two pieces of the gradient.
 
 
 # %% tags=["exercise"]

@@ -535,8 +535,8 @@ def weights(alpha: Array, beta: Array, cells: Ints, heights: Array, width: float
 # `heights[cells[i] == c]`.
 
 # %% [markdown] tags=["hint"]
-# `math.lgamma` is $\ln\Gamma$. In a cell with one height $\nu = 0$ and $S = 0$: all terms are zero
-# or cancel but $-\ln L$.
+# `math.lgamma` (after `import math`) is $\ln\Gamma$. In a cell with one height $\nu = 0$ and
+# $S = 0$: all terms are zero or cancel but $-\ln L$.
 
 # %% [markdown] tags=["hint"]
 # Logarithms of -5000 are too small for `exp`. The largest of them may be taken off all before.
