@@ -162,8 +162,7 @@ class Visit:
         if self.tab.query_selector(".math"):
             self.tab.wait_for_selector("mjx-container", state="attached")
         if self.tab.query_selector("script[type='application/vnd.jupyter.widget-view+json']"):
-            # Attached, not visible: a page may have its only figure in a fold.
-            self.tab.wait_for_selector(".slam-figure canvas", state="attached")
+            self.tab.wait_for_selector(".slam-figure canvas")
             self.tab.wait_for_timeout(300)
 
     def _show(self, width, **media):
