@@ -558,3 +558,6 @@ check_wander.mistakes = {
 #     return wander(belief, doors, steps, np.maximum(seen, 0), p_right)
 #
 # check_wander(dark_is_a_wall)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 01](../solutions/01_bayes_filter.ipynb).

@@ -667,3 +667,6 @@ check_tune = Check(
 #     return 0.001
 #
 # check_tune(no_pushes)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 02](../solutions/02_kalman_filter.ipynb).

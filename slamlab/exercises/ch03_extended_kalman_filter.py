@@ -614,3 +614,6 @@ check_follow.mistakes = {
 #     return np.array(means), np.array(covs)
 #
 # check_follow(other_side)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 03](../solutions/03_extended_kalman_filter.ipynb).

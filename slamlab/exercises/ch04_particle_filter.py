@@ -764,3 +764,6 @@ check_localize.mistakes = {
 #         x, w = localize(start, moves, noise, z, doors, 0.2, u)
 #         found += abs(w @ x - place[-1]) < 0.5
 #     print(f"{M:4d} particles: {found} of 100 drives")
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 04](../solutions/04_particle_filter.ipynb).

@@ -747,3 +747,6 @@ check_odometry.mistakes = {
 #     return poses, covs
 #
 # check_odometry(covariance_that_stays)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 05](../solutions/05_mecanum_kinematics.ipynb).

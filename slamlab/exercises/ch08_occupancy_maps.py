@@ -818,3 +818,6 @@ check_insert.mistakes = {
 # plots.occupancy(ax, expit(grid), [0, 0.25 * size[0], 0, 0.25 * size[1]])
 # plots.floor(ax)
 # _ = ax.set_title("Killian Court, by twelve lines of your own")
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 08](../solutions/08_occupancy_maps.ipynb).

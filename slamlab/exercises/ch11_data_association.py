@@ -1064,3 +1064,6 @@ check_together.mistakes = {
 #     return answer
 #
 # check_together(greedy)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 11](../solutions/11_data_association.ipynb).

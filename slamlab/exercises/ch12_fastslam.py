@@ -824,3 +824,6 @@ check_observe_landmark.mistakes = {
 #     return new / new.sum(), new_means, new_covs
 #
 # check_observe_landmark(weighed_by_sensor_noise)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 12](../solutions/12_fastslam.ipynb).

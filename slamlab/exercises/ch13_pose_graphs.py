@@ -784,3 +784,6 @@ check_map.mistakes = {
 #     return map_of(odometry, closures, np.ones(3))
 #
 # check_map(unweighted)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 13](../solutions/13_pose_graphs.ipynb).

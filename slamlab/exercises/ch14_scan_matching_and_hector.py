@@ -621,3 +621,6 @@ check_icp.mistakes = {
 #
 # report = check_icp(everybody_counts)     # it wanders off, and its digits mean nothing
 # print(f"{report.held} of {report.total} properties hold")
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 14](../solutions/14_scan_matching_and_hector.ipynb).

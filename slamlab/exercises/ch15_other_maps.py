@@ -693,3 +693,6 @@ check_weights.mistakes = {
 #     return result / result.sum()
 #
 # check_weights(by_variances)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 15](../solutions/15_other_maps.ipynb).

@@ -783,3 +783,6 @@ check_fundamental.mistakes = {
 #     return T_there.T @ np.linalg.svd(A)[2][-1].reshape(3, 3) @ T
 #
 # check_fundamental(rank_three)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 16](../solutions/16_uav_local_range.ipynb).

@@ -916,3 +916,6 @@ check_remember.mistakes = {
 #     return np.array(cubics)
 #
 # check_remember(last_but_one)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 17](../solutions/17_the_way_home.ipynb).

@@ -1115,3 +1115,6 @@ check_way.mistakes = {
 #     return np.zeros((0, 2), dtype=int)
 #
 # check_way(deep)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 18](../solutions/18_exploration.ipynb).

@@ -1020,3 +1020,6 @@ check_locate.mistakes = {
 #     return np.append(places[rows[0]], heading), margin
 #
 # check_locate(by_signature)
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 19](../solutions/19_autocorrelation_localization.ipynb).

@@ -571,3 +571,6 @@ check_least_share.mistakes = {
 # For three of three the root is not zero, and the result is below one half.
 #
 # </details>
+
+# %% [markdown] tags=["statement"]
+# The solutions are in [Solutions 20](../solutions/20_explore_and_return.ipynb).
