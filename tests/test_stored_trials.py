@@ -1,5 +1,6 @@
 """Stored trials: a sample of each is made again, each has seeds enough, and a change is found."""
 
+import inspect
 import json
 import os
 from argparse import Namespace
@@ -14,9 +15,10 @@ from tools import grid_table
 from tools import trials as tool
 
 TRIALS = {name: tool.load(name) for name in tool.TOOLS}
+# By the name of a trial, or the first word of a row.
 PLAIN_CODE = {
-    "expeditions": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
     "20 ways home": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
+    "expeditions": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
     "grid_logs": pytest.mark.needs_numba(reason="300 scans of 10 particles take more than 25 s"),
     "return_variants": pytest.mark.needs_numba(reason="an expedition takes more than 20 s"),
 }
@@ -90,6 +92,8 @@ def test_of_a_page_a_trial_has_functions_and_constants_and_runs_nothing_else():
     page = tool.of_page("13b_pose_graphs", "motion")
     assert {"town_from_the_linear_start", "motion"} <= set(page)
     assert not {"park", "large", "towns"} & set(page)
+    function = page["town_from_the_linear_start"]
+    assert inspect.getsource(function).startswith("def town_from_the_linear_start(")
 
 
 def toy(tmp_path, monkeypatch, factor=1.0, **options):

@@ -16,7 +16,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.trials import Trial, main, of_page
 
-SENSIBLE = 1e6  # what is larger has diverged
+DIVERGED = 1e6  # a larger number says no more
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,10 @@ class Table:
     function: str
     names: str
     seeds: Sequence[int]
-    constants: tuple[str, ...] = ()  # of the page, in small letters, that the function needs
+    constants: tuple[str, ...] = ()
 
 
-FAST_SLAM = ("motion", "floor", "dull", "sharp")
-GAMMA_SLAM = ("motion", "rig", "side", "wide")
+# Of each page, the names in small letters that its function needs.
 EKF_SLAM = ("sets", "log", "V")
 EXPEDITION = ("world", "lidar", "near", "guard")
 EXPLORATION = ("robot", "lidar", "room", "clearance", "contest")
@@ -82,7 +81,7 @@ def one(table: str, name: str, seed: int) -> dict:
     def short(value: object) -> object:
         if isinstance(value, list):
             return [short(each) for each in value]
-        return float(f"{min(float(value), SENSIBLE):.4g}")
+        return float(f"{min(float(value), DIVERGED):.4g}")
 
     return {key: short(value) for key, value in run.items()}
 

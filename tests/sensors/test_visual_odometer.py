@@ -213,3 +213,20 @@ def test_noise_is_drawn_for_every_step_and_run():
 def test_bad_input_is_named(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_the_pixels_have_the_derivatives_of_central_differences():
+    camera, rng = StereoOdometer(), np.random.default_rng(7)
+    body = rng.uniform([1.0, -1.0, -0.5], [4.0, 1.0, 0.5], (20, 3))
+
+    def differences(function, at, h=1e-5):
+        steps = h * np.eye(3)[:, None]
+        return np.stack((function(at + steps) - function(at - steps)) / (2 * h), -1)
+
+    J = camera._pixel_jacobians(body)
+    assert_allclose(J, differences(camera._pixels, body), rtol=1e-6, atol=1e-5)
+    pixels = camera._pixels(body)
+    assert_allclose(np.linalg.inv(J), differences(camera.triangulate, pixels), atol=1e-7)
+    wrong = J.copy()
+    wrong[:, 2, 0] *= -1  # a sign
+    assert not np.allclose(wrong, differences(camera._pixels, body), rtol=1e-6, atol=1e-5)
