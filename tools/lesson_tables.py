@@ -61,6 +61,7 @@ TABLES = {
     "17 mistakes": Table("17_the_way_home", "with_mistake", "MISTAKES", range(20), WAY_HOME),
     "18 contest": Table("18_exploration", "toured", "RUNS", range(20), EXPLORATION),
     "18 mistakes": Table("18_exploration", "with_mistake", "MISTAKES", range(20), EXPLORATION),
+    "18b parts": Table("18b_exploration", "part_of_beam", "PARTS", range(120), EXPLORATION),
     "19 mistakes": Table(
         "19_autocorrelation_localization", "with_mistake", "MISTAKES", range(1, 21), SCANS
     ),
@@ -109,6 +110,7 @@ TRIAL = Trial(
         ("17 mistakes", "B  begins halfway", 1),
         ("18 contest", "first room: information gain", 3),
         ("18 mistakes", "4  only where beams end", 11),
+        ("18b parts", "0.75", 21),
         ("19 mistakes", "2  no cap", 2),
         ("20 ways home", "worn wheels", 6),
     ),
