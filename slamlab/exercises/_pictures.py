@@ -31,7 +31,8 @@ def side_by_side(picture: Picture, student: Function, reference: Function) -> An
     Parameters
     ----------
     picture : callable
-        ``picture(ax, function)`` draws the truth and what the function gives.
+        ``picture(ax, function)`` draws the truth and what the function gives. What it sets as the
+        title, a number say, stands below the title of its panel.
     student, reference : callable
         Whatever the student's function does is shown, never raised: no result, an exception, a
         result that cannot be drawn.
@@ -56,8 +57,10 @@ def side_by_side(picture: Picture, student: Function, reference: Function) -> An
         for ax in (left, right):
             getattr(ax, f"set_{name}")(low - 0.1 * (high - low), high + 0.1 * (high - low))
     right.set_aspect(right.get_aspect(), adjustable="box")
-    left.set(title="Yours", xlabel=right.get_xlabel(), ylabel=right.get_ylabel())
-    right.set(title="As it should be", ylabel="")
+    left.set(xlabel=right.get_xlabel(), ylabel=right.get_ylabel())
+    right.set(ylabel="")
+    for ax, whose in ((left, "Yours"), (right, "As it should be")):
+        ax.set_title("\n".join(filter(None, [whose, ax.get_title(loc="left")])))
     if message:
         left.text(
             0.5, 0.5, "\n".join(textwrap.wrap(message, 36)), transform=left.transAxes,

@@ -70,6 +70,7 @@ Mistake = Function | str | tuple[str, ...]
 
 NOTHING_YET = "nothing returned yet: replace the `...` by your own lines and run the cell again"
 NO_RETURN = "your function returns nothing: a `return` is missing"
+HUNT = "a bug hunt: the report does not name the bug. Begin with the first NO"
 OWN = "arguments stay as they were, results are new"
 _TYPES: dict[Any, Callable[[Any], Any]] = {
     float: float,
@@ -104,12 +105,15 @@ class Report:
         The mistakes that were recognised.
     right : float
         Share of the numbers of the result that are right on every input.
+    hunt : bool
+        Say not which mistake was recognised: to find it is the exercise.
     """
 
     title: str
     rows: tuple[Row, ...]
     messages: tuple[str, ...] = ()
     right: float = 0.0
+    hunt: bool = False
 
     @property
     def held(self) -> int:
@@ -143,11 +147,15 @@ class Report:
         for row in self._shown():
             lines += [f"  {'ok ' if row.ok else 'NO '}  {row.name}"]
             lines += [f"       {line}" for line in row.lines]
-        return "\n".join(lines + [f"  -> {message}" for message in self.messages])
+        return "\n".join(lines + [f"  -> {message}" for message in self._said()])
 
     def _shown(self) -> tuple[Row, ...]:
         """Return the rows that tell something: none as long as nothing comes."""
         return () if self.messages in ((NOTHING_YET,), (NO_RETURN,)) else self.rows
+
+    def _said(self) -> tuple[str, ...]:
+        """Return the messages that are shown: in a hunt none that names the bug."""
+        return (HUNT,) if self.hunt and self._shown() and not self.passed else self.messages
 
     def _head(self) -> str:
         done = ". Well done" if self.passed else ""
@@ -167,7 +175,7 @@ class Report:
             for row in self._shown()
         )
         table = f"<table style='margin-left:0'>{rows}</table>" if rows else ""
-        said = "".join(f"<p><b>{escape(message)}</b></p>" for message in self.messages)
+        said = "".join(f"<p><b>{escape(message)}</b></p>" for message in self._said())
         return f"<p>{escape(self._head())}</p>{table}{said}"
 
 
@@ -214,6 +222,9 @@ class Check:
         Properties on the edge of what is asked: to raise there is said, and not counted.
     picture : callable, optional
         ``picture(ax, function)`` draws the truth and what a function gives (see `draw`).
+    hunt : bool, default False
+        A program with a bug is handed out: which mistake it is, the report recognises, and does
+        not show.
     """
 
     def __init__(
@@ -228,13 +239,14 @@ class Check:
         use: Function | None = None,
         edges: Sequence[str] = (),
         picture: Picture | None = None,
+        hunt: bool = False,
     ) -> None:
         self.reference, self.mistakes, self.tolerance = reference, mistakes, tolerance
         self.name = reference.__name__.lstrip("_")
         self.returns = tuple(part.strip() for part in returns.split(","))
         self._use, self._properties, self._draws = use, properties, draws
         self._edges = frozenset(edges)
-        self._picture = picture
+        self._picture, self._hunt = picture, hunt
         self._years: tuple[int, ...] = ()
         # What a mistake gives on an input: asked of many wrong answers, worked out once.
         self._told: dict[tuple[int, int], Observation] = {}
@@ -294,6 +306,11 @@ class Check:
     def has_picture(self) -> bool:
         """Say whether `draw` can draw something."""
         return self._picture is not None
+
+    @property
+    def is_hunt(self) -> bool:
+        """Say whether a program with a bug is handed out."""
+        return self._hunt
 
     @property
     def parameters(self) -> list[inspect.Parameter]:
@@ -362,7 +379,7 @@ class Check:
         if not all(held) and self._use is None:
             came, given = [s.came for s in observations], [list(a) for _, a in self.inputs]
             right = right_in_part(came, self.due, given, self.tolerance)
-        return Report(self.name, tuple(rows), self._named(observations, held), right)
+        return Report(self.name, tuple(rows), self._named(observations, held), right, self._hunt)
 
     def _typed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
         if len(self._parameters) != len(arguments):

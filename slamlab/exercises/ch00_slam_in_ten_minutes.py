@@ -642,6 +642,7 @@ check_relax = Check(
     },
     tolerance=1e-6,
     picture=_relax_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

@@ -510,6 +510,7 @@ check_mean_pose = Check(
     },
     tolerance=1e-8,
     picture=_mean_pose_drawn,
+    hunt=True,
 )
 
 

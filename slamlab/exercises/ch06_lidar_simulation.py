@@ -656,6 +656,7 @@ check_nearest_wall = Check(
     draws=15,
     tolerance=1e-8,
     picture=_nearest_drawn,
+    hunt=True,
 )
 
 

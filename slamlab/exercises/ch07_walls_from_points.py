@@ -602,6 +602,7 @@ check_to_world = Check(
     },
     tolerance=1e-6,
     picture=_to_world_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

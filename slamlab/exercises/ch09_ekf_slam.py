@@ -649,6 +649,7 @@ check_update = Check(
     },
     tolerance=1e-6,
     picture=_update_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

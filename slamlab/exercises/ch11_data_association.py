@@ -706,6 +706,7 @@ check_stacked = Check(
         "five pairs": _slopes(5),
     },
     picture=_stacked_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

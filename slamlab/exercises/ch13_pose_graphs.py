@@ -358,6 +358,7 @@ check_information = Check(
     },
     tolerance=1e-6,
     picture=_information_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

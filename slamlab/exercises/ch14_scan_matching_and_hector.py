@@ -303,6 +303,7 @@ check_slope = Check(
     },
     draws=12,
     picture=_slope_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

@@ -322,6 +322,7 @@ check_look_up = Check(
     },
     draws=20,
     picture=_look_up_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

@@ -411,6 +411,7 @@ check_note_update = Check(
     },
     tolerance=1e-8,
     picture=_note_update_drawn,
+    hunt=True,
 )
 
 

@@ -485,6 +485,7 @@ check_steer = Check(
         "any point": _aim(limits=(0.25, 1.2)),
     },
     picture=_steer_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

@@ -637,6 +637,7 @@ check_free_step = Check(
     },
     edges=("no points",),
     picture=_free_step_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

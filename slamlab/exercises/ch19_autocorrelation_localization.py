@@ -539,6 +539,7 @@ check_refined = Check(
     },
     tolerance=1e-8,
     picture=_refined_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

@@ -336,6 +336,7 @@ check_relaid = Check(
         "any graph": _graph,
     },
     picture=_relaid_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]

@@ -87,7 +87,9 @@ def test_every_exercise_of_the_chapter_has_a_picture(module):
 def test_the_right_answer_looks_as_it_should(check):
     left, right = check.draw(check.reference).axes
     np.testing.assert_array_equal(drawn(left), drawn(right))
-    assert tuple(ax.get_title(loc="left") for ax in (left, right)) == ("Yours", "As it should be")
+    titles = [ax.get_title(loc="left").split("\n") for ax in (left, right)]
+    assert [title.pop(0) for title in titles] == ["Yours", "As it should be"]
+    assert titles[0] == titles[1]
     assert left.get_xlim() == right.get_xlim()
 
 
@@ -272,6 +274,18 @@ def test_a_function_that_changes_its_arguments_spoils_nothing():
 
     left, right = ch.check_add_landmark.draw(spoiling).axes
     np.testing.assert_array_equal(drawn(left), drawn(right))
+
+
+def test_what_a_picture_sets_as_its_title_stands_below_that_of_the_panel():
+    def _one(x: float) -> float:
+        return x
+
+    def _drawn(ax, function):
+        ax.set_title(f"{function(1.0):.1f} m")
+
+    left, right = Check(_one, "x", {"one": (1.0,)}, picture=_drawn).draw(lambda x: 2 * x).axes
+    titles = [ax.get_title(loc="left") for ax in (left, right)]
+    assert titles == ["Yours\n2.0 m", "As it should be\n1.0 m"]
 
 
 def test_an_exercise_without_a_picture_says_so():

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from slamlab.exercises import Check
+from slamlab.exercises._report import HUNT
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
@@ -28,6 +29,31 @@ def test_every_cell_of_a_source_has_one_kind(source):
     for cell in tool.cells_of(source):
         kinds = set(cell.metadata.tags) & tool.TAGS
         assert len(kinds) == 1 or kinds in pairs, cell.source
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_a_program_with_a_bug_is_not_told_which(source):
+    """Its report recognises the mistake, and shows a line that names none."""
+    module = importlib.import_module(f"slamlab.exercises.{source.stem}")
+    checks = {c.name: c for c in vars(module).values() if isinstance(c, Check)}
+    hunts, about, function = set(), "", ""
+    for cell in tool.cells_of(source):
+        tags = set(cell.metadata.tags) & tool.TAGS
+        if tags == {"statement"} and cell.cell_type == "markdown":
+            about = cell.source
+        elif tags == {"exercise"}:
+            function = tool._function(cell.source).name
+        elif tags == {"stub"} and "bug" in about:
+            hunts.add(function)
+    assert hunts == {name for name, check in checks.items() if check.is_hunt}
+    for name in hunts:
+        check = checks[name]
+        for message, wrong in check.mistakes.items():
+            report = check.judge(check.observe(check.mistaken(wrong)))
+            assert message in report.messages
+            assert message not in report.text
+            assert message not in report._repr_html_()
+            assert HUNT in report.text
 
 
 @pytest.mark.parametrize("year", [2027, 2028])
@@ -105,8 +131,6 @@ def test_an_edit_of_a_mistake_must_be_in_the_code_and_not_only_in_the_docstring(
     def said(x):
         """Add two."""
         return x + 1
-
-    from slamlab.exercises import Check
 
     check = Check(said, "x", {"one": ([1.0],)})
     assert check.mistaken("x + 1 => x + 2")(1) == 3
