@@ -242,7 +242,6 @@ class Check:
         hunt: bool = False,
     ) -> None:
         self.reference, self.mistakes, self.tolerance = reference, mistakes, tolerance
-        self.name = reference.__name__.lstrip("_")
         self.returns = tuple(part.strip() for part in returns.split(","))
         self._use, self._properties, self._draws = use, properties, draws
         self._edges = frozenset(edges)
@@ -306,6 +305,11 @@ class Check:
     def has_picture(self) -> bool:
         """Say whether `draw` can draw something."""
         return self._picture is not None
+
+    @property
+    def name(self) -> str:
+        """Name of the function that is checked."""
+        return self.reference.__name__.lstrip("_")
 
     @property
     def is_hunt(self) -> bool:
