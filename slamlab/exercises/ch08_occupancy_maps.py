@@ -25,7 +25,7 @@ __all__ = [
 # %% [markdown] tags=["chapter"]
 # # Exercises 08: occupancy maps
 #
-# Five exercises, from one cell to the map of a room; the chapter is [Occupancy
+# Five exercises, from one cell to a corridor of a real building; the chapter is [Occupancy
 # maps](../08_occupancy_maps.ipynb). Replace each `...` and run the check below it as often as you
 # like; then draw what you built beside what is expected.
 
@@ -51,8 +51,13 @@ __all__ = [
 # %% [markdown] tags=["statement"]
 # ## Exercise 1: hints about one cell
 #
-# Every hint is a probability that the cell is occupied given *one* reading and the prior. The
-# readings are independent given the cell.
+# In a warehouse one cell of floor in five is occupied: the prior is 0.2, not one half. Robots send
+# what they have seen of a cell, each as a probability: *given my one reading, and that prior, the
+# cell is occupied with 0.6*. The readings are independent given the cell. What is known after all
+# of them?
+#
+# The lesson added log odds of readings whose prior was one half. Before you write, answer with a
+# pencil: four robots all send 0.2. What have they told you?
 
 
 # %% tags=["exercise"]
@@ -169,10 +174,15 @@ check_fuse.mistakes = {
 # check_fuse(prior_everywhere)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 2: the evidence of one beam
+# ## Exercise 2: a ring of walls, two bugs to find
 #
-# A robot stands at the left end of a row of cells of 1 m. Cell i reaches from i to i + 1 metres.
-# One beam runs along the row.
+# A robot maps a large hall with a lidar of short range. Wherever it stopped, its map has a ring of
+# walls around that place; and it drives against a glass door that its map holds to be open floor.
+# (Of the beams towards glass many are lost.)
+#
+# Here is its program for one beam. The robot stands at the left end of a row of cells of 1 m, cell
+# i reaches from i to i + 1 metres, and the beam runs along the row. In front of walls of brick the
+# program is right. Run the check, find the two bugs, repair them.
 
 
 # %% tags=["exercise"]
@@ -210,15 +220,24 @@ def beam_evidence(
     return evidence
 
 
+# %% active="ipynb" tags=["stub"]
+#     evidence = np.zeros(n_cells)
+#     reach = np.nanmin([distance, max_range])  # no beam is longer than the range
+#     end = int(reach)
+#     evidence[:end] = miss
+#     evidence[end : end + 1] = hit  # an empty slice beyond the last cell
+#     return evidence
+
 # %% active="ipynb" tags=["try"]
-# beam_evidence(6, 2.5, 5.0, 0.85, -0.41)
+# print(beam_evidence(6, 2.5, 5.0, 0.85, -0.41))
+# print(beam_evidence(6, np.inf, 5.0, 0.85, -0.41))
 
 # %% [markdown] tags=["hint"]
-# In which cell does a beam of 2.5 m end, and which cells did it cross before? What does it say
-# about the cells behind?
+# What did the lidar of the second call above meet, and where does the program put a wall?
 
 # %% [markdown] tags=["hint"]
-# Begin with zeros. Three cases: the reading is lost; it met nothing; it met something.
+# Three cases: the beam met something; it met nothing; the reading was lost. How many does the
+# program tell apart, and what becomes of a NaN in its second line?
 
 
 # %% tags=["cases"]
@@ -261,6 +280,7 @@ check_beam_evidence = Check(
         "any beam, beyond the row too": _row(0.0, 2.0),
     },
     picture=_beam_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]
@@ -305,11 +325,14 @@ check_beam_evidence.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 2: the evidence of one beam
+# ## Solution 2: a ring of walls
+#
+# The range cut every longer reading down to a number that looks like any other, so a beam that met
+# nothing ended in a wall. And `np.nanmin` leaves NaN out, so a lost reading became a beam of full
+# length, which frees its way: through the glass.
 
 # %% [markdown] tags=["solution"]
-# A reading at the limit of the range looks like any other number. Walls drawn there make a ring
-# around the robot in every large hall:
+# Who repairs the glass alone keeps the ring:
 
 # %% active="ipynb" tags=["solution"]
 # def ring_of_walls(n_cells, distance, max_range, hit, miss):
@@ -320,6 +343,19 @@ check_beam_evidence.mistakes = {
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: what a map does not know
+#
+# Two doors, and the robot has time for one. It would like to go where its map knows least. For one
+# cell that is the **entropy** of its two states,
+#
+# $$
+# -p \log_2 p - (1 - p) \log_2 (1 - p) \ \text{bits}, \qquad p = \frac{1}{1 + e^{-\ell}},
+# $$
+#
+# and for a map the sum over its cells. With a pencil: how many bits are in a cell with $p$ = 1/2,
+# and in one that is certain?
+#
+# The lesson kept log odds between limits. Here nobody did: maps come with log odds of 1000, and
+# your sum must not become NaN.
 
 
 # %% tags=["exercise"]
@@ -549,13 +585,22 @@ check_hits_needed.mistakes = {
 # check_hits_needed(prior_in_every_hit)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: a scan goes into a grid
+# ## Exercise 5: a building from the cells' side
 #
-# Now the whole plane. For every cell ask: in which direction does its centre lie, seen from the
-# robot, and which beam points nearest to that direction? If the centre is nearer than the end of
-# that beam by more than half a cell, the cell was looked through: add `miss`. If it lies within
-# half a cell of the end, add `hit`. Behind that nothing was seen. A beam of `max_range`
-# or more met nothing, and frees what is nearer than `max_range`. NaN says nothing at all.
+# The lesson went along each beam and asked which cells it crosses. Now turn it round: go to each
+# *cell* and ask which beam passes. There is no loop left, and the map of a building is yours.
+#
+# For every cell: in which direction does its centre lie, seen from the lidar, and which beam
+# points nearest to that direction? If none points within `spread / 2` of it, the cell is outside
+# the field of view, and nothing is added. Else, if the centre is nearer than the end of that beam
+# by more than half a cell, the beam passed through: add `miss`. If the centre lies within half a
+# cell of the end, add `hit`. Behind that nothing was seen. A beam of `max_range` or more met
+# nothing, and frees the cells whose centre is nearer than `max_range`. NaN says nothing at all.
+#
+# The picture runs your function on a real log: scans of MIT Killian Court
+# ([Bosse et al., 2004](../../book/bibliography.md#bosse2004simultaneous)), the beginning of the
+# drive, from dead reckoning that is still good there. Its lidar sees half of the circle: who
+# forgets that maps what the robot never saw.
 
 
 # %% tags=["exercise"]
@@ -564,6 +609,7 @@ def insert(
     pose: Array,
     ranges: Array,
     angles: Array,
+    spread: float,
     cell: float,
     max_range: float,
     hit: float,
@@ -580,6 +626,8 @@ def insert(
     ranges, angles : ndarray, shape (n,)
         Ranges (m), inf where a beam met nothing, NaN where it was lost, and
         directions of the beams seen from the lidar (rad).
+    spread : float
+        Angle between neighbouring beams (rad).
     cell : float
         Side of a cell (m).
     max_range : float
@@ -596,8 +644,9 @@ def insert(
     dy = ((np.arange(rows) + 0.5) * cell - pose[1])[:, None]
     distance = np.hypot(dx, dy)
     direction = np.arctan2(dy, dx) - pose[2]
-    beam = np.abs(wrap_angle(direction[..., None] - angles)).argmin(axis=-1)
-    end = np.where(ranges >= max_range, np.inf, ranges)[beam]
+    off = np.abs(wrap_angle(direction[..., None] - angles))
+    end = np.where(ranges >= max_range, np.inf, ranges)[off.argmin(axis=-1)]
+    end[off.min(axis=-1) > spread / 2] = np.nan  # outside the field of view
     new = log_odds.copy()
     new[distance < np.minimum(end - cell / 2, max_range)] += miss
     new[np.abs(distance - end) <= cell / 2] += hit
@@ -606,7 +655,7 @@ def insert(
 
 # %% active="ipynb" tags=["try"]
 # insert(np.zeros((1, 4)), np.array([0.1, 0.5, 0.0]), np.array([2.4]), np.array([0.0]),
-#        1.0, 9.0, 0.8, -0.4)
+#        0.1, 1.0, 9.0, 0.8, -0.4)
 
 # %% [markdown] tags=["hint"]
 # `np.arange(columns) + 0.5` are the centres of the columns, in cells.
@@ -616,7 +665,8 @@ def insert(
 
 # %% [markdown] tags=["hint"]
 # Make arrays of the shape of the grid: distance, direction, number of the nearest beam, end of
-# that beam. Comparisons with NaN are False, which is what you want here.
+# that beam. Comparisons with NaN are False, which is what you want for a lost beam, and for a cell
+# that no beam points to.
 
 
 # %% tags=["cases"]
@@ -637,26 +687,26 @@ def _scanned(
     pose = [*np.round(rng.uniform(0.2, 1.8, 2), 2), heading + np.round(rng.normal(), 2)]
     before = np.round(rng.normal(0, 0.5, (rows, columns)), 1)
     hit, miss = np.round(rng.uniform([0.5, -0.6], [1.2, -0.2]), 2)
-    return before, pose, ranges, angles, cell, max_range, hit, miss
+    return before, pose, ranges, angles, view / n, cell, max_range, hit, miss
 
 
 def _insert_drawn(ax: Any, function: Any) -> None:
-    """Draw the map of a room with a pillar after three scans, and the walls that are there."""
+    """Draw the map of a corridor of Killian Court after fifteen scans, and the robot's path."""
     from slamlab import plots
-    from slamlab.sensors import Lidar
-    from slamlab.worlds import WallWorld
+    from slamlab.datasets import killian
 
-    world = WallWorld.from_polygons(
-        [(1, 1), (9, 1), (9, 7), (5, 7), (5, 5), (1, 5)], [(4, 2.5), (5, 2.5), (5, 3.2), (4, 3.2)]
-    )
-    lidar, log_odds = Lidar(120, max_range=5.0), np.zeros((40, 50))
-    for pose in np.array([[2.5, 3.5, 2.0], [7.0, 2.5, -2.8], [6.5, 5.5, 0.7]]):
-        ranges = np.asarray(lidar.scan(world, pose), float)
-        scan = ranges, lidar.beam_angles, 0.2, 5.0, 1.5, -0.8
-        log_odds = np.asarray(function(log_odds, pose, *scan), float)
-    plots.occupancy(ax, 1 / (1 + np.exp(-log_odds)), [0, 10, 0, 8])
-    for wall in world.segments:
-        ax.plot(*wall.T, color=plots.COLOURS["dead_reckoning"], lw=0.8)
+    court = killian()
+    assert court.log.scan is not None and court.log.ranges is not None
+    poses, angles = court.dead_reckoned()[:60:4], court.log.scan.beam_angles[::2]
+    poses = poses - [*(poses[:, :2].min(0) - 5.0), 0.0]
+    columns, rows = np.ceil((poses[:, :2].max(0) + 5.0) / 0.3).astype(int)
+    log_odds = np.zeros((rows, columns))
+    for pose, ranges in zip(poses, court.log.ranges[:60:4, ::2].astype(float), strict=True):
+        given = ranges, angles, np.deg2rad(2.0), 0.3, 5.5, 0.85, -0.4
+        log_odds = np.asarray(function(log_odds, pose, *given), float)
+    plots.occupancy(ax, 1 / (1 + np.exp(-log_odds)), [0, 0.3 * columns, 0, 0.3 * rows])
+    plots.path(ax, poses)
+    plots.floor(ax)
 
 
 check_insert = Check(
@@ -668,6 +718,7 @@ check_insert = Check(
             [0.1, 0.5, 0],
             [4.5],
             [0.0],
+            3.0,
             1.0,
             9.0,
             0.8,
@@ -678,6 +729,7 @@ check_insert = Check(
             [0.1, 0.5, 0],
             [np.inf],
             [0.0],
+            3.0,
             1.0,
             5.0,
             0.8,
@@ -688,6 +740,7 @@ check_insert = Check(
             [0.1, 0.5, 0],
             [5.0],
             [0.0],
+            3.0,
             1.0,
             5.0,
             0.8,
@@ -698,6 +751,7 @@ check_insert = Check(
             [0.1, 0.5, 0],
             [0.05],
             [0.0],
+            3.0,
             1.0,
             5.0,
             0.8,
@@ -708,6 +762,18 @@ check_insert = Check(
             [0.1, 0.5, 0],
             [np.nan],
             [0.0],
+            3.0,
+            1.0,
+            5.0,
+            0.8,
+            -0.4,
+        ),
+        "a lidar that sees ahead only": (
+            np.full((3, 4), 0.3),
+            [2.0, 1.5, 0],
+            [1.4, 1.6, np.inf],
+            [-0.5, 0.0, 0.5],
+            0.5,
             1.0,
             5.0,
             0.8,
@@ -754,6 +820,12 @@ check_insert.mistakes = {
         "np.abs(wrap_angle(direction[..., None] - angles))"
         " => np.abs(direction[..., None] - angles)"
     ),
+    "what no beam points to was mapped too: the lidar sees a part of the circle": (
+        "off.min(axis=-1) > spread / 2 => off.min(axis=-1) > 4.0"
+    ),
+    "a beam serves half of the gap to its neighbour on either side: spread / 2": (
+        "> spread / 2 => > spread"
+    ),
     "the corners of cells were used: their centres are half a cell on": (
         "(np.arange(columns) + 0.5) * cell => np.arange(columns) * cell",
         "((np.arange(rows) + 0.5) * cell => (np.arange(rows) * cell",
@@ -778,18 +850,18 @@ check_insert.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 5: a scan goes into a grid
+# ## Solution 5: a building from the cells' side
 #
-# Arrays of the shape of the grid, and two comparisons. What to notice: the wrap, and that a lost
-# beam needs no line of its own.
+# Arrays of the shape of the grid, and two comparisons. What to notice: the wrap, and that NaN, a
+# lost beam or none at all, needs no case of its own: no comparison with it holds.
 
 # %% [markdown] tags=["solution"]
 # Do not free what lies behind a wall: the walls of a corridor on the other side would vanish from
 # the map whenever the robot sees this one.
 
 # %% active="ipynb" tags=["solution"]
-# def free_behind(log_odds, pose, ranges, angles, cell, max_range, hit, miss):
-#     new = insert(log_odds, pose, ranges, angles, cell, max_range, hit, miss)
+# def free_behind(log_odds, pose, ranges, angles, spread, cell, max_range, hit, miss):
+#     new = insert(log_odds, pose, ranges, angles, spread, cell, max_range, hit, miss)
 #     x = (np.arange(log_odds.shape[1]) + 0.5) * cell - pose[0]
 #     y = ((np.arange(log_odds.shape[0]) + 0.5) * cell - pose[1])[:, None]
 #     untouched = (new == log_odds) & (np.hypot(x, y) < max_range)
@@ -798,8 +870,9 @@ check_insert.mistakes = {
 # check_insert(free_behind)
 
 # %% [markdown] tags=["solution"]
-# Your grid on a real building: twenty scans of MIT Killian Court, the beginning of the drive,
-# from dead-reckoned poses that are still good there.
+# Your grid on more of the building: twenty scans, finer cells, a longer reach. The numbers beside
+# it are those of a grid that maps behind the robot's back as well, with the nearest beam, wherever
+# it points.
 
 # %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "An occupancy grid of a corridor of Killian Court: free floor light, walls dark on both sides, unknown grey."}}
 # court = killian()
@@ -808,16 +881,16 @@ check_insert.mistakes = {
 # rows = np.arange(0, 60, 3)
 # corner = poses[rows, :2].min(0) - 8.0
 # size = np.ceil((poses[rows, :2].max(0) + 8.0 - corner) / 0.25).astype(int)
-# grid = np.zeros(size[::-1])
-# for k in rows:
-#     pose = poses[k] - [*corner, 0.0]
-#     scan = log.ranges[k], log.scan.beam_angles
-#     grid = insert(grid, pose, *scan, 0.25, 7.5, 0.85, -0.4)
-# print(f"{(grid > 0).sum()} cells occupied, {(grid < 0).sum()} free, of {grid.size}")
+# for spread, name in ((7.0, "behind the back"), (np.deg2rad(1), "in view only")):
+#     grid = np.zeros(size[::-1])
+#     for k in rows:
+#         scan = log.ranges[k], log.scan.beam_angles, spread
+#         grid = insert(grid, poses[k] - [*corner, 0.0], *scan, 0.25, 7.5, 0.85, -0.4)
+#     print(f"{name}: {(grid > 0).sum()} cells occupied, {(grid < 0).sum()} free")
 # fig, ax = plt.subplots(figsize=(7, 4))
 # plots.occupancy(ax, expit(grid), [0, 0.25 * size[0], 0, 0.25 * size[1]])
 # plots.floor(ax)
-# _ = ax.set_title("Killian Court, by twelve lines of your own")
+# _ = ax.set_title("Killian Court, by a dozen lines of your own")
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 08](../solutions/08_occupancy_maps.ipynb).
