@@ -57,7 +57,7 @@ __all__ = [
 # of them?
 #
 # The lesson added log odds of readings whose prior was one half. Before you write, answer with a
-# pencil: four robots all send 0.2. What have they told you?
+# pencil: four robots all send 0.2. What does the map know now?
 
 
 # %% tags=["exercise"]
@@ -696,7 +696,8 @@ def _insert_drawn(ax: Any, function: Any) -> None:
     from slamlab.datasets import killian
 
     court = killian()
-    assert court.log.scan is not None and court.log.ranges is not None
+    assert court.log.scan is not None
+    assert court.log.ranges is not None
     poses, angles = court.dead_reckoned()[:60:4], court.log.scan.beam_angles[::2]
     poses = poses - [*(poses[:, :2].min(0) - 5.0), 0.0]
     columns, rows = np.ceil((poses[:, :2].max(0) + 5.0) / 0.3).astype(int)
