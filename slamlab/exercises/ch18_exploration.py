@@ -69,8 +69,9 @@ def free_turn(point: Array, half: float) -> tuple[float, float]:
     Returns
     -------
     left, right : float
-        Angles (rad), not negative; inf twice where the corners cannot reach the
-        point, 0 twice where the point is inside the body.
+        Angles (rad), not negative; inf twice where no corner can reach the point or
+        touches it in passing (d >= sqrt(2) half), 0 twice where the point is inside
+        the body. A point exactly on the border is not tried.
     """
     d = np.hypot(*point)
     if d >= half * np.sqrt(2):
@@ -372,9 +373,10 @@ check_swept.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: four quarters, and not back
 #
-# P5's cure for the robot that drives to and fro on a diagonal: take the longest beam of each of
-# the quarters 0 to 90, 90 to 180, 180 to 270 and 270 to 360 degrees, and leave out those that
-# lead back.
+# The robot of the chapter's first figure follows its longest beam, so it drives to and fro on
+# one diagonal of the room. P5's cure: take the longest beam of each of the quarters 0 to
+# 90, 90 to 180, 180 to 270 and 270 to 360 degrees (a beam at 90 belongs to the second), and leave
+# out those that lead back.
 
 
 # %% tags=["exercise"]
@@ -394,7 +396,7 @@ def quarter_beams(ranges: Array, degrees: Array, back: float) -> Ints:
     -------
     ndarray of int
         Index of the longest beam of each quarter, in the order of the quarters,
-        without those whose direction is within 45 degrees of `back`.
+        without those whose direction is 45 degrees or less from `back`.
     """
     best = []
     for low in (0, 90, 180, 270):
@@ -695,6 +697,14 @@ check_free_step.mistakes = {
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: the frontier
+#
+# No beam of a scan says that a building is done. A map does: as long as somewhere free floor
+# borders on floor that nobody has seen, there is something left, and the robot can stand right
+# beside it. Write the rule that finds these cells. It is the whole difference between a robot that
+# wanders and one that stops; in exercise 6 yours drives.
+#
+# A diagonal neighbour does not count, and the map ends at its edge: think twice before you use
+# `np.roll`.
 
 
 # %% tags=["private"]
