@@ -1,6 +1,6 @@
-"""Exercises, chapter 05: wheel map, exact step, process noise, slip alarm, odometry.
+"""Exercises, chapter 05: omni wheels, exact step, process noise, a worn wheel, odometry.
 
-P1 (9), (10), (14) and (17) with its dt, and the wheel map (9a) that P1 leaves out.
+P1 (10), (14) and (17) with its dt, and the wheel map (9a) that P1 leaves out.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 # %% [markdown] tags=["chapter"]
 # # Exercises 05: mecanum kinematics
 #
-# Five exercises, from four wheels to a pose with its covariance; the chapter is [Mecanum
-# kinematics and odometry](../05_mecanum_kinematics.ipynb). Replace each `...` and run the check
-# below it as often as you like; then draw what you built beside what is expected.
+# Five exercises: a robot on other wheels, a step along an arc, an ellipse with two bugs, a worn
+# wheel, and an odometry whose ellipse you put to the test. The chapter is [Mecanum kinematics and
+# odometry](../05_mecanum_kinematics.ipynb). Replace each `...` and run the check below it as often
+# as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 05: mecanum kinematics
@@ -37,65 +38,77 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 # from slamlab.geometry import wrap_angle
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 1: the wheel map
+# ## Exercise 1: a robot on omni wheels, with a pencil
 #
-# What must the four wheels do so that the body moves with a given velocity?
+# Your next robot is round and stands on three **omni wheels**. Their rollers do not stand at 45
+# degrees: they lie along the rim, so a wheel slides freely along its own axle and grips across it.
+# Every axle points to the centre of the robot. A wheel sits at the distance $d$ from the centre,
+# in the direction $\beta$ (0 ahead, $\pi/2$ to the left).
+#
+# The lesson's derivation works here as well: take one wheel, write down the velocity of its hub
+# and of its lowest point, and say in which direction nothing may move. A wheel that spins with
+# positive speed drives its hub *counterclockwise* round the centre: the wheel at $\beta = 0$
+# drives to the left. Robots with any number of wheels shall use your function.
 
 
 # %% tags=["exercise"]
-def wheel_speeds(u: Array, r: float, half_length: float, half_width: float) -> Array:
-    """Wheel speeds of a mecanum platform.
+def wheel_speeds(u: Array, r: float, distance: float, beta: Array) -> Array:
+    """Wheel speeds of a robot on omni wheels.
 
     Parameters
     ----------
     u : ndarray, shape (3,)
         Body velocity: forward (m/s), to the left (m/s), turning left (rad/s).
-    r, half_length, half_width : float
-        Wheel radius and the two half distances of the wheels (m).
+    r, distance : float
+        Wheel radius, and distance of every wheel from the centre (m).
+    beta : ndarray, shape (k,)
+        Directions from the centre to the wheels (rad).
 
     Returns
     -------
-    ndarray, shape (4,)
-        Front-left, front-right, rear-left, rear-right (rad/s).
+    ndarray, shape (k,)
+        Speeds of the wheels (rad/s).
     """
-    forward, left, turn = u[0], u[1], (half_length + half_width) * u[2]
-    front = forward - left - turn, forward + left + turn
-    rear = forward + left - turn, forward - left + turn
-    return np.array([*front, *rear]) / r
+    return (-np.sin(beta) * u[0] + np.cos(beta) * u[1] + distance * u[2]) / r
 
 
 # %% active="ipynb" tags=["try"]
-# wheel_speeds(np.array([0.4, 0.0, 0.0]), 0.0475, 0.235, 0.15)
+# three = np.deg2rad([60.0, 180.0, 300.0])
+# wheel_speeds(np.array([0.4, 0.0, 0.0]), 0.05, 0.2, three)
 
 # %% [markdown] tags=["hint"]
-# Take one motion at a time. Forward: all wheels alike. To the left: the front-left wheel turns
-# backward. Which one stands on the same diagonal?
+# Where is the hub of the wheel, and how fast does it move if the body moves with $(V_1, V_2)$ and
+# turns with $\omega$? A hub at $(x, y)$ moves with $(V_1 - \omega y,\ V_2 + \omega x)$.
 
 # %% [markdown] tags=["hint"]
-# Turning left speeds up both right wheels. Its lever is the half length plus the half width.
+# Only the part across the axle makes the wheel spin. The axle points along $(\cos\beta,
+# \sin\beta)$; which unit vector stands across it, counterclockwise?
 
 # %% [markdown] tags=["hint"]
-# Front-left is `(u[0] - u[1] - (half_length + half_width) * u[2]) / r`.
+# Multiply the hub's velocity by $(-\sin\beta, \cos\beta)$. The turn contributes $d\,\omega$
+# whatever $\beta$ is.
 
 
 # %% tags=["cases"]
 def _platform(rng: np.random.Generator) -> Any:
-    return np.round(rng.uniform(-1, 1, 3), 2), 0.05, 0.2, float(np.round(rng.uniform(0.1, 0.5), 2))
+    beta = np.round(rng.uniform(-3.1, 3.1, int(rng.integers(3, 6))), 2)
+    r, distance = np.round(rng.uniform([0.03, 0.1], [0.1, 0.5]), 3)
+    return np.round(rng.uniform(-1, 1, 3), 2), r, distance, beta
 
 
-_YOUBOT = (0.0475, 0.235, 0.15)
+_KIWI = (0.05, 0.2, np.deg2rad([60.0, 180.0, 300.0]))
 
 
 def _wheels_drawn(ax: Any, function: Any) -> None:
     """Draw the path that a robot is to drive, strafing and turning, and the one of its wheels."""
     from slamlab import plots
 
-    r, lever, t = 0.0475, 0.385, np.linspace(0, 8, 161)
+    r, d, beta = _KIWI
+    t = np.linspace(0, 8, 161)
     wished = np.column_stack([0.5 + 0 * t, 0.3 * np.sin(0.8 * t), 0.7 * np.cos(0.5 * t)])
-    wheels = np.array([np.asarray(function(u, r, 0.235, 0.15), float) for u in wished])
-    B = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], [-1, 1, -1, 1]])
-    B[2] /= lever
-    for velocities, kind in ((wished, "truth"), (wheels @ B.T, "estimate")):
+    wheels = np.array([np.asarray(function(u, r, d, beta), float) for u in wished])
+    J = np.column_stack([-np.sin(beta), np.cos(beta), np.full(3, d)]) / r
+    for velocities, kind in ((wished, "truth"), (wheels @ np.linalg.inv(J).T, "estimate")):
         pose, path = np.zeros(3), [np.zeros(3)]
         for u in velocities:
             pose = exact_step(pose, u, 0.05)
@@ -108,11 +121,11 @@ check_wheels = Check(
     wheel_speeds,
     "speeds",
     {
-        "straight ahead, all wheels alike": ([0.4, 0.0, 0.0], *_YOUBOT),
-        "to the left, diagonals against each other": ([0.0, 0.3, 0.0], *_YOUBOT),
-        "turning left, right against left": ([0.0, 0.0, 0.8], *_YOUBOT),
-        "all three at once": ([0.4, -0.2, 0.5], 0.0475, 0.3, 0.15),
-        "another robot": ([-0.3, 0.1, 1.0], 0.1, 0.2, 0.4),
+        "straight ahead, the wheel behind stands still": ([0.4, 0.0, 0.0], *_KIWI),
+        "to the left, the wheel behind turns backward": ([0.0, 0.3, 0.0], *_KIWI),
+        "turning left, all wheels alike": ([0.0, 0.0, 0.8], *_KIWI),
+        "all three at once": ([0.4, -0.2, 0.5], *_KIWI),
+        "four wheels": ([-0.3, 0.1, 1.0], 0.1, 0.4, np.deg2rad([45.0, 135.0, 225.0, 315.0])),
         "any robot": _platform,
     },
     picture=_wheels_drawn,
@@ -120,75 +133,75 @@ check_wheels = Check(
 
 # %% tags=["mistakes"]
 check_wheels.mistakes = {
-    "the wheels come in another order: the left side first": (
-        lambda *given: wheel_speeds(*given)[[0, 2, 1, 3]]
+    "this is the velocity along the axle, where the wheel slides freely: expected across it": (
+        "-np.sin(beta) * u[0] + np.cos(beta) * u[1] => np.cos(beta) * u[0] + np.sin(beta) * u[1]"
     ),
-    "left and right are swapped: V_2 is positive to the left, so front-left slows down": (
-        "= u[0], u[1] => = u[0], -u[1]"
+    "forward has the wrong sign: a wheel on the left must turn backward": (
+        "-np.sin(beta) => np.sin(beta)"
     ),
-    "the turn has the wrong sign: turning left speeds the right wheels up": ("* u[2] => * -u[2]"),
-    "the lever is half length plus half width: one of them is missing": (
-        "(half_length + half_width) => half_length"
+    "the wheels turn the other way: positive is counterclockwise round the centre": (
+        lambda *given: -wheel_speeds(*given)
     ),
-    "the lever is half length plus half width: the half length is missing": (
-        "(half_length + half_width) => half_width"
+    "beta counts from ahead, towards the left: these are the wheels of a robot turned by 90 "
+    "degrees": (
+        "-np.sin(beta) * u[0] + np.cos(beta) * u[1] => np.cos(beta) * u[0] - np.sin(beta) * u[1]"
     ),
-    "the lever is the sum of the half lengths; their difference belongs to wheels mounted "
-    "the other way round": "half_length + half_width => half_length - half_width",
-    "the lever of this wheel is the sum of the half lengths, not the distance to the centre": (
-        "(half_length + half_width) => np.hypot(half_length, half_width)"
+    "the turn has the wrong sign: turning left carries every wheel counterclockwise": (
+        "+ distance * u[2] => - distance * u[2]"
     ),
-    "the lever is the sum of the half lengths, not twice that": (
-        "(half_length + half_width) => 2 * (half_length + half_width)"
-    ),
-    "the lever is the sum of the half lengths, not their mean": (
-        "(half_length + half_width) => (half_length + half_width) / 2"
-    ),
-    "the turn acts at a lever: multiply omega by the half lengths": (
-        "(half_length + half_width) *  => "
+    "the turn acts at a lever: multiply omega by the distance": "distance * u[2] => u[2]",
+    "the turn is missing": " + distance * u[2] => ",
+    "the turn was projected too: a wheel stands across its lever wherever it is": (
+        "distance * u[2] => distance * np.cos(beta) * u[2]"
     ),
     "multiplied by the wheel radius: a speed over the floor divided by r is a spin": (
         "/ r => * r"
     ),
     "these are speeds over the floor (m/s): divide by the wheel radius": " / r => ",
     "divided by the wheel's diameter: expected the radius": "/ r => / (2 * r)",
-    "the wheels come in another order: front-left, front-right, rear-left, rear-right": (
-        lambda *given: wheel_speeds(*given)[[0, 1, 3, 2]]
+    "a roller at 45 degrees belongs to a mecanum wheel: an omni wheel grips straight across": (
+        "-np.sin(beta) * u[0] + np.cos(beta) * u[1]"
+        " => (np.cos(beta) - np.sin(beta)) * u[0] + (np.sin(beta) + np.cos(beta)) * u[1]"
     ),
-    "left and right wheels are exchanged: front-left, front-right, rear-left, rear-right": (
-        lambda *given: wheel_speeds(*given)[[1, 0, 3, 2]]
-    ),
-    "the rear wheels strafe like the front ones: their rollers point the other way": (
-        "forward + left - turn, forward - left + turn"
-        " => forward - left - turn, forward + left + turn"
-    ),
-    "this is the inverse map with its quarter: the wheels are asked for": "/ r => / r / 4",
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 1: the wheel map
+# ## Solution 1: omni wheels
 #
-# Each motion has its own pattern of signs, and the patterns add because the constraint of a
-# roller is linear. Half length and half width enter as a sum: at each wheel, a turn moves the
-# floor contact forward by one of them and sideways by the other, and the roller at 45 degrees
-# counts both alike.
+# The hub at $d\,(\cos\beta, \sin\beta)$ moves with $(V_1 - \omega d \sin\beta,\ V_2 + \omega d
+# \cos\beta)$. Across the axle, along $(-\sin\beta, \cos\beta)$, that is $-V_1 \sin\beta + V_2
+# \cos\beta + \omega d$, and where the wheel touches the floor nothing moves in this direction:
+# $r s$ takes it all.
 
 # %% [markdown] tags=["solution"]
-# The distance from the centre to the wheel looks like the natural lever, and it is right for a
-# wheel that grips across that distance. A roller does not:
+# Three wheels, three speeds: the map can be inverted, and there is no fourth equation. Such a
+# robot cannot see slip in its encoders; one with four wheels can. The number of equations that
+# are left over, for three and for four wheels:
 
 # %% active="ipynb" tags=["solution"]
-# def by_distance(u, r, half_length, half_width):
-#     lever = np.hypot(half_length, half_width)
-#     return wheel_speeds(u, r, lever, 0.0)
+# for degrees in ([60.0, 180.0, 300.0], [45.0, 135.0, 225.0, 315.0]):
+#     beta = np.deg2rad(degrees)
+#     J = np.column_stack([wheel_speeds(u, 0.05, 0.2, beta) for u in np.eye(3)])
+#     print(len(beta), "wheels, left over:", len(beta) - np.linalg.matrix_rank(J))
+
+# %% [markdown] tags=["solution"]
+# The velocity along the axle looks as good on paper. It is the part that the rollers let go:
+
+# %% active="ipynb" tags=["solution"]
+# def along_the_axle(u, r, distance, beta):
+#     return (np.cos(beta) * u[0] + np.sin(beta) * u[1] + distance * u[2]) / r
 #
-# check_wheels(by_distance)
+# check_wheels(along_the_axle)
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: the exact step
 #
-# While the robot moves for a time dt, its heading turns from theta to theta + omega dt, and the
-# velocity turns with it. Where does it end?
+# A robot that drives in a circle and reads its encoders twice per second finds itself outside the
+# circle: the lesson's step, P1 (10), moves along the heading at the *start* of the interval, along
+# a tangent. In truth the heading turns from $\theta$ to $\theta + \omega\,dt$ while the robot
+# moves, and the velocity turns with it. Where does the robot end?
+#
+# Give the exact answer. It must hold for a turn rate of 0, too, and lose no digits near it.
 
 
 # %% tags=["exercise"]
@@ -333,9 +346,15 @@ check_step.mistakes = {
 # check_step(euler)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 3: the process noise
+# ## Exercise 3: an ellipse that lies the wrong way, two bugs to find
 #
-# P1 (14) with the (17) that it should have printed.
+# A robot's velocity is measured with the covariance $V$, far better sideways than forward. How
+# uncertain does one step of length $dt$ make its pose? The program below answered that for years,
+# on a robot that read its encoders once per second and drove along $x$. Now it reads them ten
+# times per second, and its ellipse is three times too long; and when it drives north-east, the
+# ellipse points north-west.
+#
+# Run the check, find the two bugs, repair them.
 
 
 # %% tags=["exercise"]
@@ -361,14 +380,21 @@ def process_noise(theta: float, dt: float, V: Array) -> Array:
     return F_u @ V @ F_u.T
 
 
+# %% active="ipynb" tags=["stub"]
+#     c, s = np.cos(theta), np.sin(theta)
+#     F_u = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+#     return dt * F_u @ V @ F_u.T
+
 # %% active="ipynb" tags=["try"]
 # process_noise(0.0, 0.1, np.diag([0.04, 0.01, 0.09]))
 
 # %% [markdown] tags=["hint"]
-# Check the units: V is a covariance of speeds, Q one of places.
+# Check the units: $V$ is a covariance of speeds, $Q$ one of places. With a pencil: a speed that is
+# off by 0.2 m/s for 0.1 s makes an error of how many metres? And what is its square?
 
 # %% [markdown] tags=["hint"]
-# F_u is dt times the rotation by theta, with a 1 for the heading.
+# Write down where a robot with heading $\theta$ goes if it drives 1 m forward. Which column of
+# `F_u` must that be?
 
 # %% tags=["cases"]
 _V = np.diag([0.04, 0.01, 0.09])
@@ -402,6 +428,7 @@ check_noise = Check(
         ),
     },
     picture=_noise_drawn,
+    hunt=True,
 )
 
 # %% tags=["mistakes"]
@@ -426,10 +453,16 @@ check_noise.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # ## Solution 3: the process noise
+#
+# An error of a speed acts for the time $dt$, so $dt$ stands in $F_u$, and $F_u$ stands on both
+# sides of $V$: the variance grows with $dt^2$. At $dt$ = 1 s that is no difference. And `F_u`
+# turned the wrong way round: the first column must be where *forward* points, $(\cos\theta,
+# \sin\theta)$. Along an axis of the world that is no difference either, since the squares of
+# $\pm 1$ are alike.
 
 # %% [markdown] tags=["solution"]
-# With the paper's (17), without dt, Q keeps the units of V, those of speeds. At dt = 0.1 s it is a
-# hundred times too large:
+# With the paper's (17), without any dt, Q keeps the units of V, those of speeds. At dt = 0.1 s it
+# is a hundred times too large:
 
 # %% active="ipynb" tags=["solution"]
 # def printed_17(theta, dt, V):
@@ -440,68 +473,92 @@ check_noise.mistakes = {
 # check_noise(printed_17)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 4: the slip alarm
+# ## Exercise 4: a worn wheel
 #
-# Four wheels that roll without slip cannot have any four speeds. Build a number that is 0 without
-# slip and noise, and that has standard deviation 1 if each wheel speed has an independent error
-# of standard deviation sigma.
+# The lesson's robot has a wheel that is worn by 1 %, and its residual of *one* reading shows a
+# tenth of a standard deviation: no alarm will ever ring. But noise cancels in a sum of many
+# readings, and wear does not.
+#
+# Build an alarm that listens for a while. From the wheel speeds of a drive (four mecanum wheels)
+# make, for every window of `n` readings in a row, one number: it is 0 without slip and noise,
+# whatever the robot drives, and it has standard deviation 1 if each wheel speed in each reading
+# has an independent error of standard deviation `sigma`.
 
 
 # %% tags=["exercise"]
-def slip_alarm(wheels: Array, sigma: float) -> Any:
-    """How far the wheel speeds are from any motion, in standard deviations.
+def slip_alarm(wheels: Array, sigma: float, n: int) -> Any:
+    """How far windows of wheel speeds are from any motion, in standard deviations.
 
     Parameters
     ----------
-    wheels : ndarray, shape (..., 4)
+    wheels : ndarray, shape (T, 4)
         Front-left, front-right, rear-left, rear-right (rad/s).
     sigma : float
         Standard deviation of each wheel speed (rad/s).
+    n : int
+        Readings in a window, at most T.
 
     Returns
     -------
-    ndarray, shape (...)
-        Positive if the front axle spins too fast.
+    ndarray, shape (T - n + 1,)
+        Entry k is of the readings k to k + n - 1; positive if the front axle spins
+        too fast.
     """
-    return (wheels @ np.array([1, 1, -1, -1])) / (2 * sigma)
+    slip = wheels @ np.array([1, 1, -1, -1])
+    sums = np.convolve(slip, np.ones(n), "valid")
+    return sums / (2 * sigma * np.sqrt(n))
 
 
 # %% active="ipynb" tags=["try"]
-# slip_alarm(np.array([8.0, 5.0, 5.0, 5.0]), 0.5)
+# slip_alarm(np.array([[8.0, 5, 5, 5], [6, 5, 5, 5], [5, 5, 5, 5]]), 0.5, 2)
 
 # %% [markdown] tags=["hint"]
-# Which combination of the four speeds is 0 for forward, for left and for turning?
+# Which combination of the four speeds is 0 for forward, for left and for turning? (The lesson's
+# $n$ has it.)
 
 # %% [markdown] tags=["hint"]
-# Variances of independent errors add: what is the standard deviation of a + b - c - d?
+# Variances of independent errors add: what is the standard deviation of a + b - c - d, and of the
+# sum of n such numbers?
+
+# %% [markdown] tags=["hint"]
+# Sums over windows: `np.convolve(x, np.ones(n), "valid")`, or differences of `np.cumsum`.
 
 
 # %% tags=["cases"]
 def _slip_drawn(ax: Any, function: Any) -> None:
-    """Draw the alarm along a drive on which a front wheel spins from 8 s to 11 s, and 3 sigma."""
+    """Draw the alarm of single readings and of 400 in a row; a wheel wears by 1 % at 30 s."""
     from slamlab import plots
 
-    rng, t, half = np.random.default_rng(2), 0.1 * np.arange(200), 0.385
-    u = np.column_stack([8 + 0 * t, 2 * np.sin(t), 3 * np.cos(0.5 * t)])
+    rng, t, half = np.random.default_rng(2), 0.1 * np.arange(1200), 0.385
+    u = np.column_stack([10 + 0 * t, 2 * np.sin(t), 3 * np.cos(0.5 * t)])
     map_of_wheels = np.array([[1, -1, -half], [1, 1, half], [1, 1, -half], [1, -1, half]])
-    wheels = u @ map_of_wheels.T + rng.normal(0, 0.5, (200, 4))
-    wheels[80:110, 0] += 4.0
-    ax.plot(t, np.asarray(function(wheels, 0.5), float), **plots.line_style("estimate"))
+    wheels = u @ map_of_wheels.T
+    wheels[300:, 0] *= 1.01
+    wheels += rng.normal(0, 0.2, wheels.shape)
+    for n, style in ((1, {"lw": 0.4, "alpha": 0.5}), (400, {"lw": 2.0})):
+        alarm = np.asarray(function(wheels, 0.2, n), float)
+        ax.plot(t[n - 1 :], alarm, color=plots.COLOURS["estimate"], **style)
     for level in (-3, 3):
         ax.axhline(level, **plots.line_style("truth"))
-    ax.set(xlabel="time (s)", ylabel="alarm (standard deviations)", ylim=(-8, 10))
+    ax.set(xlabel="time (s)", ylabel="alarm (standard deviations)", ylim=(-6, 9))
+
+
+@drawn
+def _drive(rng: np.random.Generator, length: int, n: int) -> Any:
+    return np.round(rng.uniform(-9, 9, (length, 4)), 1), 0.4, n
 
 
 check_slip = Check(
     slip_alarm,
     "alarm",
     {
-        "a spinning front-left wheel": ([8.0, 5.0, 5.0, 5.0], 0.5),
-        "a locked rear axle": ([5.0, 5.0, 1.0, 1.0], 0.5),
-        "turning and strafing": ([2.0, 9.0, 6.0, 5.0], 0.3),
-        "any four speeds": lambda rng: (np.round(rng.uniform(-9, 9, 4), 1), 0.4),
-        "several readings at once": lambda rng: (np.round(rng.uniform(-9, 9, (3, 4)), 1), 0.3),
-        "a table of readings": lambda rng: (np.round(rng.uniform(-9, 9, (2, 5, 4)), 1), 1.5),
+        "one reading, a spinning front-left wheel": ([[8.0, 5.0, 5.0, 5.0]], 0.5, 1),
+        "a locked rear axle, two readings": ([[5.0, 5.0, 1.0, 1.0]] * 2, 0.5, 2),
+        "turning and strafing": ([[2.0, 9.0, 6.0, 5.0], [-1, 3, 0, 2]], 0.3, 2),
+        "windows overlap": ([[8.0, 5, 5, 5], [6, 5, 5, 5], [5, 5, 5, 4], [5, 5, 5, 5]], 0.5, 2),
+        "single readings of a drive": _drive(5, 1),
+        "windows of a drive": _drive(12, 4),
+        "one window": _drive(7, 7),
     },
     picture=_slip_drawn,
 )
@@ -524,62 +581,70 @@ check_slip.mistakes = {
         f"{_PATTERN} => [-1.0, 1.0, 1.0, -1.0]"
     ),
     "all wheels together are forward motion, not slip": (f"{_PATTERN} => [1.0, 1.0, 1.0, 1.0]"),
-    "the sum of four independent errors has 2 sigma, not sigma": "(2 * sigma) => sigma",
+    "the sum of four independent errors has 2 sigma, not sigma": "(2 * sigma => (sigma",
     "the sum of four independent errors has 2 sigma, not 4: variances add": (
-        "(2 * sigma) => (4 * sigma)"
-    ),
-    "the sum of four independent errors has 2 sigma, not sqrt(2): four wheels are in it": (
-        "(2 * sigma) => (np.sqrt(2) * sigma)"
+        "(2 * sigma => (4 * sigma"
     ),
     "divide by the standard deviation: 2 sigma, not 4 sigma squared": (
-        "(2 * sigma) => (4 * sigma**2)"
+        "(2 * sigma => (4 * sigma**2"
     ),
-    "this is not yet in units of its standard deviation": " / (2 * sigma) => ",
+    "n readings have a standard deviation sqrt(n) times as large, not n times: variances add": (
+        "np.sqrt(n) => n"
+    ),
+    "the standard deviation of a sum of n readings grows with sqrt(n)": " * np.sqrt(n)) => )",
     "the sign is reversed: a front axle that spins too fast is positive": (
         f"{_PATTERN} => [-1.0, -1.0, 1.0, 1.0]"
     ),
     "only one side was compared: all four wheels have a say": (
         f"{_PATTERN} => [1.0, 0.0, -1.0, 0.0]"
     ),
+    "the windows were padded with zeros: only whole windows are asked for": ('"valid" => "full"'),
     "the size alone was returned: the sign tells which axle spins": (
-        lambda wheels, sigma: np.abs(slip_alarm(wheels, sigma))
+        lambda *given: np.abs(slip_alarm(*given))
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 4: the slip alarm
+# ## Solution 4: a worn wheel
 #
 # Front minus rear is the one combination that vanishes for all three motions. Its variance is
-# four times that of a wheel.
+# four times that of a wheel, and that of a sum of $n$ such numbers $4 n \sigma^2$. What is always
+# of the same sign grows with $n$, the noise with $\sqrt n$.
 
 # %% [markdown] tags=["solution"]
-# Right against left looks like a difference that should not be, and every turn would ring the
-# alarm:
+# Who divides by $n$ instead reports a worn wheel *less* surely the longer he listens:
 
 # %% active="ipynb" tags=["solution"]
-# def right_against_left(wheels, sigma):
-#     return (wheels @ np.array([-1, 1, -1, 1])) / (2 * sigma)
+# def by_the_mean(wheels, sigma, n):
+#     slip = wheels @ np.array([1, 1, -1, -1])
+#     return np.convolve(slip, np.ones(n), "valid") / (2 * sigma * n)
 #
-# check_slip(right_against_left)
+# check_slip(by_the_mean)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: your odometry
+# ## Exercise 5: your odometry, and 300 robots that test it
 #
-# Assemble it. From four wheel speeds comes a body velocity, $\mathbf u = B\,\mathbf w$ with
+# One encoder of the lesson's mecanum robot was replaced by a cheap one, so the wheels are no
+# longer equally good. Assemble an odometry that knows it. From four wheel speeds comes a body
+# velocity, $u = A\,\omega_w$ with (9a) of the lesson,
 #
 # $$
-# B = \frac r4\begin{bmatrix} 1 & 1 & 1 & 1\\ -1 & 1 & 1 & -1\\ -1/l & 1/l & -1/l & 1/l
-# \end{bmatrix},
+# A = \frac r4\begin{bmatrix} 1 & 1 & 1 & 1\\ -1 & 1 & 1 & -1\\ -1/l & 1/l & -1/l & 1/l
+# \end{bmatrix}.
 # $$
 #
-# where $l$ is half the length plus half the width. Every wheel's speed has an error of `sigma`,
-# independent of the others. Move the pose with your `exact_step`; move its covariance with
-# Euler's derivative by the pose and your `process_noise`, both at the heading before the step.
+# The errors of the four speeds are independent, each with its own standard deviation. Move the
+# pose with your `exact_step`; move its covariance with $P \leftarrow F_x P F_x^\top + Q$, where
+# $F_x$ is the lesson's, and $Q$ is your `process_noise`, both at the heading before the step.
+#
+# Then draw. The picture lets 300 robots drive whose wheels did not do quite what the encoders
+# say. Your path and your 95 % ellipses know nothing of them. Do most of the robots stand inside
+# the last ellipse, and is the mean NEES of their poses near 3?
 
 
 # %% tags=["exercise"]
 def odometry(
-    pose: Array, P: Array, wheels: Array, dt: float, r: float, lever: float, sigma: float
+    pose: Array, P: Array, wheels: Array, dt: float, r: float, lever: float, sigma: Array
 ) -> tuple[Array, Array]:
     """Poses and covariances of a drive.
 
@@ -594,20 +659,21 @@ def odometry(
         Duration of a step (s).
     r, lever : float
         Radius of a wheel, and l of the formula (m).
-    sigma : float
-        Standard deviation of a wheel's speed (rad/s).
+    sigma : ndarray, shape (4,)
+        Standard deviations of the speeds of the four wheels (rad/s).
 
     Returns
     -------
     poses : ndarray, shape (T, 3)
+        After each step.
     covs : ndarray, shape (T, 3, 3)
     """
     turning = np.array([-1, 1, -1, 1]) / lever
-    B = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
-    V = sigma**2 * B @ B.T
+    A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
+    V = A @ np.diag(sigma**2) @ A.T
     poses, covs = [], []
     for speeds in wheels:
-        u, c, s = B @ speeds, np.cos(pose[2]), np.sin(pose[2])
+        u, c, s = A @ speeds, np.cos(pose[2]), np.sin(pose[2])
         F = np.eye(3)
         F[:2, 2] = dt * np.array([-s * u[0] - c * u[1], c * u[0] - s * u[1]])
         P = F @ P @ F.T + process_noise(pose[2], dt, V)
@@ -618,18 +684,19 @@ def odometry(
 
 
 # %% active="ipynb" tags=["try"]
-# odometry(np.zeros(3), np.zeros((3, 3)), np.full((2, 4), 8.0), 0.2, 0.05, 0.38, 0.3)
+# odometry(np.zeros(3), np.zeros((3, 3)), np.full((2, 4), 8.0), 0.2, 0.05, 0.38,
+#          np.array([0.9, 0.3, 0.3, 0.3]))
 
 # %% [markdown] tags=["hint"]
-# The covariance of $\mathbf u$ comes from that of the wheels: $V = B\,\sigma^2 I\,B^\top$.
+# The covariance of $u$ comes from that of the wheels, a diagonal matrix, through $A$ on both
+# sides.
 
 # %% [markdown] tags=["hint"]
 # How do $x$ and $y$ change after a step if the heading before it was a little larger? That is the
 # third column of $F$; the rest is the identity.
 
 # %% [markdown] tags=["hint"]
-# Order matters: the derivative at the old heading, then the step. The noise of four equal wheels
-# is the same at every heading.
+# Order matters: the derivative and the noise at the old heading, then the step.
 
 
 # %% tags=["cases"]
@@ -643,29 +710,38 @@ def _driving(
 ) -> Any:
     root = rng.normal(size=(3, 3))
     wheels = np.round(rng.uniform(-2, 9, (n, 4)), 1)
-    return a_pose(rng), scale * root @ root.T, wheels, *robot, sigma
+    return a_pose(rng), scale * root @ root.T, wheels, *robot, sigma * np.array([3, 1, 0.5, 1])
 
 
 def _odometry_drawn(ax: Any, function: Any) -> None:
-    """Draw 300 drives by wheels with errors, and the path and ellipses of the odometry."""
+    """Draw 300 robots whose wheels erred, and the path and three ellipses of the odometry."""
     from slamlab import plots
 
-    rng, r, lever, sigma = np.random.default_rng(3), 0.05, 0.38, 1.5
-    wheels = np.array([[9.0, 11, 9, 11]] * 12 + [[8.0, 12, 12, 8]] * 6 + [[11.0, 9, 11, 9]] * 12)
-    turning = np.array([-1, 1, -1, 1]) / lever
-    B = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
+    rng, dt, r, lever = np.random.default_rng(3), 0.2, 0.05, 0.38
+    sigma = np.array([1.2, 0.3, 0.3, 0.3])
+    wheels = np.array([[9.0, 11, 9, 11]] * 24 + [[8.0, 12, 12, 8]] * 12 + [[11.0, 9, 11, 9]] * 24)
+    poses, covs = (
+        np.asarray(part, float)
+        for part in function(np.zeros(3), np.zeros((3, 3)), wheels, dt, r, lever, sigma)
+    )
+    A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], np.array([-1, 1, -1, 1]) / lever])
     robots = np.zeros((300, 3))
     for speeds in wheels:
-        v = (speeds + rng.normal(0, sigma, (300, 4))) @ B.T
-        c, s = np.cos(robots[:, 2]), np.sin(robots[:, 2])
-        steps = [c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1], v[:, 2]]
-        robots = robots + 0.4 * np.column_stack(steps)
+        u = (speeds + sigma * rng.normal(size=(300, 4))) @ A.T
+        h = u[:, 2] * dt / 2
+        c, s = np.cos(robots[:, 2] + h), np.sin(robots[:, 2] + h)
+        chord = dt * np.sinc(h / np.pi)
+        moved = [chord * (c * u[:, 0] - s * u[:, 1]), chord * (s * u[:, 0] + c * u[:, 1])]
+        robots = robots + np.column_stack([*moved, 2 * h])
     plots.lidar_points(ax, robots[:, :2], s=1.6)
-    poses, covs = function(np.zeros(3), np.zeros((3, 3)), wheels, 0.4, r, lever, sigma)
-    plots.path(ax, np.asarray(poses, float))
-    for k in (9, 19, 29):
-        plots.ellipse(ax, np.asarray(poses[k], float)[:2], np.asarray(covs[k], float)[:2, :2])
+    plots.path(ax, poses)
+    for k in (19, 39, 59):
+        plots.ellipse(ax, poses[k, :2], covs[k, :2, :2])
     plots.floor(ax)
+    e = robots - poses[-1]
+    e[:, 2] = wrap_angle(e[:, 2])
+    nees = np.sum(e * np.linalg.solve(covs[-1], e.T).T, axis=1).mean()
+    ax.set_title(f"mean NEES of the robots: {nees:.1f}")
 
 
 check_odometry = Check(
@@ -682,7 +758,7 @@ check_odometry = Check(
             0.2,
             0.05,
             0.38,
-            0.0,
+            np.zeros(4),
         ),
         "a turn to the right, through half a turn": (
             [1, 0, -3.1],
@@ -691,7 +767,7 @@ check_odometry = Check(
             0.2,
             0.05,
             0.38,
-            0.2,
+            [0.2, 0.2, 0.2, 0.2],
         ),
     },
     tolerance=1e-8,
@@ -703,9 +779,18 @@ check_odometry.mistakes = {
     "this is F^T P F: expected F P F^T": "F @ P @ F.T => F.T @ P @ F",
     "an error of the heading becomes one of the position: expected F P F^T": "F @ P @ F.T => P",
     "the noise of the wheels is missing": " + process_noise(pose[2], dt, V) => ",
-    "sigma is a standard deviation: V holds its square": "sigma**2 * B => sigma * B",
-    "the noise of the wheels was taken for that of the body: V = sigma^2 B B^T": (
-        "sigma**2 * B @ B.T => sigma**2 * np.eye(3)"
+    "sigma is a standard deviation: V holds its square": "sigma**2 => sigma",
+    "the noise of the wheels was taken for that of the body: it goes through A": (
+        "A @ np.diag(sigma**2) @ A.T => np.diag(sigma[:3] ** 2)"
+    ),
+    "all wheels were taken for equally good: each has its own sigma": (
+        "np.diag(sigma**2) => (np.mean(sigma**2) * np.eye(4))"
+    ),
+    "the noise was taken at the heading after the step": (
+        "        P = F @ P @ F.T + process_noise(pose[2], dt, V)\n"
+        "        pose = exact_step(pose, u, dt)\n"
+        " =>         pose = exact_step(pose, u, dt)\n"
+        "        P = F @ P @ F.T + process_noise(pose[2], dt, V)\n"
     ),
     "the lever multiplies: turning at omega needs wheel speeds of lever omega": (
         "/ lever => * lever"
@@ -730,17 +815,19 @@ check_odometry.mistakes = {
 # ## Solution 5: odometry
 #
 # What to notice: the covariance of a robot that drives straight on grows fastest sideways. An
-# uncertain heading makes the position uncertain, in proportion to the distance driven.
+# uncertain heading makes the position uncertain, in proportion to the distance driven. And a wheel
+# that is worse than the others makes errors of forward, left and turn *together*: $V$ has entries
+# beside its diagonal, and then the heading at which the noise enters matters.
 
 # %% [markdown] tags=["solution"]
 # Adding the noise and never moving the covariance looks harmless. It forgets what the
-# uncertain heading does to the position, the largest part:
+# uncertain heading does to the position:
 
 # %% active="ipynb" tags=["solution"]
 # def covariance_that_stays(pose, P, wheels, dt, r, lever, sigma):
 #     turning = np.array([-1, 1, -1, 1]) / lever
-#     B = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
-#     V = sigma**2 * B @ B.T
+#     A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
+#     V = A @ np.diag(sigma**2) @ A.T
 #     poses, _ = odometry(pose, P, wheels, dt, r, lever, sigma)
 #     headings = [pose[2], *poses[:-1, 2]]
 #     covs = P + np.cumsum([process_noise(theta, dt, V) for theta in headings], axis=0)

@@ -127,7 +127,7 @@ WRONG = [
     ("ch04.check_effective_sample_size", lambda w: 1.0, ""),
     ("ch04.check_resample", lambda w, u: walk(w, u)[::-1], "reverse order"),
     ("ch04.check_weights", lambda w, log: np.exp(log) / np.exp(log).sum(), ""),
-    ("ch05.check_wheels", lambda *a: -answer("ch05.check_wheels")(*a), "sign of `speeds`"),
+    ("ch05.check_wheels", lambda *a: -answer("ch05.check_wheels")(*a), "turn the other way"),
     (
         "ch05.check_noise",
         lambda t, dt, V: answer("ch05.check_noise")(np.deg2rad(t), dt, V),

@@ -23,13 +23,26 @@ def noise_by_library(theta, dt, V):
     return (F_u @ V @ F_u.T).tolist()
 
 
+def by_hubs(u, r, distance, beta):
+    """Another right answer to exercise 1: the hub's velocity across the axle."""
+    axles = np.stack([np.cos(beta), np.sin(beta)], -1)
+    hubs = u[:2] + u[2] * distance * np.stack([-axles[:, 1], axles[:, 0]], -1)
+    return (np.cross(axles, hubs) / r).tolist()
+
+
+def by_library(wheels, sigma, n):
+    residual = YOUBOT.slip(wheels)[:, 0] / (sigma / 2)
+    sums = np.cumsum([0, *residual])
+    return (sums[n:] - sums[:-n]) / np.sqrt(n)
+
+
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
-        (ch.check_wheels, lambda u, r, a, b: Mecanum(r, a, b).wheel_speeds(u).tolist()),
+        (ch.check_wheels, by_hubs),
         (ch.check_step, by_centre_of_rotation),
         (ch.check_noise, noise_by_library),
-        (ch.check_slip, lambda w, s: YOUBOT.slip(w)[..., 0] / (s / 2)),
+        (ch.check_slip, by_library),
     ],
 )
 def test_another_right_answer_passes(check, answer):
