@@ -21,6 +21,7 @@ from slamlab.geometry import wrap_angle
 __all__ = [
     "check_accounts",
     "check_difference_cov",
+    "check_leaked",
     "check_predict_cov",
     "check_slam",
     "check_update",
@@ -30,10 +31,11 @@ __all__ = [
 # %% [markdown] tags=["chapter"]
 # # Exercises 10: convergence, consistency and cost
 #
-# Five exercises: three pieces of the arithmetic of maps, an update with two bugs, and a filter
-# that does not learn where north is; the chapter is [Convergence, consistency and
-# cost](../10_convergence_consistency_and_cost.ipynb). Replace each `...` and run the check below
-# it as often as you like.
+# Six exercises: three pieces of the arithmetic of maps, what a filter learns that nobody measured,
+# an update with two bugs, and a filter that does not learn where north is. The chapter is
+# [Convergence, consistency and cost](../10_convergence_consistency_and_cost.ipynb); exercises 2
+# and 3 belong to [its page on the cost of a step](../10d_convergence_consistency_and_cost.ipynb).
+# Replace each `...` and run the check below it as often as you like.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 10: convergence, consistency and cost
@@ -54,8 +56,10 @@ __all__ = [
 # %% [markdown] tags=["statement"]
 # ## Exercise 1: the spring between two landmarks
 #
-# How well is the *difference* of two landmarks known? The state is $(x, y, \theta, m_1, m_2)$,
-# each landmark two numbers.
+# A robot knows its own place to 20 cm only, and it has observed two door posts a hundred times. It
+# will not find either post on the building's plan, but it will fit through the door. How well is
+# the *difference* of the two landmarks known? The state is $(x, y, \theta, m_1, m_2)$, each
+# landmark two numbers.
 
 
 # %% tags=["exercise"]
@@ -80,7 +84,7 @@ def difference_cov(P: Array) -> Array:
 # difference_cov(np.eye(7))
 
 # %% [markdown] tags=["hint"]
-# Without ties between the landmarks the variances add.
+# If the two landmarks were independent, their variances would add.
 
 # %% [markdown] tags=["hint"]
 # $m_1 - m_2$ is a linear map of the state, $A = [\,0\ \ I\ -I\,]$. What becomes of a covariance
@@ -167,7 +171,12 @@ check_difference_cov.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: the time update that P2 (9) does not finish
 #
-# The pose moves by $F$ with noise $Q$; landmarks do not. Predict the *whole* covariance.
+# P2 prints what a motion does to the covariance of the *pose*, $F P_{xx} F^\top + Q$, and stops
+# there. A program that stops there as well moves the pose, and not what the pose shares with the
+# map; what is left need not even be a covariance. The pose moves by $F$ with noise $Q$; landmarks
+# do not. Predict the *whole* covariance, and do it without a product of two matrices as large as
+# the map: the robot has 1000 landmarks.
+
 
 
 # %% tags=["exercise"]
@@ -305,8 +314,19 @@ check_predict_cov.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: the accounts of a region
 #
-# While the robot works in a region with state $a$, the compressed EKF keeps three accounts:
-# $\Phi$, $\Psi$ and $\vartheta$. Book one update.
+# The compressed EKF ([page 10d](../10d_convergence_consistency_and_cost.ipynb)) works in a region
+# with the state $a$ and leaves the rest of the map alone. What the rest will need later, it
+# keeps in three accounts, which are $\Phi = I$, $\Psi = 0$, $\vartheta = 0$ when the region is
+# entered. Each update, with $H$, gain $K$, innovation $\nu$ and its covariance $S$, is booked:
+#
+# $$
+# \Psi \leftarrow \Psi + \Phi^\top H^\top S^{-1} H \Phi, \quad
+# \vartheta \leftarrow \vartheta + \Phi^\top H^\top S^{-1} \nu, \quad
+# \Phi \leftarrow (I - K H)\,\Phi .
+# $$
+#
+# The picture leaves a region after thirty updates and lets your accounts correct a landmark
+# outside that was never observed: from the grey ellipse to the blue one, with the truth inside.
 
 
 # %% tags=["exercise"]
@@ -343,7 +363,8 @@ def accounts(
 # accounts(I, np.zeros((2, 2)), np.zeros(2), I, 2 * I, np.ones(2), 0.5 * I)
 
 # %% [markdown] tags=["hint"]
-# Three formulas of the chapter, three lines. Return three things.
+# What does $\Phi$ stand for? An observation *now*, with $H$, is an observation of the region *as
+# it was entered*, with which matrix?
 
 # %% [markdown] tags=["hint"]
 # All three use the $\Phi$ from before the update.
@@ -462,14 +483,198 @@ check_accounts.mistakes = {
 # check_accounts(phi_first)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 4: a bug to find
+# ## Exercise 4: what nobody measured, with a pencil
+#
+# A robot without a compass stands still and its filter reports a heading that it cannot know.
+# Where does the knowledge come from? Let the whole world turn about the origin by a small angle,
+# the pose $p$ and every landmark $m$ with it. A filter whose covariance remembers this turn at the
+# *first* estimates $p_0, m_0$ moves them by $J p_0$ and $J m_0$ per radian, and the heading by 1,
+# with $J = \begin{bmatrix} 0 & -1 \\ 1 & 0 \end{bmatrix}$. No range and no bearing changes, in
+# truth.
+#
+# Now it observes the landmark, range and bearing from the centre of the robot, and takes the
+# Jacobian $H$ at its *newest* estimates $p, m$. How much does it believe the measurement to change
+# per radian? Work out the two numbers $H t$ on paper: they contain nothing but $d = m - p$ and $D
+# = m_0 - p_0$. Then add up the information about the turn, $(H t)^\top R^{-1} (H t)$, over all
+# observations.
+
+
+# %% tags=["exercise"]
+def leaked(d: Array, D: Array, R: Array) -> float:
+    """Information about a turn of the whole world that a filter believes to have.
+
+    Parameters
+    ----------
+    d : ndarray, shape (T, 2)
+        Newest estimate of landmark minus robot, at every observation (m).
+    D : ndarray, shape (T, 2)
+        First estimate of landmark minus robot, of the same pair (m).
+    R : ndarray, shape (2, 2)
+        Covariance of range (m) and bearing (rad).
+
+    Returns
+    -------
+    float
+        The sum over all observations (1/rad^2): 1 / sigma^2 of what it believes.
+    """
+    rho = np.hypot(d[:, 0], d[:, 1])
+    in_range = (d[:, 1] * D[:, 0] - d[:, 0] * D[:, 1]) / rho
+    in_bearing = (d * D).sum(axis=1) / rho**2 - 1
+    Ht = np.stack([in_range, in_bearing])
+    return float(np.sum(Ht * np.linalg.solve(R, Ht)))
+
+
+# %% active="ipynb" tags=["try"]
+# leaked(np.array([[4.0, 0.1]]), np.array([[4.0, 0.0]]), np.diag([0.0025, 0.0003]))
+
+# %% [markdown] tags=["hint"]
+# The range is $\rho = |d|$, and its derivative by the landmark is $d^\top / \rho$, by the robot's
+# place $-d^\top / \rho$. Multiply by what the turn does to both: only $J D$ is left.
+
+# %% [markdown] tags=["hint"]
+# The derivative of the bearing by the landmark is $(-d_y,\ d_x) / \rho^2$, by the heading $-1$.
+# What must come out if $d = D$?
+
+# %% [markdown] tags=["hint"]
+# $H t = \big( (d_y D_x - d_x D_y) / \rho,\ \ d^\top D / \rho^2 - 1 \big)$. The lesson's landmark,
+# 4 m ahead and moved sideways by 0.1 m, must give about 0.1 m per radian in the range.
+
+
+# %% tags=["cases"]
+@drawn
+def _observed(rng: np.random.Generator, T: int, moved: float) -> Any:
+    D = np.round(rng.uniform(1, 6, (T, 2)) * rng.choice([-1, 1], (T, 2)), 2)
+    return np.round(D + rng.normal(0, moved, (T, 2)), 2), D, a_covariance(rng, 2, 0.05)
+
+
+def _standing_robot() -> tuple[Array, Array, Array]:
+    """Return the estimates of an EKF-SLAM on 10 s of a robot that stands among three stones."""
+    rng, R = np.random.default_rng(4), np.diag([0.05, 0.03]) ** 2
+    stones = np.array([[3.0, 1.0], [4.0, -2.0], [-2.0, 1.0]])
+    mean, P, newest, first = np.zeros(9), np.zeros((9, 9)), [], []
+    P[:3, :3] = np.diag([1e-6, 1e-6, np.deg2rad(10) ** 2])
+    for k in range(100):
+        z = np.array([np.hypot(*stones[k % 3]), np.arctan2(*stones[k % 3, ::-1])])
+        z, at = z + rng.normal(0, [0.05, 0.03]), 3 + 2 * (k % 3)
+        if k < 3:
+            mean[at : at + 2] = mean[:2] + z[0] * np.array(
+                [np.cos(mean[2] + z[1]), np.sin(mean[2] + z[1])]
+            )
+            first.append(mean[at : at + 2] - mean[:2])
+            c, s = np.cos(mean[2] + z[1]), np.sin(mean[2] + z[1])
+            turned = np.array([[1.0, 0.0, -z[0] * s], [0.0, 1.0, z[0] * c]])
+            G_z = np.array([[c, -z[0] * s], [s, z[0] * c]])
+            P[at : at + 2] = turned @ P[:3]
+            P[:, at : at + 2] = P[at : at + 2].T
+            P[at : at + 2, at : at + 2] = turned @ P[:3, :3] @ turned.T + G_z @ R @ G_z.T
+            newest.append(first[-1])
+        else:
+            newest.append(mean[at : at + 2] - mean[:2])
+            mean, P = update(mean, P, mean, z, k % 3, R)
+    return np.array(newest), np.tile(np.array(first), (34, 1))[:100], R
+
+
+def _leaked_drawn(ax: Any, function: Any) -> None:
+    """Draw how the heading's sigma falls by what leaks in, for a robot that stands still."""
+    from slamlab import plots
+
+    d, D, R = _standing_robot()
+    start = np.deg2rad(10)
+    steps = np.arange(3, 101)
+    known = np.array([float(function(d[:k], D[:k], R)) for k in steps])
+    sigma = np.rad2deg(1 / np.sqrt(1 / start**2 + known))
+    ax.plot(steps, sigma, **plots.line_style("estimate"))
+    ax.axhline(10, **plots.line_style("truth"))
+    ax.set(xlabel="observation", ylabel="σ of the heading (°)", ylim=(0, 11))
+    ax.set_title(f"10° before, {sigma[-1]:.1f}° believed")
+
+
+check_leaked = Check(
+    leaked,
+    "information",
+    {
+        "estimates that have not moved: nothing leaks in": (
+            [[4.0, 1.0], [-2.0, 3.0], [0.5, -1.0]],
+            [[4.0, 1.0], [-2.0, 3.0], [0.5, -1.0]],
+            np.diag([0.0025, 0.0003]),
+        ),
+        "moved sideways: the range": ([[4.0, 0.1]], [[4.0, 0.0]], np.diag([0.0025, 1e4])),
+        "moved outward: the bearing": ([[4.1, 0.0]], [[4.0, 0.0]], np.diag([1e4, 0.0003])),
+        "turned by a right angle": ([[0.0, 2.0]], [[2.0, 0.0]], np.diag([0.01, 0.04])),
+        "many observations": _observed(12, 0.3),
+        "estimates that moved far": _observed(5, 2.0),
+    },
+    picture=_leaked_drawn,
+)
+
+# %% tags=["mistakes"]
+_BEARING, _QUADRATIC = "(d * D).sum(axis=1) / rho**2 - 1", "Ht * np.linalg.solve(R, Ht)"
+
+
+check_leaked.mistakes = {
+    "the heading turns too: its -1 belongs to the bearing": f"{_BEARING} => {_BEARING[:-4]}",
+    "the turn of the heading has the wrong sign: a bearing is measured from the heading": (
+        f"{_BEARING} => {_BEARING[:-1]}-1"
+    ),
+    "the robot turns with the world: D = m_0 - p_0 in both, not d": (
+        "* D[:, 0] => * d[:, 0]",
+        "* D[:, 1] => * d[:, 1]",
+        "(d * D) => (d * d)",
+    ),
+    "J turns by a quarter: this is the range along the way, d^T D": (
+        "(d[:, 1] * D[:, 0] - d[:, 0] * D[:, 1]) => (d * D).sum(axis=1)"
+    ),
+    "the derivative of a range is a unit vector: divide by rho": ") / rho\n => )\n",
+    "the derivative of a bearing falls with the distance: divide by rho squared": (
+        "/ rho**2 - 1 => / rho - 1"
+    ),
+    "rho is the distance of the newest estimate, where H is taken": (
+        "np.hypot(d[:, 0], d[:, 1]) => np.hypot(D[:, 0], D[:, 1])"
+    ),
+    "R must be inverted: a precise sensor leaks more": f"{_QUADRATIC} => Ht * (R @ Ht)",
+    "R is missing": f"{_QUADRATIC} => Ht * Ht",
+    "only the last observation was counted: information adds up": (
+        f"np.sum({_QUADRATIC}) => np.sum(({_QUADRATIC})[:, -1])"
+    ),
+    "this is the mean of the observations: information adds up": (
+        f"np.sum({_QUADRATIC}) => np.mean(np.sum({_QUADRATIC}, axis=0))"
+    ),
+    "this is the standard deviation: the information was asked for": (
+        lambda *given: 1 / np.sqrt(leaked(*given))
+    ),
+    "the range was left out": "Ht = np.stack([in_range => Ht = np.stack([0 * in_range",
+    "the bearing was left out": "in_bearing]) => 0 * in_bearing])",
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 4: what nobody measured
+#
+# The turn moves the landmark by $J m_0$ and the robot by $J p_0$. The range sees the difference $J
+# D$ along $d/\rho$: $d^\top J D / \rho$. The bearing sees it across, and the heading's own turn
+# comes off. Where $d = D$ both are zero: the measurement tells nothing about the turn, as it must.
+# A landmark moved *sideways* leaks into the range, one moved *outward* into the bearing.
+
+# %% [markdown] tags=["solution"]
+# A mean over the observations would say that a filter gets no worse by observing more. The sum
+# says what happens: nothing leaks out again.
+
+# %% active="ipynb" tags=["solution"]
+# R = np.diag([0.05, np.deg2rad(1)]) ** 2
+# D = np.tile([4.0, 0.0], (300, 1))
+# for name, d in (("sideways", D + [0.0, 0.1]), ("outward", D + [0.1, 0.0])):
+#     known = 1 / np.deg2rad(10) ** 2 + leaked(d, D, R)
+#     print(f"{name:8s}: 10 deg before, {np.rad2deg(known**-0.5):.1f} deg after 300")
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: a bug to find
 #
 # First-estimates Jacobians: `H` is taken where everything was estimated *first*, the pose as
 # predicted and each landmark as it was placed. The innovation is what it always is, measured
 # minus what the filter expects now. So there are two states here: `mean` moves with every
 # correction, `first` does not.
 #
-# As long as both are equal this update is right. Run the check, find the two bugs, repair them.
+# A first trial on a bench went well: estimates that have not moved yet make both states equal, and
+# then this update is right. Run the check, find the two bugs, repair them.
 
 
 # %% tags=["exercise"]
@@ -674,7 +879,7 @@ check_update.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 4: a bug to find
+# ## Solution 5: a bug to find
 #
 # One pair $dx, dy$ cannot serve two purposes. The first bug: in `H` it took the landmark where it
 # is believed to be now; that is the leak through which the filter learns its heading. The second:
@@ -696,7 +901,7 @@ check_update.mistakes = {
 # check_update(everything_first)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: a filter that does not learn where north is
+# ## Exercise 6: a filter that does not learn where north is
 #
 # Assemble it. As in [Exercises 09](09_ekf_slam.ipynb) a unicycle moves by $v\,dt$ along the
 # heading it had before, then turns by $\omega\,dt$; after each step it may see one landmark, with
@@ -707,6 +912,11 @@ check_update.mistakes = {
 # prediction. First-estimates Jacobians take it from the pose *as it was predicted a step ago*,
 # which is what `first` holds. Then the new prediction goes into `first`, and a landmark that
 # comes in stands there for ever. Use your `predict_cov` and `update`.
+#
+# Then draw: forty robots, each with a heading that is uncertain by 10° (σ) and no compass, drive
+# in a circle among four stones. Nothing that they observe depends on north, so 10° must remain,
+# and the NEES of the heading should be near 1. Run the usual EKF there as well (`first` always the
+# newest `mean`): what does *it* report?
 
 
 # %% tags=["exercise"]
@@ -786,28 +996,31 @@ _in_the_room = partial(in_the_room, dt=0.4, doubt=0.02)
 
 
 def _slam_drawn(ax: Any, function: Any) -> None:
-    """Draw the heading error of a drive in a circle in the tube of two reported sigmas."""
+    """Draw the heading errors of forty robots without a compass, and two sigmas as reported."""
     from slamlab import plots
 
-    rng, stones = np.random.default_rng(8), np.array([[4.0, 2.0], [3.0, -4.0], [-4.0, 3.0]])
+    stones = np.array([[4.0, 2.0], [3.0, -4.0], [-4.0, 3.0], [-3.0, -3.0]])
     P0, R = np.diag([1e-6, 1e-6, np.deg2rad(10) ** 2]), np.diag([0.05, 0.03]) ** 2
-    V, u = 0.03**2 * np.eye(2), np.tile([0.5, 0.4], (60, 1))
-    pose, z, ids, headings = np.array([0, 0, 0.2]), [], np.arange(60) % 3, []
-    for name, (v, omega) in zip(ids, u + rng.normal(0, 0.03, u.shape), strict=True):
-        pose = pose + 0.5 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
-        d = stones[name] - pose[:2]
-        z.append([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])])
-        headings.append(pose[2])
-    seen, steps = np.array(z) + rng.standard_normal((60, 2)) * [0.05, 0.03], np.arange(4, 61, 4)
+    V, u, ids = 0.03**2 * np.eye(2), np.tile([0.5, 0.4], (40, 1)), np.arange(40) % 4
     error, sigma = [], []
-    for k in steps:
-        mean, P = function(P0, u[:k], 0.5, V, seen[:k], ids[:k], R)
-        error.append(np.rad2deg(wrap_angle(float(np.asarray(mean)[2]) - headings[k - 1])))
-        sigma.append(np.rad2deg(np.sqrt(max(float(np.asarray(P)[2, 2]), 0.0))))
-    ax.plot(steps, error, color=plots.COLOURS["truth"])
-    for sign in (-2, 2):
-        ax.plot(steps, sign * np.array(sigma), color=plots.COLOURS["estimate"])
-    ax.set(xlabel="step", ylabel="heading error, ±2σ (°)", ylim=(-30, 30))
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        pose, z = np.array([0.0, 0.0, np.deg2rad(10) * rng.standard_normal()]), []
+        for name, (v, omega) in zip(ids, u + rng.normal(0, 0.03, u.shape), strict=True):
+            pose = pose + 0.5 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+            d = stones[name] - pose[:2]
+            z.append([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - pose[2])])
+        mean, P = function(P0, u, 0.5, V, z + rng.normal(0, [0.05, 0.03], (40, 2)), ids, R)
+        error.append(np.rad2deg(wrap_angle(float(np.asarray(mean)[2]) - pose[2])))
+        sigma.append(np.rad2deg(np.sqrt(max(float(np.asarray(P)[2, 2]), 1e-12))))
+    nees = np.mean((np.array(error) / sigma) ** 2)
+    ax.errorbar(
+        np.arange(1, 41), np.zeros(40), 2 * np.array(sigma), fmt="none",
+        color=plots.COLOURS["estimate"], lw=2.5, alpha=0.5,
+    )  # fmt: skip
+    ax.plot(np.arange(1, 41), error, "o", color=plots.COLOURS["truth"], markersize=3)
+    ax.set(xlabel="robot", ylabel="heading error and ±2σ (°)", ylim=(-35, 35))
+    ax.set_title(f"σ {np.mean(sigma):.1f}°, NEES {nees:.1f}")
 
 
 check_slam = Check(
@@ -905,7 +1118,7 @@ check_slam.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 5: a filter that does not learn where north is
+# ## Solution 6: a filter that does not learn where north is
 #
 # What to notice: it is the filter of chapter 09 with one more vector, and that vector is written
 # in two places only, after a prediction and when a landmark comes in. A correction changes nothing

@@ -27,7 +27,7 @@ bound weights u t_a t_b reserve frontier hit
 """
 VARIANCES = """
 sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits measurements density
-wanted
+wanted information
 """
 COUNTS = """
 edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents chosen
