@@ -139,7 +139,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch04.check_resample, lambda w, u: np.full(len(w), np.argmax(w))),
         (ch04.check_mean_pose, lambda poses, weights: weights @ poses),
         (ch04.check_localize, lambda *a: ch04.localize(*a[:2], 0 * a[2], *a[3:])),
-        (ch.check_jacobian, lambda p, m, L: ch.jacobian(p, m, 0.0)),
+        (ch.check_jacobian, lambda p, q, m: ch.jacobian(p, 0 * q, m)),
         (ch.check_add_landmark, lambda *a: np.diag(np.diag(ch.add_landmark(*a)))),
         (ch.check_wall, lambda p, w, L: np.abs(ch.observe_wall(p, w, L))),
         (ch.check_update, lambda m, P, z, i, R: (m, P)),
@@ -269,8 +269,8 @@ def test_numbers_that_are_none_are_drawn_or_told(check):
 
 
 def test_a_function_that_changes_its_arguments_spoils_nothing():
-    def spoiling(P, G_pose, G_z, R):
-        result = ch.add_landmark(P, G_pose, G_z, R)
+    def spoiling(P, H_x, H_m, R):
+        result = ch.add_landmark(P, H_x, H_m, R)
         P[:] = 0.0
         return result
 
