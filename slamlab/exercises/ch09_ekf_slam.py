@@ -1,10 +1,13 @@
-"""Exercises, chapter 09: the Jacobian with the lever arm, a new landmark's covariance, a wall.
+"""Exercises, chapter 09: the scanner's mount, a landmark from two bearings, a wall, the filter.
 
-P1 (26)-(29), (43) and the line model that P1's experiment needs.
+P1 (24)-(32), (43) with a mount that is not known and for any sensor, and the line model that P1's
+experiment needs.
 """
 
 # mypy: disable-error-code="var-annotated"
 # A solution is written as a student writes it, without types inside.
+# ruff: noqa: E501
+# The alt text of a picture is one line.
 
 from __future__ import annotations
 
@@ -281,7 +284,7 @@ check_jacobian.mistakes = {
 # the columns of $x$ and $y$ twice. To this filter every drive is a straight one, and the mount
 # stays at its first value:
 
-# %% active="ipynb" tags=["solution"]
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels: on the left the mount stays at the centre, in a large ellipse; on the right it is found."}}
 # def not_turned(pose, mount, landmark):
 #     H = jacobian(pose, mount, landmark)
 #     H[:, 3:5] = H[:, :2]
@@ -303,7 +306,7 @@ check_jacobian.mistakes = {
 #
 # check_jacobian(without_b)
 
-# %% active="ipynb" tags=["solution"]
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels that hardly differ: in both the mount is found."}}
 # check_jacobian.draw(without_b)
 
 # %% [markdown] tags=["statement"]
@@ -420,10 +423,10 @@ def _docked(function: Any) -> tuple[Any, ...]:
     believed = np.array([2.2, 0.2, 0.5, 0.0, 0.0, 0.1])  # now, and the pose of before
     P = np.diag([0.0, 0.0, 0.0, 0.05, 0.05, np.radians(5)]) ** 2
     F = np.eye(6)
-    F[:3, :3], F[:3, 3:] = 0.0, [[1, 0, -0.2], [0, 1, 2.2], [0, 0, 1]]
+    F[:3, :3], F[:3, 3:] = 0.0, np.array([[1, 0, -0.2], [0, 1, 2.2], [0, 0, 1]])
     Q = np.diag([0.04, 0.04, np.radians(1), 0.0, 0.0, 0.0]) ** 2
     P = F @ P @ F.T + Q
-    truth = believed + [-0.05, 0.22, 0.115, 0.03, 0.04, 0.1]
+    truth = believed + np.array([-0.05, 0.22, 0.115, 0.03, 0.04, 0.1])
     landmark, R = np.array([2.0, 3.0]), np.radians(0.5) ** 2 * np.eye(2)
     z = [_beam(pose, np.zeros(2), landmark)[1] for pose in (truth[:3], truth[3:])]
     rays = np.array([z[0] + believed[2], z[1] + believed[5]])
@@ -541,17 +544,17 @@ check_add_landmark.mistakes = {
 # %% active="ipynb" tags=["solution"]
 # def in_the_dock(function, n=1000):
 #     rng = np.random.default_rng(1)
-#     x, noise = rng.normal(0, 0.2, n), rng.normal(0, 0.1, n)      # true robots, believed at 0
+#     x, noise = rng.normal(0, 0.2, n), rng.normal(0, 0.1, n)  # robots, estimated at 0
 #     P = function(*(np.array([[a]]) for a in (0.04, -1.0, 1.0, 0.01)))
 #     S = P[0, 0] + 0.01**2
 #     K = P[:, 0] / S
-#     m = 3 + noise + K[1] * (x + rng.normal(0, 0.01, n))          # the landmark is at x + 3
+#     m = 3 + noise + K[1] * (x + rng.normal(0, 0.01, n))      # the landmark is at x + 3
 #     error, variance = m - (x + 3), P[1, 1] - K[1]**2 * S
 #     return 100 * np.sqrt(np.mean(error**2)), 100 * np.sqrt(variance)
 #
 # for function in (add_landmark, without_ties, wrong_sign):
 #     off, sigma = in_the_dock(function)
-#     print(f"{function.__name__:13s} off by {off:4.1f} cm (RMS), reported {sigma:4.1f} cm, "
+#     print(f"{function.__name__:13s} off by {off:4.1f} cm, reported σ {sigma:4.1f} cm, "
 #           f"NEES {(off / sigma)**2:4.1f}")
 
 # %% [markdown] tags=["solution"]
@@ -565,8 +568,9 @@ check_add_landmark.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: a wall
 #
-# In a corridor there is no landmark to be seen, only walls. So the walls become the landmarks, as
-# on [the second page](../09b_ekf_slam.ipynb). A wall is a line
+# A robot drives round a block of shelves in a bare hall. There is nothing to see but walls, those
+# of the hall and those of the block. So the walls become the landmarks, as on [the second
+# page](../09b_ekf_slam.ipynb). A wall is a line
 #
 # $$
 # x\cos\alpha+y\sin\alpha=r
@@ -577,10 +581,11 @@ check_add_landmark.mistakes = {
 # and the direction of its nearest point, seen from the robot's heading. A distance is never
 # negative, a direction is in $(-\pi,\pi]$.
 #
-# As long as the scanner is on the origin's side of the wall, this is one subtraction for each
-# number. But the corridor has a bend, and beyond it the robot is on the other side of the line. A
-# wall at $x=3$, a robot at $x=5$ that looks along the $x$ axis, $L=0.3$ m: what does the scanner
-# measure? Write it for both sides. A scanner exactly on the line does not occur.
+# The origin of the map is inside the block. For the walls of the hall the scanner is on the
+# origin's side of the line, and each number is one subtraction. For the walls of the block it is
+# on the other side. With a pencil: a wall at $x=3$ m, a robot at $x=5$ m that looks along the $x$
+# axis, $L=0.3$ m. What does the scanner measure? Write it for both sides. A scanner exactly on
+# the line does not occur.
 
 
 # %% tags=["exercise"]
@@ -716,8 +721,8 @@ check_wall.mistakes = {
 # nearest point lies in the opposite direction.
 
 # %% [markdown] tags=["solution"]
-# Making the distance positive and leaving the direction as it was puts the wall on the wrong side
-# of the robot:
+# Making the distance positive and leaving the direction as it was puts the walls of the block on
+# the wrong side of the robot:
 
 # %% active="ipynb" tags=["solution"]
 # def half_renamed(pose, wall, L):
@@ -727,6 +732,9 @@ check_wall.mistakes = {
 #     return np.array([abs(distance), wrap_angle(alpha - pose[2])])
 #
 # check_wall(half_renamed)
+
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels: on the left the walls of the block are drawn beside those of the hall, on the right where they are."}}
+# check_wall.draw(half_renamed)
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: a map falls apart
@@ -1020,11 +1028,12 @@ def slam(u: Array, dt: float, V: Array, z: Array, ids: Ints, R: Array) -> tuple[
         if name in known:
             mean, P = update(mean, P, seen, known.index(name), R)
         elif name >= 0:
-            beam = seen[0] * np.array([np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])])
-            H = jacobian(mean[:3], np.zeros(2), mean[:2] + beam)
+            c, s = np.cos(mean[2] + seen[1]), np.sin(mean[2] + seen[1])
+            place = mean[:2] + seen[0] * np.array([c, s])
+            H = jacobian(mean[:3], np.zeros(2), place)
             H_x = np.zeros((2, len(mean)))
             H_x[:, :3] = H[:, :3]
-            mean = np.append(mean, mean[:2] + beam)
+            mean = np.append(mean, place)
             P = add_landmark(P, H_x, H[:, 5:], R)
             known.append(name)
     return mean, P
@@ -1216,8 +1225,8 @@ check_slam.mistakes = {
 # `without_ties` places them in solution 2. Say before you run it what changes: the dots, the
 # ellipses, the metres, the NEES?
 
-# %% active="ipynb" tags=["solution"]
-# right, add_landmark = add_landmark, without_ties                 # slam takes this one now
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels of eight landmarks: on the left many dots are outside of the ellipses, on the right they fill them."}}
+# right, add_landmark = add_landmark, without_ties  # slam takes this one now
 # figure = check_slam.draw(slam)
 # add_landmark = right
 # figure
@@ -1253,7 +1262,7 @@ check_slam.mistakes = {
 # %% active="ipynb" tags=["solution"]
 # check_slam(ties_left_behind)
 
-# %% active="ipynb" tags=["solution"]
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels of eight landmarks: on the left most dots are outside of the ellipses, on the right they fill them."}}
 # check_slam.draw(ties_left_behind)
 
 # %% [markdown] tags=["statement"]
