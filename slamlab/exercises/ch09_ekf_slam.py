@@ -946,9 +946,10 @@ check_update.mistakes = {
 # ## Solution 4: a map falls apart, by two bugs
 #
 # Landmark $i$ begins at row $3 + 2i$: the pose takes three rows, every landmark before it two.
-# With $i = 0$ the wrong formula is right, so a test with one landmark finds nothing. The second
-# bug is a missing wrap: it shows where the measured and the expected bearing differ by about a
-# full turn.
+# With $i = 0$ the wrong formula is right, so a test with one landmark finds nothing. With $i = 2$
+# it reads the rows of the second landmark, and with $i = 1$ the $y$ of the first and the $x$ of
+# the second: the third is never touched, and keeps the ellipse of the start. The second bug is a
+# missing wrap: it shows where the measured and the expected bearing differ by about a full turn.
 
 # %% [markdown] tags=["solution"]
 # An update that takes the landmark as certain shares the innovation between robot and measurement,
