@@ -1,8 +1,11 @@
-"""Exercises, chapter 03: a range-bearing prediction, its innovation, its Jacobian, and a filter.
+"""Exercises, chapter 03: masts that hear a robot, from the predicted reading to the filter.
 
-The measurement is that of P1 (18) for a sensor in the centre of the robot (L = 0), with the
-bearing repaired; P5 (11) and (13) are the innovation and the Jacobian of the extended filter.
+P5 (10)-(13), the extended filter, for another sensor than the lesson's: loop antennas that read
+the line, of two directions the same, on which they hear a transmitter on the robot's boom.
 """
+
+# mypy: disable-error-code="arg-type, assignment"
+# A solution is written as a student writes it, without types inside.
 
 from __future__ import annotations
 
@@ -10,19 +13,29 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose, an_angle, drawn
+from slamlab.exercises._draw import a_covariance, a_pose, drawn
 from slamlab.exercises._report import Array, Check
 from slamlab.geometry import wrap_angle
 
-__all__ = ["check_follow", "check_innovation", "check_jacobian", "check_range_bearing"]
+__all__ = [
+    "check_first_fix",
+    "check_follow",
+    "check_innovation",
+    "check_jacobian",
+    "check_readings",
+    "check_row_end",
+]
 
 
 # %% [markdown] tags=["chapter"]
 # # Exercises 03: the extended Kalman filter
-#
-# Three functions of a filter that sees landmarks, and the filter; the chapter is [The extended
-# Kalman filter](../03_extended_kalman_filter.ipynb). Replace each `...` and run the check below
-# it as often as you like; then draw what you built beside what is expected.
+# One robot, six exercises. It mows between the trees of an orchard, where leaves weaken GPS, so
+# it is followed as biologists follow wolves: it carries a small radio transmitter, and
+# antennas on masts around the orchard hear it. You predict what a mast reads, compare, take the
+# derivative, find a pose to begin with, repair a program with a bug, and drive with a filter of
+# your own pieces. The chapter is [The extended Kalman
+# filter](../03_extended_kalman_filter.ipynb). Replace each `...` and run the check below it as
+# often as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 03: the extended Kalman filter
@@ -35,401 +48,912 @@ __all__ = ["check_follow", "check_innovation", "check_jacobian", "check_range_be
 # from slamlab.geometry import wrap_angle
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 1: the predicted measurement
+# ## Exercise 1: what a mast reads
 #
-# A sensor in the centre of the robot sees a landmark. At which range, and at which bearing from
-# where the robot faces?
+# In the lesson the robot measures. Here it is measured, from outside, and at another point than
+# the one whose pose it estimates: the transmitter is at the tip of a boom, `boom` metres ahead of
+# the axle. Each mast has a loop antenna. It reads the direction of the line from the mast to the
+# tip, counted counterclockwise from the x axis of the world, in radians.
+#
+# And it has a peculiarity: a loop hears as well ahead as behind. It reads a *line*, not a ray, so
+# a tip in the direction of 130° is read as −50°: every reading is in $[-\pi/2, \pi/2]$. (Both
+# ends are the same line; the check does not try them.)
+#
+# **On paper first.** The robot is at the origin and faces along x, its boom is 1 m long, a mast
+# is at (2, −1). What does the mast read? And after the robot has turned right by 90° on the spot?
 
 
 # %% tags=["exercise"]
-def range_bearing(pose: Array, landmark: Array) -> Array:
-    """Predict what the sensor sees.
+def readings(pose: Array, masts: Array, boom: float) -> Array:
+    """Predict what the masts read.
 
     Parameters
     ----------
     pose : ndarray, shape (3,)
-        x (m), y (m), theta (rad) in the world.
-    landmark : ndarray, shape (2,)
-        Position in the world (m).
+        x (m), y (m) and heading (rad) of the axle, in the world.
+    masts : ndarray, shape (n, 2)
+        Positions in the world (m).
+    boom : float
+        How far ahead of the axle the transmitter is (m); negative: behind it.
 
     Returns
     -------
-    ndarray, shape (2,)
-        Range (m) and bearing (rad) in (-pi, pi].
+    ndarray, shape (n,)
+        Direction of the line on which each mast hears the transmitter (rad), in
+        [-pi/2, pi/2].
     """
-    dx, dy = landmark - pose[:2]
-    return np.array([np.hypot(dx, dy), wrap_angle(np.arctan2(dy, dx) - pose[2])])
+    ahead = np.array([np.cos(pose[2]), np.sin(pose[2])])
+    dx, dy = (pose[:2] + boom * ahead - masts).T
+    return np.arctan(dy / dx)
 
 
 # %% active="ipynb" tags=["try"]
-# range_bearing(np.zeros(3), np.array([3.0, 4.0]))
+# readings(np.array([0.0, 0.0, 0.0]), np.array([[2.0, -1.0]]), 1.0)
 
 # %% [markdown] tags=["hint"]
-# Two numbers decide everything: how far the landmark lies ahead in x and in y, in the world.
+# Three places: the axle, the tip, the mast. In which of them does the heading of the robot count?
 
 # %% [markdown] tags=["hint"]
-# `np.arctan2(dy, dx)` is the direction of the landmark in the world, with its quadrant. The robot
-# measures from its own heading.
+# `masts` has one row a mast. A point less an array of shape (n, 2) gives n differences at once,
+# and `dx, dy = (...).T` takes its two columns.
 
 # %% [markdown] tags=["hint"]
-# Wrap last: `wrap_angle(np.arctan2(dy, dx) - pose[2])`.
+# The lesson takes `arctan2`, so that a landmark behind is not confused with one ahead. This
+# antenna does confuse them. Which function of $d_y/d_x$ does the same?
 
 
 # %% tags=["cases"]
 def _scene(rng: np.random.Generator) -> Any:
-    return a_pose(rng), np.round(rng.uniform(-6, 6, 2), 2)
+    return a_pose(rng), np.round(rng.uniform(-9, 9, (3, 2)), 2), np.round(rng.uniform(0.3, 2), 2)
 
 
-def _range_bearing_drawn(ax: Any, function: Any) -> None:
-    """Draw a robot, landmarks round it, and where range and bearing put each of them."""
+def _readings_drawn(ax: Any, function: Any) -> None:
+    """Draw a robot with its boom, three masts, and through each mast the line that it reads."""
     from slamlab import plots
 
-    pose, angles = np.array([1.0, 0.5, 2.4]), 2.4 + np.linspace(-3, 3, 11)
-    polar = np.column_stack([np.cos(angles), np.sin(angles)])
-    landmarks = pose[:2] + np.linspace(1.5, 4, 11)[:, None] * polar
-    plots.landmarks(ax, landmarks)
-    ax.plot(*pose[:2], "o", color=plots.COLOURS["truth"])
-    plots.path(ax, pose[:2] + [[0, 0], [np.cos(pose[2]), np.sin(pose[2])]], "truth")
-    found = np.array([np.asarray(function(pose, of), float) for of in landmarks])
-    r, direction = found[:, 0], found[:, 1] + pose[2]
-    seen = pose[:2] + np.column_stack([r * np.cos(direction), r * np.sin(direction)])
-    plots.landmarks(ax, seen, estimated=True)
+    pose, masts = np.array([1.0, 0.5, 2.2]), np.array([[-5.0, 0.5], [4.0, -3.5], [3.5, 5.0]])
+    angles = np.asarray(function(pose, masts, 1.8), float)
+    for mast, angle in zip(masts, angles, strict=True):
+        ends = mast + np.outer([-14, 14], [np.cos(angle), np.sin(angle)])
+        plots.path(ax, ends, "lidar", linewidth=1.2)
+    tip = pose[:2] + 1.8 * np.array([np.cos(pose[2]), np.sin(pose[2])])
+    plots.path(ax, np.array([pose[:2], tip]), "truth", linewidth=3)
+    ax.plot(*pose[:2], "o", color=plots.COLOURS["truth"], markersize=8)
+    plots.landmarks(ax, masts)
     plots.floor(ax)
+    ax.set(xlim=(-6, 6), ylim=(-5, 6))
 
 
-check_range_bearing = Check(
-    range_bearing,
-    "measurement",
+check_readings = Check(
+    readings,
+    "readings",
     {
-        "three ahead, four to the left": ([0, 0, 0], [3, 4]),
-        "the robot has turned": ([1.0, 2.0, 0.6], [4.0, 3.0]),
-        "the landmark is behind": ([1.0, 2.0, 0.4], [-2.0, 1.0]),
-        "straight behind: pi, not -pi": ([0.0, 0.0, -np.pi / 2], [0.0, 3.0]),
-        "ahead, across half a turn: the bearing stays wrapped": ([0.0, 0.0, 3.0], [-4.0, -1.0]),
-        "ahead, across half a turn from the other side": ([0.0, 0.0, -3.0], [-4.0, 1.0]),
-        "anywhere": _scene,
+        "the call below the stub": ([0, 0, 0], [[2, -1]], 1.0),
+        "the robot has turned right by 90°": ([0, 0, -np.pi / 2], [[2.5, -1.5]], 1.0),
+        "no boom": ([1.0, 2.0, 0.6], [[4.0, 3.0], [-2.0, -5.0]], 0.0),
+        "the transmitter behind the axle": ([1.0, 2.0, 0.4], [[-2.0, 1.0], [5.0, 2.5]], -0.8),
+        "a mast between the axle and the tip": ([0.0, 0.0, 0.3], [[0.8, 0.2]], 2.0),
+        "three masts, anywhere": _scene,
     },
-    picture=_range_bearing_drawn,
+    picture=_readings_drawn,
 )
 
 # %% tags=["mistakes"]
-check_range_bearing.mistakes = {
-    "the bearing is not wrapped: it must lie in (-pi, pi]": (
-        "wrap_angle(np.arctan2(dy, dx) - pose[2]) => np.arctan2(dy, dx) - pose[2]"
+_LINE, _TIP = "np.arctan(dy / dx)", "pose[:2] + boom * ahead"
+
+check_readings.mistakes = {
+    "these are rays, in (-pi, pi]: the antenna reads a line, in [-pi/2, pi/2]": (
+        f"{_LINE} => np.arctan2(dy, dx)"
     ),
-    "the bearing was wrapped to [0, 2 pi): it must lie in (-pi, pi]": (
-        "wrap_angle(np.arctan2(dy, dx) - pose[2]) => (np.arctan2(dy, dx) - pose[2]) % (2 * np.pi)"
+    "these are lines in [0, pi): expected [-pi/2, pi/2]": (
+        f"{_LINE} => np.arctan2(dy, dx) % np.pi"
     ),
-    "arctan(dy/dx) loses the quadrant: a landmark behind appears in front; use arctan2": (
-        "arctan2(dy, dx) => arctan(dy / dx)"
+    "the heading was subtracted: a mast reads in the world, it does not turn with the robot": (
+        f"{_LINE} => wrap_angle(2 * (np.arctan2(dy, dx) - pose[2])) / 2"
     ),
-    "the fraction is upside down, as P1 prints (18): arctan2 takes dy first": (
-        "arctan2(dy, dx) => arctan2(dx, dy)"
+    "the heading was subtracted from a ray, as in the lesson: a mast does not turn": (
+        f"{_LINE} => wrap_angle(np.arctan2(dy, dx) - pose[2])"
     ),
-    "the heading is missing: a bearing is measured from where the robot faces": (" - pose[2] => "),
-    "the heading is added: it must be subtracted": " - pose[2] =>  + pose[2]",
-    "the direction is reversed: from the robot to the landmark, not back": (
-        "landmark - pose[:2] => pose[:2] - landmark"
+    "the transmitter was put at the axle: it is at the tip of the boom": (
+        f"{_TIP} => pose[:2] + 0 * ahead"
     ),
-    "the range is squared: take the square root": "np.hypot(dx, dy) => dx**2 + dy**2",
-    "the range is the sum of the sides: take the root of the sum of their squares": (
-        "np.hypot(dx, dy) => abs(dx) + abs(dy)"
+    "the boom was laid along x: it turns with the robot": f"{_TIP} => pose[:2] + [boom, 0.0]",
+    "the boom points to the left: ahead is (cos, sin) of the heading": (
+        "np.cos(pose[2]), np.sin(pose[2]) => -np.sin(pose[2]), np.cos(pose[2])"
     ),
-    "the bearing is in degrees: expected radians": (
-        "wrap_angle(np.arctan2(dy, dx) - pose[2])"
-        " => np.rad2deg(wrap_angle(np.arctan2(dy, dx) - pose[2]))"
+    "cosine and sine are exchanged: ahead is (cos, sin) of the heading": (
+        "np.cos(pose[2]), np.sin(pose[2]) => np.sin(pose[2]), np.cos(pose[2])"
     ),
-    "the robot's own place was forgotten: measure from where it stands": (
-        "landmark - pose[:2] => landmark"
+    "the boom points backwards: the transmitter is ahead of the axle": (
+        f"{_TIP} => pose[:2] - boom * ahead"
     ),
-    "bearing and range are exchanged: the range comes first": (
-        lambda pose, landmark: range_bearing(pose, landmark)[::-1]
+    "the fraction is upside down: the direction has dy over dx": f"{_LINE} => np.arctan(dx / dy)",
+    "the place of the masts was forgotten: a reading is from the mast to the tip": (
+        "boom * ahead - masts => boom * ahead - 0 * masts"
     ),
+    "the place of the robot was forgotten: the boom begins at the axle": (
+        f"{_TIP} => boom * ahead"
+    ),
+    "wrapped into [-pi/2, pi/2] by clipping: a ray and its opposite are one line": (
+        f"{_LINE} => np.clip(np.arctan2(dy, dx), -np.pi / 2, np.pi / 2)"
+    ),
+    "this is the slope dy / dx: expected its angle": f"{_LINE} => dy / dx",
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 1: the predicted measurement
+# ## Solution 1: what a mast reads
 #
-# The landmark's direction in the world, less the heading of the robot, wrapped. `arctan2` keeps
-# the quadrant, which a quotient forgets.
+# From the axle along the heading to the tip, from there the difference to each mast. The heading
+# is in it once, in the boom, and is not subtracted: the masts do not turn. On paper the tip is at
+# (1, 0), a metre to the left of the mast and a metre above it: 135°, read as −45°. After the turn
+# it is at (0, −1), straight to the left of the mast: 180°, read as 0.
 
 # %% [markdown] tags=["solution"]
-# P1 prints the fraction upside down in its formula (18). For a robot that faces along x, this
-# mirrors the world at the diagonal:
+# `arctan` of a quotient loses the quadrant; here that is what the antenna does. A ray to a tip on
+# the left of the mast differs from what is read by half a turn:
 
 # %% active="ipynb" tags=["solution"]
-# def as_printed_in_p1(pose, landmark):
-#     dx, dy = landmark - pose[:2]
-#     return np.array([np.hypot(dx, dy), wrap_angle(np.arctan2(dx, dy) - pose[2])])
+# def rays(pose, masts, boom):
+#     ahead = np.array([np.cos(pose[2]), np.sin(pose[2])])
+#     dx, dy = (pose[:2] + boom * ahead - masts).T
+#     return np.arctan2(dy, dx)
 #
-# check_range_bearing(as_printed_in_p1)
+# check_readings(rays)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 2: the innovation
+# ## Exercise 2: the innovation of a line
 #
-# Formula (11) of P5 subtracts the prediction from the measurement. One of the two entries is an
-# angle.
+# The robot drives north past a mast. The mast reads 89°, the filter predicted −89°. As bearings
+# these differ by 178°, and the lesson's `wrap_angle` leaves that as it is: the filter would throw
+# the robot across the orchard. As lines they are 2° apart.
+#
+# Write the innovation of lines: the smallest turn that carries the predicted line into the
+# measured one, counterclockwise positive. Two directions that differ by half a turn, or by any
+# number of half turns, are the same line, in `z` as in `predicted`. (Lines at right angles have no
+# smallest turn; the check does not try them.) What you write compares walls and doors as well.
 
 
 # %% tags=["exercise"]
 def innovation(z: Array, predicted: Array) -> Array:
-    """Compare a measurement with its prediction.
+    """Compare readings with their predictions, as lines.
 
     Parameters
     ----------
-    z, predicted : ndarray, shape (2,)
-        Range (m) and bearing (rad).
+    z, predicted : ndarray, shape (n,)
+        Directions of lines (rad), not only from [-pi/2, pi/2].
 
     Returns
     -------
-    ndarray, shape (2,)
-        Measured minus predicted; the bearing in (-pi, pi].
+    ndarray, shape (n,)
+        Turns from predicted to measured (rad), in (-pi/2, pi/2).
     """
-    difference = z - predicted
-    difference[1] = wrap_angle(difference[1])
-    return difference
+    return wrap_angle(2 * (z - predicted)) / 2
 
 
 # %% active="ipynb" tags=["try"]
-# innovation(np.array([5.0, -3.1]), np.array([5.0, 3.1]))
+# innovation(np.deg2rad([89.0, 12.0]), np.deg2rad([-89.0, 10.0]))
 
 # %% [markdown] tags=["hint"]
-# Which way is shorter from 3.1 to -3.1 radians: through zero, or across the back?
+# `wrap_angle` takes away full turns. You want to take away half turns. What becomes of half a turn
+# when every angle is doubled?
 
 # %% [markdown] tags=["hint"]
-# Subtract first, wrap the difference then, and leave the range alone.
+# Three steps: subtract, double and wrap, and then undo what you did to the size of the angle.
 
 
 # %% tags=["cases"]
-def _bearings(rng: np.random.Generator) -> Any:
-    return [rng.integers(1, 9), an_angle(rng)], [rng.integers(1, 9), an_angle(rng)]
+def _line_pairs(rng: np.random.Generator) -> Any:
+    predicted = np.round(rng.uniform(-3, 3, 4), 2)
+    turns = np.round(rng.uniform(-1.5, 1.5, 4), 2)
+    return predicted + turns + np.pi * rng.integers(-1, 2, 4), predicted
 
 
 def _innovation_drawn(ax: Any, function: Any) -> None:
-    """Draw the innovation of a landmark that goes round the robot, ahead of its prediction."""
+    """Draw the innovation while a robot drives round a mast, 8° ahead of its prediction."""
     from slamlab import plots
 
-    bearings = (np.linspace(0, 2 * np.pi, 61) + np.pi) % (2 * np.pi) - np.pi
-    early = (bearings + 0.8 + np.pi) % (2 * np.pi) - np.pi
-    pairs = zip(early, bearings, strict=True)
-    found = [function(np.array([4.0, z]), np.array([2.0, b])) for z, b in pairs]
-    d_range, d_bearing = np.array([np.asarray(one, float) for one in found]).T
-    turned = np.linspace(0, 360, 61)
-    ax.plot(turned, d_range, **plots.line_style("lidar"))
-    ax.plot(turned, d_bearing, **plots.line_style("estimate"))
-    ax.set(xlabel="direction of the landmark (°)", ylim=(-6, 6))
-    ax.set(ylabel="innovation (rad; dotted: m)")
+    predicted = np.deg2rad(np.arange(0.0, 360.0, 5.0))
+    z = np.arctan(np.tan(predicted + np.deg2rad(8)))
+    turns = np.asarray(function(z, np.arctan(np.tan(predicted))), float)
+    ax.plot(np.rad2deg(predicted), np.rad2deg(turns), "o-", color=plots.COLOURS["estimate"], ms=3)
+    ax.set(xlabel="direction from the mast (°)", ylabel="innovation (°)", ylim=(-190, 190))
 
 
 check_innovation = Check(
     innovation,
     "innovation",
     {
-        "a plain difference": ([5.0, 0.3], [4.8, 0.2]),
-        "negative differences stay negative": ([4.0, 0.1], [4.8, 0.25]),
-        "across the back, to the left": ([5.0, -3.1], [5.0, 3.1]),
-        "across the back, to the right": ([9.0, 3.1], [5.0, -3.0]),
-        "half a turn is pi, not -pi": ([2.0, np.pi / 2], [1.0, -np.pi / 2]),
-        "a full turn changes nothing": ([5.0, 0.3 + 2 * np.pi], [4.8, 0.2]),
-        "any two measurements": _bearings,
+        "a plain difference": ([0.3, -0.2], [0.2, -0.1]),
+        "89° measured, −89° predicted, and the other way": (
+            np.deg2rad([89.0, -89.0]),
+            np.deg2rad([-89.0, 89.0]),
+        ),
+        "more than 90° apart, to either side": ([1.2, -1.2, 0.9], [-1.0, 0.8, -1.3]),
+        "a ray and its opposite are one line": ([0.4, -2.9], [0.3 + np.pi, 0.2]),
+        "almost a full turn apart": ([3.0, -3.0], [-3.1, 3.05]),
+        "four lines": _line_pairs,
     },
     picture=_innovation_drawn,
 )
 
 # %% tags=["mistakes"]
+_TURN = "wrap_angle(2 * (z - predicted)) / 2"
+
 check_innovation.mistakes = {
-    "the bearing is off by 2 pi: wrap the difference": "wrap_angle( => (",
-    "the sign is reversed: expected measured minus predicted": (
-        lambda z, p: np.array([p[0] - z[0], wrap_angle(p[1] - z[1])])
+    "the difference is not wrapped: 89° and −89° are 2° apart": f"{_TURN} => z - predicted",
+    "wrapped as a bearing: for a line half a turn is nothing": (
+        f"{_TURN} => wrap_angle(z - predicted)"
     ),
-    "the range was wrapped too: only the bearing is an angle": (lambda z, p: wrap_angle(z - p)),
-    "the bearings were wrapped before the subtraction: wrap the difference itself": (
-        "wrap_angle(difference[1]) => wrap_angle(z[1]) - wrap_angle(predicted[1])"
+    "doubled and wrapped, and not halved again": f"{_TURN} => wrap_angle(2 * (z - predicted))",
+    "both were wrapped first and the difference is not": (
+        f"{_TURN} => wrap_angle(2 * z) / 2 - wrap_angle(2 * predicted) / 2"
     ),
-    "the absolute difference loses its sign: the filter must know which way to turn": (
-        lambda z, p: np.abs(innovation(z, p))
+    "wrapped to [0, pi): a small turn to the right became a large one to the left": (
+        f"{_TURN} => (z - predicted) % np.pi"
     ),
-    "wrapped to [0, 2 pi): a small turn to the right must be a small negative number": (
-        "wrap_angle(difference[1]) => difference[1] % (2 * np.pi)"
+    "the sign is reversed: measured less predicted": (
+        f"{_TURN} => wrap_angle(2 * (predicted - z)) / 2"
     ),
-    "wrapped to [-pi, pi): half a turn is pi": (
-        "wrap_angle(difference[1]) => (difference[1] + np.pi) % (2 * np.pi) - np.pi"
+    "the sign was lost: a turn to the right is negative": (
+        f"{_TURN} => np.abs(wrap_angle(2 * (z - predicted))) / 2"
     ),
-    "wrapped by pi: a full turn is 2 pi": (
-        "wrap_angle(difference[1]) => (difference[1] + np.pi / 2) % np.pi - np.pi / 2"
+    "this is the sine of the turn: it is nearly the turn while that is small": (
+        f"{_TURN} => np.sin(wrap_angle(2 * (z - predicted)) / 2)"
     ),
-    "the bearing was not subtracted": ("wrap_angle(difference[1]) => wrap_angle(z[1])"),
+    "this is the tangent of the turn: it is nearly the turn while that is small": (
+        f"{_TURN} => np.tan(z - predicted)"
+    ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 2: the innovation
+# ## Solution 2: the innovation of a line
+#
+# Doubled, half a turn is a full one, which `wrap_angle` takes away; halved, the angle has its size
+# again. The same three steps compare whatever has a direction and no front.
 
 # %% [markdown] tags=["solution"]
-# Wrapping both bearings beforehand looks careful and is not enough: two wrapped angles can still
-# lie almost a full turn apart.
+# Wrapping both readings first looks careful. Both are in $[-\pi/2, \pi/2]$ already, so it changes
+# nothing that comes from an antenna, and the difference is as wrong as before:
 
 # %% active="ipynb" tags=["solution"]
 # def wrapped_too_early(z, predicted):
-#     return np.array([z[0] - predicted[0], wrap_angle(z[1]) - wrap_angle(predicted[1])])
+#     return wrap_angle(2 * z) / 2 - wrap_angle(2 * predicted) / 2
 #
 # check_innovation(wrapped_too_early)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 3: the Jacobian
+# ## Exercise 3: the Jacobian of a robot that is heard
 #
-# Formula (13) of P5 for your function of exercise 1: how do range and bearing change when the
-# robot moves a little?
+# How does each reading change when the axle moves a little along x, along y, or when the robot
+# turns a little? The lesson's bearing has −1 in the column of the heading: turn left by one degree
+# and every landmark moves one degree to the right. Is it so here?
+#
+# **On paper first.** What is that column if the boom has no length? With the boom straight away
+# from the mast, does a small turn to the left make the reading larger or smaller? And with the
+# boom across the line, at a right angle? The picture shows whether your matrix is a tangent: 1000
+# robots that might be there, and the ellipse of $J P J^\top$.
 
 
 # %% tags=["exercise"]
-def jacobian(pose: Array, landmark: Array) -> Array:
-    """Derivative of `range_bearing` with respect to the pose.
+def jacobian(pose: Array, masts: Array, boom: float) -> Array:
+    """Derivative of `readings` with respect to the pose.
 
     Parameters
     ----------
     pose : ndarray, shape (3,)
-    landmark : ndarray, shape (2,)
+        x (m), y (m) and heading (rad) of the axle.
+    masts : ndarray, shape (n, 2)
+        Positions in the world (m).
+    boom : float
+        How far ahead of the axle the transmitter is (m); negative: behind it.
 
     Returns
     -------
-    ndarray, shape (2, 3)
-        Rows: range, bearing. Columns: x, y, theta.
+    ndarray, shape (n, 3)
+        One row a mast. Columns: x, y, heading.
     """
-    dx, dy = landmark - pose[:2]
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    dx, dy = (pose[:2] + boom * np.array([c, s]) - masts).T
     q = dx**2 + dy**2
-    r = np.sqrt(q)
-    return np.array([[-dx / r, -dy / r, 0.0], [dy / q, -dx / q, -1.0]])
+    return np.column_stack([-dy / q, dx / q, boom * (dx * c + dy * s) / q])
 
 
 # %% active="ipynb" tags=["try"]
-# jacobian(np.zeros(3), np.array([2.0, 0.0]))
+# jacobian(np.array([0.0, 0.0, 0.0]), np.array([[-3.0, 0.0], [2.0, -4.0]]), 1.0)
 
 # %% [markdown] tags=["hint"]
-# Begin with the column of theta: what happens to the range when the robot turns on the spot, and
-# what to the bearing?
+# Folding a ray to a line adds a constant. What does that do to a derivative?
 
 # %% [markdown] tags=["hint"]
-# With $d_x, d_y$ from robot to landmark and $r$ the range: $\partial r/\partial x = -d_x/r$.
+# For the direction $\varphi = \operatorname{atan2}(d_y, d_x)$: $\partial\varphi/\partial d_x =
+# -d_y/\rho^2$ and $\partial\varphi/\partial d_y = d_x/\rho^2$ with $\rho^2 = d_x^2 + d_y^2$. From
+# mast to tip, how do $d_x$ and $d_y$ change with x and with y?
 
 # %% [markdown] tags=["hint"]
-# For the bearing, $\partial\,\mathrm{atan2}(d_y, d_x)/\partial d_x = -d_y/r^2$ and $d_x$ falls
-# when $x$ grows.
+# A turn moves the tip and nothing else: differentiate $b\cos\theta$ and $b\sin\theta$, and chain
+# them to the two derivatives of the hint before.
 
 
 # %% tags=["cases"]
 def _jacobian_drawn(ax: Any, function: Any) -> None:
-    """Draw what 1000 uncertain robots measure, and the ellipse of J P J^T."""
+    """Draw what two masts read of 1000 uncertain robots, and the ellipse of J P J^T."""
     from slamlab import plots
 
-    rng, degrees = np.random.default_rng(1), np.diag([1.0, np.degrees(1)])
-    pose, landmark = np.array([0.5, -0.4, 0.3]), np.array([2.0, 1.1])
-    P = np.array([[0.0144, 0.006, 0.0], [0.006, 0.0049, 0.001], [0.0, 0.001, 0.0009]])
-    robots = rng.multivariate_normal(pose, P, 1000)
-    cloud = np.array([range_bearing(robot, landmark) for robot in robots])
-    plots.lidar_points(ax, (cloud - range_bearing(pose, landmark)) @ degrees, s=1.6)
-    J = degrees @ np.asarray(function(pose, landmark), float)
+    rng, masts = np.random.default_rng(1), np.array([[-4.0, -1.0], [2.0, -4.5]])
+    pose, boom = np.array([0.5, -0.4, 0.4]), 1.5
+    P = np.diag([0.06, 0.06, 0.15]) ** 2
+    robots = pose + rng.standard_normal((1000, 3)) * np.sqrt(np.diag(P))
+    J = np.rad2deg(np.asarray(function(pose, masts, boom), float))
+    cloud = np.array(
+        [innovation(readings(r, masts, boom), readings(pose, masts, boom)) for r in robots]
+    )
+    plots.lidar_points(ax, np.rad2deg(cloud), s=1.6)
     plots.ellipse(ax, [0, 0], J @ P @ J.T)
-    ax.set(xlabel="error of the range (m)", ylabel="error of the bearing (°)")
+    ax.set(xlabel="first mast, error (°)", ylabel="second mast, error (°)")
 
 
 check_jacobian = Check(
     jacobian,
     "J",
     {
-        "straight ahead": ([0, 0, 0], [2, 0]),
-        "ahead and to the left": ([1.0, 2.0, 0.6], [4.0, 6.0]),
-        "behind, far away": ([1.0, 2.0, -2.0], [-20.0, -13.0]),
-        "close by, where the bearing is quick": ([0.0, 0.0, 1.0], [0.2, -0.1]),
-        "anywhere": _scene,
+        "the call below the stub": ([0, 0, 0], [[-3, 0], [2, -4]], 1.0),
+        "no boom: a turn changes nothing": ([1.0, 2.0, 0.6], [[4.0, 6.0], [-2.0, 1.0]], 0.0),
+        "the boom away from the mast": ([0.0, 0.0, 0.5], [[-4.0, -2.2]], 1.5),
+        "the boom towards the mast": ([0.0, 0.0, 0.5], [[4.0, 2.2]], 1.5),
+        "the transmitter behind the axle": ([1.0, 2.0, -2.0], [[-2.0, 1.0], [5.0, 2.5]], -0.8),
+        "a mast near the tip": ([0.0, 0.0, 1.0], [[1.0, 1.4]], 1.0),
+        "three masts, anywhere": _scene,
     },
     tolerance=1e-4,
     picture=_jacobian_drawn,
 )
 
 # %% tags=["mistakes"]
+_BY_TURN = "boom * (dx * c + dy * s) / q"
+
 check_jacobian.mistakes = {
-    "this is the transpose: rows are range and bearing, columns are x, y, theta": (
-        lambda p, m: jacobian(p, m).T
+    "the last column is that of the lesson: a mast does not turn with the robot": (
+        f"{_BY_TURN} => -np.ones_like(q)"
     ),
-    "this is the Jacobian by the landmark's position: the pose moves the other way": (
-        lambda p, m: jacobian(p, m) * [-1, -1, 1]
+    "the last column has the lesson's −1 beside the boom: a mast does not turn": (
+        f"{_BY_TURN} => {_BY_TURN} - 1"
     ),
-    "this is the Jacobian by the landmark, (2, 2): the pose has three numbers": (
-        lambda p, m: -jacobian(p, m)[:, :2]
+    "the last column is zero: a turn moves the tip of the boom": f"{_BY_TURN} => 0 * q",
+    "the sign of the last column is reversed: a turn to the left moves the tip to the left": (
+        f"{_BY_TURN} => -{_BY_TURN}"
     ),
-    "the last column is zero: turning the robot changes the bearing one to one": ("-1.0] => 0.0]"),
-    "the sign of the heading column is wrong: turn left and the landmark moves right": (
-        "-1.0] => 1.0]"
+    "the last column belongs to a boom of 1 m: multiply by its length": (
+        f"{_BY_TURN} => (dx * c + dy * s) / q"
     ),
-    "the bearing row must be divided by the range squared, not by the range": (
-        "dy / q, -dx / q => dy / r, -dx / r"
+    "the last column counts how the tip moves along the line: it is the motion across it": (
+        "(dx * c + dy * s) => (dx * s - dy * c)"
     ),
-    "the range row must be divided by the range, not by its square": (
-        "-dx / r, -dy / r => -dx / q, -dy / q"
+    "a sign in the last column: the derivative of the cosine is minus the sine": (
+        "(dx * c + dy * s) => (dx * c - dy * s)"
     ),
-    "the signs of the bearing row are exchanged, as in P1 (26), (27)": (
-        "dy / q, -dx / q => -dy / q, dx / q"
+    "the signs are those of the lesson, where the robot measures: here it is measured": (
+        "-dy / q, dx / q => dy / q, -dx / q"
     ),
-    "dx and dy are exchanged in the bearing row": "dy / q, -dx / q => -dx / q, dy / q",
-    "the signs of the range row are reversed: nearer means a shorter range": (
-        "-dx / r, -dy / r => dx / r, dy / r"
+    "d is taken from the mast to the axle: the transmitter is at the tip": (
+        "boom * np.array([c, s]) => 0 * np.array([c, s])"
     ),
-    "the rows are exchanged: range first, then bearing": (lambda p, m: jacobian(p, m)[::-1]),
+    "divided by the distance: a direction changes with one over its square, times d": (
+        "q = dx**2 + dy**2 => q = np.sqrt(dx**2 + dy**2)"
+    ),
+    "dx and dy are exchanged": "-dy / q, dx / q => dx / q, -dy / q",
+    "this is how the distance changes: expected the direction": (
+        "-dy / q, dx / q, boom * (dx * c + dy * s) / q"
+        " => dx / np.sqrt(q), dy / np.sqrt(q), boom * (dy * c - dx * s) / np.sqrt(q)"
+    ),
+    "this is the transpose: one row a mast": lambda p, m, b: jacobian(p, m, b).T,
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 3: the Jacobian
+# ## Solution 3: the Jacobian of a robot that is heard
 #
-# The range grows when the robot backs away: the first row is minus the unit vector towards the
-# landmark, and turning on the spot does not change it. The bearing changes with the sideways
-# motion divided by
-# the distance, which is why the second row holds $r^2$: one $r$ makes the offset a unit vector,
-# the other turns metres into radians. And turning left by one degree moves every landmark one
-# degree to the right.
+# Folding adds a constant, so the derivative is that of the ray. The first two columns are the
+# lesson's with the signs turned round: the robot is now at the other end of $d$. The heading works
+# through the boom alone. With $\varphi$ the direction from mast to tip its column is
+# $b\cos(\theta - \varphi)/\rho$: nothing without a boom, largest when the boom points away from
+# the mast, nothing when it lies across the line, negative when it points at the mast.
 
 # %% [markdown] tags=["solution"]
-# Dividing the bearing row by $r$ instead of $r^2$ gives metres where radians are expected. The
-# finite difference of chapter 03 finds it at once:
+# With the column of the lesson, −1, the filter takes every reading for a compass. The check names
+# it; what it costs is at the end of this page.
 
 # %% active="ipynb" tags=["solution"]
-# def by_range_only(pose, landmark):
-#     r = range_bearing(pose, landmark)[0]
-#     return jacobian(pose, landmark) * [[1, 1, 1], [r, r, 1]]
+# def as_in_the_lesson(pose, masts, boom):
+#     return np.column_stack([jacobian(pose, masts, boom)[:, :2], -np.ones(len(masts))])
 #
-# check_jacobian(by_range_only)
+# check_jacobian(as_in_the_lesson)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 4: your filter on the unicycle
+# ## Exercise 4: where to begin?
 #
-# Assemble it. A unicycle drives with a speed $v$ and a turn rate $\omega$ that it knows up to a
-# covariance $V$, and sees one landmark, sometimes. In a step of `dt` seconds it moves by $v\,dt$
-# along the heading it had before the step, then turns by $\omega\,dt$. Write the extended filter:
-# the motion with its two Jacobians, then the update with your functions of exercises 1 to 3.
+# In the morning the robot is switched on somewhere in the orchard. A filter needs a mean and a
+# covariance to begin with, and there is neither. The motors are off, so the compass can be read,
+# and two masts hear the transmitter. Two lines and a heading: exactly one pose agrees with them.
+# (That an antenna cannot tell ahead from behind does no harm here. Why?)
+#
+# A point $(x, y)$ is on the line through the mast $(m_x, m_y)$ in the direction $z$ if
+#
+# $$-\sin z\,(x - m_x) + \cos z\,(y - m_y) = 0 .$$
+#
+# And how sure is it? The three readings together have the covariance $R$. The pose is a function
+# of the readings, the inverse of one whose tangent you have: three readings from a pose. The
+# tangent of an inverse function is the inverse matrix.
 
 
 # %% tags=["exercise"]
-def follow(
-    mean: Array, cov: Array, u: Array, dt: float, V: Array, z: Array, landmark: Array, R: Array
+def first_fix(
+    z: Array, masts: Array, boom: float, compass: float, R: Array
 ) -> tuple[Array, Array]:
-    """Follow a unicycle by one landmark.
+    """Find the pose that agrees with two lines and a compass, and its covariance.
+
+    Parameters
+    ----------
+    z : ndarray, shape (2,)
+        What the two masts read (rad); the lines are not parallel.
+    masts : ndarray, shape (2, 2)
+        One row a mast (m).
+    boom : float
+        How far ahead of the axle the transmitter is (m).
+    compass : float
+        Heading that was read (rad), in (-pi, pi].
+    R : ndarray, shape (3, 3)
+        Covariance of the first line, the second line and the compass.
+
+    Returns
+    -------
+    mean : ndarray, shape (3,)
+        x, y and heading of the axle.
+    cov : ndarray, shape (3, 3)
+    """
+    across = np.column_stack([-np.sin(z), np.cos(z)])
+    tip = np.linalg.solve(across, np.sum(across * masts, axis=1))
+    mean = np.append(tip - boom * np.array([np.cos(compass), np.sin(compass)]), compass)
+    back = np.linalg.inv(np.vstack([jacobian(mean, masts, boom), [0.0, 0.0, 1.0]]))
+    return mean, back @ R @ back.T
+
+
+# %% active="ipynb" tags=["try"]
+# first_fix(np.deg2rad([45.0, -45.0]), np.array([[-3.0, -3.0], [3.0, -3.0]]), 1.0, 0.0,
+#           np.diag([0.03, 0.03, 0.02]) ** 2)
+
+# %% [markdown] tags=["hint"]
+# Two lines are two equations for the two unknowns of one point. Of which point of the robot? Write
+# them as $A\,(x, y)^\top = b$ and let `np.linalg.solve` do the rest.
+
+# %% [markdown] tags=["hint"]
+# $b$ is what $A$ makes of each mast's own position. From the point that you found the heading
+# leads back to the axle.
+
+# %% [markdown] tags=["hint"]
+# How do *three* readings change with the pose? Your `jacobian` has the rows of the masts; the row
+# of a compass has three numbers that you know without a pencil. If $e_z = J e_x$, what is $e_x$,
+# and what its covariance?
+
+
+# %% tags=["cases"]
+@drawn
+def _morning(rng: np.random.Generator, behind: bool = False) -> Any:
+    """Draw two masts and what they read of a robot, where their lines cross at a good angle."""
+    boom = float(np.round(rng.uniform(0.3, 2), 2)) * (-1 if behind else 1)
+    while True:
+        pose, masts = a_pose(rng), np.round(rng.uniform(-9, 9, (2, 2)), 2)
+        z = readings(pose, masts, boom)
+        far = np.hypot(*(pose[:2] - masts).T).min() > 3
+        if far and abs(innovation(z[:1], z[1:])[0]) > 0.4:
+            return np.round(z, 3), masts, boom, pose[2], a_covariance(rng, 3, 0.001)
+
+
+def _fix_drawn(ax: Any, function: Any) -> None:
+    """Draw two masts, their lines, 300 first fixes from noisy readings, and a 95 % ellipse."""
+    from slamlab import plots
+
+    rng, boom = np.random.default_rng(3), 1.8
+    pose, masts = np.array([0.0, 0.0, 0.9]), np.array([[-3.0, 1.5], [2.5, -2.5]])
+    R = np.diag(np.deg2rad([3.0, 3.0, 8.0])) ** 2
+    exact = np.append(readings(pose, masts, boom), pose[2])
+    found = [
+        function(read[:2], masts, boom, float(read[2]), R)
+        for read in exact + rng.multivariate_normal(np.zeros(3), R, 300)
+    ]
+    mean, cov = function(exact[:2], masts, boom, float(exact[2]), R)
+    means = np.array([np.asarray(one[0], float) for one in found])
+    inside = [
+        (e := m[:2] - pose[:2]) @ np.linalg.solve(np.asarray(P, float)[:2, :2], e) < 5.991
+        for m, (_, P) in zip(means, found, strict=True)
+    ]
+    plots.lidar_points(ax, means[:, :2], s=2.0)
+    plots.ellipse(ax, np.asarray(mean, float)[:2], np.asarray(cov, float)[:2, :2])
+    tip = pose[:2] + boom * np.array([np.cos(pose[2]), np.sin(pose[2])])
+    for mast in masts:
+        plots.path(ax, np.array([mast, tip]), "lidar", linewidth=1.0)
+    plots.path(ax, np.array([pose[:2], tip]), "truth", linewidth=2.5)
+    plots.landmarks(ax, masts)
+    plots.floor(ax)
+    ax.set_title(f"{np.mean(inside):.0%} hold the robot")
+
+
+check_first_fix = Check(
+    first_fix,
+    "mean, cov",
+    {
+        "two lines at a right angle": (
+            np.deg2rad([45.0, -45.0]),
+            [[-3, -3], [3, -3]],
+            1.0,
+            0.0,
+            np.diag([0.03, 0.02, 0.01]) ** 2,
+        ),
+        "no boom": ([0.3, -1.1], [[-6.0, -1.0], [3.0, 5.0]], 0.0, 2.0, 0.001 * np.eye(3)),
+        "one line is twice as good": (
+            [0.3, 1.2],
+            [[-6.0, -1.0], [2.0, -5.0]],
+            0.8,
+            -1.0,
+            np.diag([0.02, 0.04, 0.05]) ** 2,
+        ),
+        "the transmitter behind the axle": _morning(True),
+        "any morning, errors that are correlated": _morning(),
+    },
+    tolerance=1e-5,
+    picture=_fix_drawn,
+)
+
+# %% tags=["mistakes"]
+_AXLE = "tip - boom * np.array([np.cos(compass), np.sin(compass)])"
+
+check_first_fix.mistakes = {
+    "this is the tip of the boom: the pose is that of the axle": f"{_AXLE} => tip",
+    "the boom was added: the axle is behind the tip": _AXLE + " => " + _AXLE.replace("-", "+"),
+    "cosine and sine are exchanged on the way back to the axle": (
+        "np.cos(compass), np.sin(compass) => np.sin(compass), np.cos(compass)"
+    ),
+    "this is J R J^T, which carries a covariance from the pose to the readings": (
+        "np.linalg.inv(np.vstack([jacobian(mean, masts, boom), [0.0, 0.0, 1.0]]))"
+        " => np.vstack([jacobian(mean, masts, boom), [0.0, 0.0, 1.0]])"
+    ),
+    "the inverse is on the wrong side: J^-1 R J^-T": "back @ R @ back.T => back.T @ R @ back",
+    "this is J^T R^-1 J, the information: expected the covariance, its inverse": (
+        "back @ R @ back.T => np.linalg.inv(back @ R @ back.T)"
+    ),
+    "this is R: it must go through the tangent": "back @ R @ back.T => R",
+    "J was taken at the tip: expected at the pose of the axle": (
+        "jacobian(mean, masts, boom) => jacobian(np.append(tip, compass), masts, boom)"
+    ),
+    "the covariance is that of a robot without a boom": (
+        "jacobian(mean, masts, boom) => jacobian(mean, masts, 0.0)"
+    ),
+    "the covariance of x and y is that of the tip: a heading error swings the boom": (
+        "jacobian(mean, masts, boom) => jacobian(mean, masts, boom) * [1, 1, 0]"
+    ),
+    "the covariance has the lesson's column −1: a mast does not turn with the robot": (
+        "jacobian(mean, masts, boom)"
+        " => np.column_stack([jacobian(mean, masts, boom)[:, :2], [-1.0, -1.0]])"
+    ),
+    "sine and cosine of the lines are exchanged": (
+        "[-np.sin(z), np.cos(z)] => [-np.cos(z), np.sin(z)]"
+    ),
+    "a sign in the equation of the line: -sin z and cos z": (
+        "[-np.sin(z), np.cos(z)] => [np.sin(z), np.cos(z)]"
+    ),
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 4: where to begin?
+#
+# Each line is one equation, and a line turned by 180° has the same equation with all its signs
+# changed: that is why the peculiarity of the antenna does no harm. The two equations give the tip,
+# the compass leads back to the axle. A small error of the pose makes $e_z = J e_x$, so $e_x =
+# J^{-1} e_z$, and its covariance is $J^{-1} R J^{-\top}$. The robot need not be carried to a known
+# place in the morning.
+
+# %% [markdown] tags=["solution"]
+# The lines give the tip; the axle depends on the compass as well, through the boom. With a zero in
+# that column of $J$ the ellipse is that of the tip, and the picture counts how many of 300 such
+# ellipses hold the robot, of which 95 % are expected:
+
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: two masts, their lines, 300 fixes; in the left one the ellipse is too small for the cloud."}}
+# def of_the_tip(z, masts, boom, compass, R):
+#     mean, _ = first_fix(z, masts, boom, compass, R)
+#     J = np.vstack([jacobian(mean, masts, boom) * [1, 1, 0], [0.0, 0.0, 1.0]])
+#     return mean, np.linalg.inv(J) @ R @ np.linalg.inv(J).T
+#
+# check_first_fix.draw(of_the_tip)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 5: a program with a bug, at the end of the row
+#
+# Between the old walnut trees no mast hears the robot. It drives a row blind. At its end it stops
+# the motors and reads the compass once, and this program predicts step by step and then updates.
+# In a step of `dt` seconds the robot moves by $v\,dt$ along the heading it had before the step,
+# then turns by $\omega\,dt$.
+# Its first half was tested: at the end of 200 rows the ellipse of x and y held the robot as often
+# as it should. Then the compass was added, which should more than halve the error of the position.
+# The error about doubled, and the covariance does not show it: the ellipse is the one that a right
+# program would report. The picture has the errors of 200 rows, after the compass.
+#
+# Find the bug. And a question to begin with: how can a compass improve the *position* at all?
+
+
+# %% tags=["exercise"]
+def row_end(
+    mean: Array, cov: Array, u: Array, dt: float, V: Array, compass: float, variance: float
+) -> tuple[Array, Array]:
+    """Drive a row blind, then read the compass once.
 
     Parameters
     ----------
     mean : ndarray, shape (3,)
-        Pose before the first step.
+        Pose of the axle at the start of the row.
     cov : ndarray, shape (3, 3)
     u : ndarray, shape (T, 2)
         Speed (m/s) and turn rate (rad/s) of every step.
     dt : float
         Duration of a step (s).
     V : ndarray, shape (2, 2)
-        Covariance of speed and turn rate.
-    z : ndarray, shape (T, 2)
-        Range (m) and bearing (rad) after every step; NaN where the landmark was
-        not seen.
-    landmark : ndarray, shape (2,)
-    R : ndarray, shape (2, 2)
-        Covariance of range and bearing.
+        Covariance of speed and turn rate, in every step anew.
+    compass : float
+        Heading that is read after the last step (rad).
+    variance : float
+        Variance of that reading (rad^2).
+
+    Returns
+    -------
+    mean : ndarray, shape (3,)
+        Pose after the reading, heading in (-pi, pi].
+    cov : ndarray, shape (3, 3)
+    """
+    for v, omega in u:
+        c, s = np.cos(mean[2]), np.sin(mean[2])
+        step = np.array([v * dt * c, v * dt * s])
+        F = np.eye(3)
+        F[:2, 2] = -step[1], step[0]  # a heading error swings the step sideways
+        F_u = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
+        mean = mean + np.append(step, omega * dt)
+        cov = F @ cov @ F.T + F_u @ V @ F_u.T
+    K = cov[:, 2] / (cov[2, 2] + variance)
+    mean = mean + K * wrap_angle(compass - mean[2])
+    cov = cov - np.outer(K, cov[2])
+    return np.append(mean[:2], wrap_angle(mean[2])), cov
+
+
+# %% active="ipynb" tags=["stub"]
+#     for v, omega in u:
+#         c, s = np.cos(mean[2]), np.sin(mean[2])
+#         step = np.array([v * dt * c, v * dt * s])
+#         F = np.eye(3)
+#         F[:2, 2] = step[1], -step[0]  # a heading error swings the step sideways
+#         F_u = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
+#         mean = mean + np.append(step, omega * dt)
+#         cov = F @ cov @ F.T + F_u @ V @ F_u.T
+#     K = cov[:, 2] / (cov[2, 2] + variance)
+#     mean = mean + K * wrap_angle(compass - mean[2])
+#     cov = cov - np.outer(K, cov[2])
+#     return np.append(mean[:2], wrap_angle(mean[2])), cov
+
+# %% active="ipynb" tags=["try"]
+# row_end(np.zeros(3), np.diag([0.05, 0.05, 0.1]) ** 2, np.tile([0.8, 0.0], (30, 1)), 0.5,
+#         np.diag([0.1, 0.03]) ** 2, 0.1, 0.0003)
+
+# %% [markdown] tags=["hint"]
+# In the call above the robot believes that it drove 12 m along x, and the compass says that its
+# heading is 0.1 rad, to the left. On which side of the x axis is it more likely to be? On which
+# side does the program put it?
+
+# %% [markdown] tags=["hint"]
+# The gain of a compass is the last column of the covariance, divided by a number. An ellipse of x
+# and y does not show that column: a test of the ellipse alone says nothing about it. What does its
+# sign say at the end of the row, and which line of the program makes it?
+
+# %% [markdown] tags=["hint"]
+# Take the derivatives by a finite difference, as the lesson does: one step at the heading 0, once
+# more at a heading of a millionth. Where does y go?
+
+
+# %% tags=["cases"]
+@drawn
+def _row(rng: np.random.Generator, n: int, dt: float = 0.4) -> Any:
+    mean, cov = a_pose(rng), a_covariance(rng, 3, 0.02)
+    u = np.round(rng.uniform([-0.3, -0.8], [1.5, 0.8], (n, 2)), 2)
+    compass = wrap_angle(mean[2] + dt * u[:, 1].sum() + np.round(rng.uniform(-0.3, 0.3), 2))
+    return mean, cov, u, dt, a_covariance(rng, 2, 0.02), compass, rng.choice([0.001, 0.01, 0.04])
+
+
+def _error_of(found: Any, truth: Array) -> tuple[float, float, Array]:
+    """Return a position's squared error, the NEES of the pose, and where the robot is."""
+    mean, cov = (np.asarray(part, float) for part in found)
+    e = mean - truth
+    e[2] = wrap_angle(float(e[2]))
+    return float(e[:2] @ e[:2]), float(e @ np.linalg.solve(cov, e)), -e[:2]
+
+
+def _row_end_drawn(ax: Any, function: Any) -> None:
+    """Draw the errors of 200 robots at the end of a row, and the 95 % ellipse reported."""
+    from slamlab import plots
+
+    rng, n, dt, V = np.random.default_rng(0), 200, 0.5, np.diag([0.1, 0.03]) ** 2
+    start, P = np.array([0.0, 0.0, 0.5]), np.diag([0.05, 0.05, 0.1]) ** 2
+    u = np.tile([0.8, 0.0], (30, 1))
+    x = start + rng.standard_normal((n, 3)) * np.sqrt(np.diag(P))
+    for command in u:
+        v, omega = (command + rng.standard_normal((n, 2)) * np.sqrt(np.diag(V))).T
+        x += dt * np.column_stack([v * np.cos(x[:, 2]), v * np.sin(x[:, 2]), omega])
+    compass = x[:, 2] + 0.02 * rng.standard_normal(n)
+    found = [function(start, P, u, dt, V, float(one), 0.02**2) for one in compass]
+    scores = [_error_of(one, truth) for one, truth in zip(found, x, strict=True)]
+    squared, nees, errors = (np.array(part) for part in zip(*scores, strict=True))
+    plots.lidar_points(ax, errors, s=3.0)
+    plots.ellipse(ax, [0, 0], np.asarray(found[0][1], float)[:2, :2])
+    plots.floor(ax)
+    ax.set(xlabel="error of x (m)", ylabel="error of y (m)", xlim=(-4, 4), ylim=(-4, 4))
+    ax.set_title(f"error {np.sqrt(squared.mean()):.1f} m, NEES {nees.mean():.1f}")
+
+
+check_row_end = Check(
+    row_end,
+    "mean, cov",
+    {
+        "one step along x, then the compass": (
+            [0, 0, 0],
+            np.diag([0.01, 0.02, 0.04]),
+            [[1.0, 0.0]],
+            0.5,
+            np.diag([0.01, 0.02]),
+            0.2,
+            0.01,
+        ),
+        "a row along x, the compass says left": (
+            [0, 0, 0],
+            np.diag([0.05, 0.04, 0.1]) ** 2,
+            np.tile([0.8, 0.0], (10, 1)),
+            0.5,
+            np.diag([0.1, 0.03]) ** 2,
+            0.1,
+            0.0003,
+        ),
+        "a row in which the robot turns on the spot": (
+            [1, -2, 0.4],
+            [[0.02, 0.0, 0.01], [0.0, 0.03, 0.0], [0.01, 0.0, 0.02]],
+            np.tile([0.0, 0.3], (3, 1)),
+            0.5,
+            [[0.01, 0.004], [0.004, 0.02]],
+            0.7,
+            0.001,
+        ),
+        "the heading passes half a turn to the left": (
+            [0, 0, 3.0],
+            0.05 * np.eye(3),
+            [[0.5, 0.6], [0.4, 0.7]],
+            0.4,
+            0.01 * np.eye(2),
+            -2.7,
+            0.01,
+        ),
+        "the heading passes half a turn to the right": (
+            [0, 0, -3.0],
+            0.05 * np.eye(3),
+            [[0.5, -0.6], [0.4, -0.7]],
+            0.4,
+            0.01 * np.eye(2),
+            2.8,
+            0.01,
+        ),
+        "any row": _row(8),
+        "a row with longer steps": _row(5, 0.9),
+    },
+    tolerance=1e-5,
+    picture=_row_end_drawn,
+    hunt=True,
+)
+
+# %% tags=["mistakes"]
+check_row_end.mistakes = {
+    "F has the wrong sign: a heading error to the left swings the step to the left": (
+        "-step[1], step[0] => step[1], -step[0]"
+    ),
+    "F has the step along itself: a turn moves it across": (
+        "-step[1], step[0] => step[0], step[1]"
+    ),
+    "F is mirrored: minus belongs to the sine": "-step[1], step[0] => step[1], step[0]",
+    "F is the identity: a heading error becomes one of the position": (
+        "-step[1], step[0] => 0.0, 0.0"
+    ),
+    "dt is missing in F_u: a velocity acts for dt": "dt * np.array([[c => np.array([[c",
+    "F_u has cosine and sine exchanged": "[[c, 0.0], [s, 0.0] => [[s, 0.0], [c, 0.0]",
+    "this is F^T P F: expected F P F^T": "F @ cov @ F.T => F.T @ cov @ F",
+    "the noise of the wheels is missing": " + F_u @ V @ F_u.T => ",
+    "the variance of the compass is missing in the gain": ("(cov[2, 2] + variance) => cov[2, 2]"),
+    "the compass has only corrected the heading: it is correlated with x and y": (
+        "K * wrap_angle(compass - mean[2]) => K * [0.0, 0.0, 1.0] * wrap_angle(compass - mean[2])"
+    ),
+    "the innovation of the compass is not wrapped": (
+        "wrap_angle(compass - mean[2]) => (compass - mean[2])"
+    ),
+    "the sign of the innovation is reversed: measured less predicted": (
+        "wrap_angle(compass - mean[2]) => wrap_angle(mean[2] - compass)"
+    ),
+    "the covariance did not shrink": "cov - np.outer(K, cov[2]) => cov + 0 * np.outer(K, cov[2])",
+    "the heading is not wrapped": "wrap_angle(mean[2])), cov => mean[2]), cov",
+}
+
+# %% [markdown] tags=["solution"]
+# ## Solution 5: a program with a bug, at the end of the row
+#
+# A robot whose heading is a little too far to the left ends its row a little too far to the left.
+# So the heading and the place across the row are correlated, and that is how a compass improves a
+# position: it reveals the heading error, and the correlation says where that has led. The column
+# of the heading in $F$ is the step, turned by 90° to the *left*: $(-\Delta y, \Delta x)$. The
+# program turned it to the right. Where the row begins without correlation, the ellipse of x and y
+# has the column times itself: its sign is not in it, and the test of the ellipse passes. The
+# correlation with the heading has the column once. So the program takes
+# "left" for "right" and corrects by the right amount in the wrong direction.
+
+# %% [markdown] tags=["solution"]
+# Without any column in $F$ the program is no better than before the compass, and far more
+# overconfident:
+
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: errors of 200 robots at the end of a row; in the left one a wide cloud and a tiny ellipse."}}
+# def without_column(mean, cov, u, dt, V, compass, variance):
+#     for v, omega in u:
+#         c, s = np.cos(mean[2]), np.sin(mean[2])
+#         F_u = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
+#         mean = mean + dt * np.array([v * c, v * s, omega])
+#         cov = cov + F_u @ V @ F_u.T
+#     K = cov[:, 2] / (cov[2, 2] + variance)
+#     mean = mean + K * wrap_angle(compass - mean[2])
+#     return np.append(mean[:2], wrap_angle(mean[2])), cov - np.outer(K, cov[2])
+#
+# check_row_end.draw(without_column)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 6: your filter follows the robot
+#
+# Now let it mow. Assemble the filter from your own pieces: the motion of exercise 5, the
+# innovation, the prediction and the Jacobian of exercises 1 to 3. In each step several masts may
+# hear the robot, or one, or none. The lesson updates with one landmark after the other; here all
+# that were heard in a step are one measurement of several numbers, each with the standard
+# deviation `sigma`, independent of the others.
+# The picture is the experiment: 20 drives of 60 steps. It shows one of them (black; dashed is dead
+# reckoning) and, over all, your error of the position and your mean NEES, of which 3 is expected.
+# By its wheels alone the robot is about 2 m off; your filter should stay below half a metre. Then
+# you follow a robot that carries no sensor but its wheels.
+
+
+# %% tags=["exercise"]
+def follow(
+    mean: Array,
+    cov: Array,
+    u: Array,
+    dt: float,
+    V: Array,
+    z: Array,
+    masts: Array,
+    boom: float,
+    sigma: float,
+) -> tuple[Array, Array]:
+    """Follow the robot by its wheels and by the masts that hear it.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (3,)
+        Pose of the axle before the first step.
+    cov : ndarray, shape (3, 3)
+    u : ndarray, shape (T, 2)
+        Speed (m/s) and turn rate (rad/s) of every step.
+    dt : float
+        Duration of a step (s).
+    V : ndarray, shape (2, 2)
+        Covariance of speed and turn rate, in every step anew.
+    z : ndarray, shape (T, n)
+        Reading of each mast after every step (rad), NaN where it heard nothing.
+    masts : ndarray, shape (n, 2)
+    boom : float
+        How far ahead of the axle the transmitter is (m); negative: behind it.
+    sigma : float
+        Standard deviation of a reading (rad).
 
     Returns
     -------
@@ -438,17 +962,18 @@ def follow(
     covs : ndarray, shape (T, 3, 3)
     """
     means, covs = [], []
-    for (v, omega), seen in zip(u, z):
+    for (v, omega), read in zip(u, z):
         c, s = np.cos(mean[2]), np.sin(mean[2])
-        F_x = np.array([[1, 0, -v * dt * s], [0, 1, v * dt * c], [0, 0, 1]])
+        F = np.array([[1, 0, -v * dt * s], [0, 1, v * dt * c], [0, 0, 1]])
         F_u = dt * np.array([[c, 0], [s, 0], [0, 1]])
         mean = mean + dt * np.array([v * c, v * s, omega])
-        cov = F_x @ cov @ F_x.T + F_u @ V @ F_u.T
-        if np.isfinite(seen).all():
-            H = jacobian(mean, landmark)
-            K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
-            mean = mean + K @ innovation(seen, range_bearing(mean, landmark))
-            cov = (np.eye(3) - K @ H) @ cov
+        cov = F @ cov @ F.T + F_u @ V @ F_u.T
+        heard = np.isfinite(read)
+        H = jacobian(mean, masts[heard], boom)
+        S = H @ cov @ H.T + sigma**2 * np.eye(len(H))
+        K = cov @ H.T @ np.linalg.inv(S)
+        mean = mean + K @ innovation(read[heard], readings(mean, masts[heard], boom))
+        cov = (np.eye(3) - K @ H) @ cov
         mean = np.append(mean[:2], wrap_angle(mean[2]))
         means.append(mean)
         covs.append(cov)
@@ -456,164 +981,212 @@ def follow(
 
 
 # %% active="ipynb" tags=["try"]
-# follow(np.zeros(3), 0.1 * np.eye(3), np.array([[1.0, 0.2]]), 0.5, 0.01 * np.eye(2),
-#        np.array([[3.1, 0.4]]), np.array([3.0, 2.0]), 0.01 * np.eye(2))
+# follow(np.zeros(3), np.diag([0.1, 0.1, 0.05]) ** 2, np.array([[0.8, 0.2]]), 0.5,
+#        np.diag([0.15, 0.12]) ** 2, np.array([[0.4, np.nan]]),
+#        np.array([[-6.0, -2.0], [7.0, 4.0]]), 1.2, 0.035)
 
 # %% [markdown] tags=["hint"]
-# How does the new pose change with each number of the old one, and with $v$ and $\omega$? Two
-# matrices, 3 x 3 and 3 x 2.
+# `heard = np.isfinite(z[t])` is a mask. `z[t][heard]` and `masts[heard]` are what your functions
+# need; with `k` masts heard, which shapes have $H$, $R$, $S$ and $K$?
 
 # %% [markdown] tags=["hint"]
-# Where does the Jacobian of the measurement belong: at the pose before the motion, or at the
-# predicted one?
+# `readings` and `jacobian` belong to the same pose. Before the motion, or after it?
+
+# %% [markdown] tags=["hint"]
+# Begin without the masts: your ellipses should grow along the drive. Then the update, three lines
+# of matrices as in the lesson; where no mast was heard, leave it out.
 
 
 # %% tags=["cases"]
+def _heard(rng: np.random.Generator, pose: Array, masts: Array, boom: float, sigma: float) -> Any:
+    """Draw noisy readings of a pose, as lines in [-pi/2, pi/2]."""
+    angles = readings(pose, masts, boom) + sigma * rng.standard_normal(len(masts))
+    return wrap_angle(2 * angles) / 2
+
+
 @drawn
-def _unicycle(rng: np.random.Generator, n: int, unseen: float, dt: float = 0.4) -> Any:
-    mean, landmark = a_pose(rng), np.round(rng.uniform(4, 8, 2), 2)
-    u = np.round(rng.uniform([0.2, -1.5], [1.5, 1.5], (n, 2)), 2)
+def _mowing(rng: np.random.Generator, T: int, unheard: float, dt: float = 0.4, n: int = 3) -> Any:
+    mean, masts = a_pose(rng), np.round(rng.uniform(5, 9, (n, 2)), 2)
+    masts *= rng.choice([-1, 1], (n, 2))
+    boom, sigma = np.round(rng.uniform(-0.8, 1.8), 2), rng.choice([0.03, 0.05, 0.1])
+    u = np.round(rng.uniform([-0.2, -1.2], [1.0, 1.2], (T, 2)), 2)
     pose, read = mean, []
     for v, omega in u:
         pose = pose + dt * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
-        read.append(range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.05]))
-    z = np.where(rng.random((n, 1)) < unseen, np.nan, np.round(read, 3))
-    V, R = a_covariance(rng, 2, 0.02), a_covariance(rng, 2, 0.01)
-    return mean, a_covariance(rng, 3, 0.02), u, dt, V, z, landmark, R
+        read.append(_heard(rng, pose, masts, boom, sigma))
+    z = np.where(rng.random((T, n)) < unheard, np.nan, np.round(read, 3))
+    return (
+        mean,
+        a_covariance(rng, 3, 0.02),
+        u,
+        dt,
+        a_covariance(rng, 2, 0.02),
+        z,
+        masts,
+        boom,
+        sigma,
+    )
 
 
 def _follow_drawn(ax: Any, function: Any) -> None:
-    """Draw a drive round a landmark: true path, odometry, the filter's path and its ellipses."""
+    """Draw one of 20 drives: true path, odometry, your path and ellipses, and three masts."""
     from slamlab import plots
 
-    rng, landmark, n = np.random.default_rng(5), np.array([2.0, 2.5]), 40
-    V, R = np.diag([0.15, 0.12]) ** 2, np.diag([0.1, 0.03]) ** 2
-    start, u = np.array([2.0, 0.0, 0.0]), np.tile([0.8, 0.36], (n, 1))
+    rng, T, dt, boom, sigma = np.random.default_rng(4), 60, 0.5, 1.2, 0.035
+    masts, u = np.array([[-9.0, 8.0], [10.0, 6.0], [4.0, -10.0]]), np.tile([0.8, 0.2], (T, 1))
+    start, P = np.array([0.0, -4.0, 0.0]), np.diag([0.1, 0.1, 0.05]) ** 2
+    V = np.diag([0.15, 0.12]) ** 2
     drives = []
-    for controls in (u + rng.multivariate_normal([0, 0], V, n), u):
-        poses = [start]
-        for v, omega in controls:
-            x, y, heading = poses[-1]
-            step = 0.4 * v * np.array([np.cos(heading), np.sin(heading)])
-            poses.append(np.array([x + step[0], y + step[1], heading + 0.4 * omega]))
-        drives.append(np.array(poses[1:]))
-    read = [range_bearing(pose, landmark) + rng.normal(0, [0.1, 0.03]) for pose in drives[0]]
-    z = np.where(np.arange(n)[:, None] % 5 < 3, np.nan, read)
-    plots.path(ax, drives[0], "truth")
-    plots.path(ax, drives[1], "dead_reckoning")
-    plots.landmarks(ax, landmark[None])
-    means, covs = function(start, np.diag([0.01, 0.01, 0.01]), u, 0.4, V, z, landmark, R)
+    for _ in range(20):
+        pose = start + rng.standard_normal(3) * np.sqrt(np.diag(P))
+        truth, z = [], np.full((T, 3), np.nan)
+        for k, command in enumerate(u):
+            v, omega = command + rng.standard_normal(2) * np.sqrt(np.diag(V))
+            pose = pose + dt * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
+            truth.append(pose)
+            if k % 3 == 2:
+                read = _heard(rng, pose, masts, boom, sigma)
+                z[k] = np.where(rng.random(3) < 0.4, np.nan, read)
+        drives.append((np.array(truth), z, function(start, P, u, dt, V, z, masts, boom, sigma)))
+    squared, nees = np.array(
+        [
+            _error_of(one, pose)[:2]
+            for truth, _, found in drives
+            for *one, pose in zip(*found, truth, strict=True)
+        ]
+    ).T
+    truth, _, (means, covs) = drives[0]
+    plots.path(ax, truth, "truth")
+    plots.path(
+        ax,
+        follow(start, P, u, dt, V, drives[0][1] * np.nan, masts, boom, sigma)[0],
+        "dead_reckoning",
+    )
+    plots.landmarks(ax, masts)
     plots.path(ax, np.asarray(means, float))
-    for k in range(0, n, 4):
+    for k in range(0, T, 5):
         plots.ellipse(ax, np.asarray(means[k], float)[:2], np.asarray(covs[k], float)[:2, :2])
     plots.floor(ax)
+    ax.set(xlim=(-10, 10), ylim=(-10, 10))
+    ax.set_title(f"error {np.sqrt(squared.mean()):.2f} m, NEES {nees.mean():.1f}")
 
 
 check_follow = Check(
     follow,
     "means, covs",
     {
-        "one step without a measurement": _unicycle(1, 1.0),
-        "one step and one measurement": _unicycle(1, 0.0, 0.7),
-        "the heading passes half a turn, and the measurement is far off": (
+        "one step, nothing heard": _mowing(1, 1.0),
+        "one step, heard by one mast": _mowing(1, 0.0, 0.7, 1),
+        "one step, heard by three": _mowing(1, 0.0),
+        "the heading passes half a turn to the left, the line is vertical": (
             [0, 0, 3.0],
             0.05 * np.eye(3),
             [[0.5, 0.6]],
             0.4,
             0.01 * np.eye(2),
-            [[4.05, 3.1]],
-            [-4.0, -0.7],
-            0.01 * np.eye(2),
+            [[-1.52, 0.6]],
+            [[-1.6, -6.0], [-5.0, -3.0]],
+            1.0,
+            0.05,
         ),
-        "the landmark behind: expected to the right of the back, measured to its left": (
-            [0, 0, -0.1],
+        "the heading passes half a turn to the right, the line is vertical": (
+            [0, 0, -3.0],
             0.05 * np.eye(3),
-            [[0.5, -0.1]],
+            [[0.5, -0.6]],
             0.4,
             0.01 * np.eye(2),
-            [[4.25, 3.1]],
-            [-4.0, -0.6],
-            0.01 * np.eye(2),
+            [[1.52, 0.6]],
+            [[-0.8, -6.0], [-5.0, -3.0]],
+            1.0,
+            0.05,
         ),
-        "a drive": _unicycle(12, 0.0),
-        "a drive on which the landmark is seen now and then": _unicycle(12, 0.5, 0.25),
+        "a drive, all masts hear it": _mowing(12, 0.0),
+        "a drive on which it is heard now and then": _mowing(12, 0.6, 0.25),
     },
     tolerance=1e-5,
     picture=_follow_drawn,
 )
 
 # %% tags=["mistakes"]
+_NU = "innovation(read[heard], readings(mean, masts[heard], boom))"
+
 check_follow.mistakes = {
+    "the innovation was wrapped as a bearing: the antennas read lines": (
+        f"{_NU} => wrap_angle(read[heard] - readings(mean, masts[heard], boom))"
+    ),
+    "the masts that heard nothing were counted with a reading of zero": (
+        "heard = np.isfinite(read) => heard, read = np.ones(len(read), bool), np.nan_to_num(read)"
+    ),
+    "where one mast heard nothing the others were dropped too": (
+        "heard = np.isfinite(read) => heard = np.isfinite(read) & np.isfinite(read).all()"
+    ),
     "H was taken at the pose before the motion: expected the predicted one": (
         "mean = mean + dt => old, mean = mean, mean + dt",
-        "jacobian(mean, landmark) => jacobian(old, landmark)",
+        "jacobian(mean, masts[heard], boom) => jacobian(old, masts[heard], boom)",
     ),
-    "F_x and F_u were taken at the heading after the motion: expected the one before it": (
-        "F_x = np => ahead = np.array([v * c, v * s, omega])\n        "
+    "F and F_u were taken at the heading after the motion: expected the one before it": (
+        "F = np => ahead = np.array([v * c, v * s, omega])\n        "
         "turned = mean[2] + dt * omega\n        c, s = np.cos(turned), np.sin(turned)\n        "
-        "F_x = np",
+        "F = np",
         "np.array([v * c, v * s, omega])\n        cov => ahead\n        cov",
     ),
-    "F was taken at the heading after the motion: expected the one before it": (
-        "-v * dt * s], [0, 1, v * dt * c] => -v * dt * np.sin(mean[2] + dt * omega)],"
-        " [0, 1, v * dt * np.cos(mean[2] + dt * omega)]"
+    "the column of the heading in H is that of the lesson, −1": (
+        "H = jacobian(mean, masts[heard], boom) => H = jacobian(mean, masts[heard], boom)\n"
+        "        H[:, 2] = -1.0"
     ),
-    "motion and derivatives were taken at the heading half-way: expected the one before": (
-        "np.cos(mean[2]), np.sin(mean[2])"
-        " => np.cos(mean[2] + omega * dt / 2), np.sin(mean[2] + omega * dt / 2)"
+    "the column of the heading in H is zero: a turn moves the tip of the boom": (
+        "H = jacobian(mean, masts[heard], boom) => H = jacobian(mean, masts[heard], boom)\n"
+        "        H[:, 2] = 0.0"
     ),
-    "the innovation is not wrapped: a landmark across the back throws the filter off": (
-        "innovation(seen, range_bearing(mean, landmark)) => (seen - range_bearing(mean, landmark))"
-    ),
-    "the heading is not wrapped: it must lie in (-pi, pi]": "wrap_angle(mean[2]) => mean[2]",
-    "this is F^T P F: expected F P F^T": "F_x @ cov @ F_x.T => F_x.T @ cov @ F_x",
-    "the noise of the motion is missing": " + F_u @ V @ F_u.T => ",
-    "R is missing in S: the sensor is not perfect": "H @ cov @ H.T + R => H @ cov @ H.T",
-    "R must not be added to the gain": (
-        "K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)"
-        " => K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R) + np.pad(R, ((0, 1), (0, 0)))"
-    ),
-    "F has the wrong sign in its last column: differentiate cos and sin": (
+    "F has the wrong sign in its last column, as in exercise 5": (
         "-v * dt * s], [0, 1, v * dt * c] => v * dt * s], [0, 1, -v * dt * c]"
     ),
-    "F is the identity here: uncertainty of the heading becomes one of the position": (
-        "F_x @ cov @ F_x.T => cov"
+    "F is the identity here: a heading error becomes one of the position": (
+        "F @ cov @ F.T => cov"
     ),
-    "the sign of the innovation is reversed: measured minus predicted": (
+    "this is F^T P F: expected F P F^T": "F @ cov @ F.T => F.T @ cov @ F",
+    "the noise of the motion is missing": " + F_u @ V @ F_u.T => ",
+    "dt is missing in F_u: a velocity acts for dt": "F_u = dt * np => F_u = np",
+    "sigma is a standard deviation: R has its square": "sigma**2 * => sigma *",
+    "R is missing in S: the antennas are not perfect": (
+        " + sigma**2 * np.eye(len(H)) =>  + 1e-12 * np.eye(len(H))"
+    ),
+    "the heading is not wrapped: it must lie in (-pi, pi]": "wrap_angle(mean[2]) => mean[2]",
+    "the sign of the innovation is reversed: measured less predicted": (
         "mean + K @ innovation => mean - K @ innovation"
     ),
     "the covariance did not shrink: expected (I - K H) P": "(np.eye(3) - K @ H) @ cov => cov",
-    "the measurements were not used": "np.isfinite(seen).all() => False",
-    "dt is missing in F_u: a velocity acts for dt": ("F_u = dt * np => F_u = np"),
     "only the last belief was returned: expected one after each step": (
         lambda *given: (follow(*given)[0][-1], follow(*given)[1][-1])
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 4: your filter on the unicycle
+# ## Solution 6: your filter follows the robot
 #
-# Five lines of motion, four of measurement. Both Jacobians of the motion are taken at the pose
-# before it, that of the measurement at the predicted pose.
+# Five lines of motion, five of measurement. Both Jacobians of the motion are taken at the pose
+# before it, that of the measurement at the predicted pose. Where no mast was heard all matrices of
+# the update have zero rows, and it changes nothing. The heading is nowhere measured but for the
+# little that comes through the boom. The filter has it from the correlation of exercise 5: who is
+# found too far left has been heading too far left.
 
 # %% [markdown] tags=["solution"]
-# With the Jacobian of the motion on the wrong side, $F^\top P F$, the step without a measurement
-# already goes wrong in its covariance, while its pose stays right:
+# What does each piece buy? With the lesson's wrap in the innovation the drive looks well until the
+# line of a mast passes the vertical:
 
-# %% active="ipynb" tags=["solution"]
-# def other_side(mean, cov, u, dt, V, z, landmark, R):
-#     means, covs = [], []
-#     for step, seen in zip(u, z):
-#         c, s = np.cos(mean[2]), np.sin(mean[2])
-#         F = np.array([[1, 0, -step[0] * dt * s], [0, 1, step[0] * dt * c], [0, 0, 1]])
-#         turned = np.linalg.inv(F) @ F.T @ cov @ F @ np.linalg.inv(F).T
-#         ms, cs = follow(mean, turned, step[None], dt, V, seen[None], landmark, R)
-#         mean, cov = ms[0], cs[0]
-#         means.append(mean)
-#         covs.append(cov)
-#     return np.array(means), np.array(covs)
-#
-# check_follow(other_side)
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: a drive round the orchard; in the left one the estimated path jumps across the orchard."}}
+# of_lines = innovation
+# innovation = lambda z, predicted: wrap_angle(z - predicted)
+# check_follow.draw(follow)
+
+# %% [markdown] tags=["solution"]
+# With the lesson's column of the heading, −1, in the Jacobian:
+
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: a drive round the orchard; in the left one the estimated path leaves the true one."}}
+# innovation, of_the_boom = of_lines, jacobian
+# jacobian = lambda pose, masts, boom: np.column_stack(
+#     [of_the_boom(pose, masts, boom)[:, :2], -np.ones(len(masts))])
+# check_follow.draw(follow)
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 03](../solutions/03_extended_kalman_filter.ipynb).

@@ -19,18 +19,17 @@ def answer(check, *edits):
     return CHECKS[check].mistaken(edits)
 
 
-def forward_jacobian(pose, landmark, h=1e-7):
-    reference = CHECKS["ch03.check_range_bearing"].reference
+def forward_jacobian(pose, masts, boom, h=1e-7):
+    reference = CHECKS["ch03.check_readings"].reference
     columns = [
-        (reference(pose + h * axis, landmark) - reference(pose, landmark)) / h
+        (reference(pose + h * axis, masts, boom) - reference(pose, masts, boom)) / h
         for axis in np.eye(3)
     ]
     return np.array(columns).T
 
 
-def by_arctan(z, predicted):
-    d = z[1] - predicted[1]
-    return [z[0] - predicted[0], np.arctan2(np.sin(d), np.cos(d))]
+def by_tangent(z, predicted):
+    return np.arctan(np.tan(z - predicted))
 
 
 def by_matrices(start, odometry):
@@ -75,7 +74,7 @@ RIGHT = {
     "ch02.check_joseph": [
         lambda P, K, H, R: P - K @ H @ P - P @ H.T @ K.T + K @ (H @ P @ H.T + R) @ K.T
     ],
-    "ch03.check_innovation": [by_arctan],
+    "ch03.check_innovation": [by_tangent],
     "ch03.check_jacobian": [forward_jacobian],
     "ch04.check_effective_sample_size": [lambda w: sum(w) ** 2 / sum(w * w)],
     "ch04.check_resample": [walk],
@@ -121,9 +120,9 @@ WRONG = [
     ("ch02.check_update", answer("ch02.check_update", "np.eye(len(mean)) => np.eye(len(z))"), ""),
     ("ch02.check_update", answer("ch02.check_update", "+ R => + R / 2"), "counted twice"),
     ("ch02.check_joseph", lambda P, K, H, R: np.linalg.inv(P), ""),
-    ("ch03.check_range_bearing", lambda p, m: [1, 2, 3], "shape"),
+    ("ch03.check_readings", lambda p, m, b: [1, 2, 3, 4], "shape"),
     ("ch03.check_innovation", lambda z, p: z + p, ""),
-    ("ch03.check_jacobian", lambda p, m: forward_jacobian(p, m, 2e-4), "almost right"),
+    ("ch03.check_jacobian", lambda p, m, b: forward_jacobian(p, m, b, 1e-3), "almost right"),
     ("ch04.check_effective_sample_size", lambda w: 1.0, ""),
     ("ch04.check_resample", lambda w, u: walk(w, u)[::-1], "reverse order"),
     ("ch04.check_weights", lambda w, log: np.exp(log) / np.exp(log).sum(), ""),
