@@ -29,6 +29,7 @@ __all__ = [
 
 # %% [markdown] tags=["chapter"]
 # # Exercises 03: the extended Kalman filter
+#
 # One robot, six exercises. It mows between the trees of an orchard, where leaves weaken GPS, so
 # it is followed as biologists follow wolves: it carries a small radio transmitter, and
 # antennas on masts around the orchard hear it. You predict what a mast reads, compare, take the
@@ -203,7 +204,7 @@ check_readings.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: the innovation of a line
 #
-# The robot drives north past a mast. The mast reads 89°, the filter predicted −89°. As bearings
+# The robot passes north of a mast. The mast reads 89°, the filter predicted −89°. As bearings
 # these differ by 178°, and the lesson's `wrap_angle` leaves that as it is: the filter would throw
 # the robot across the orchard. As lines they are 2° apart.
 #
@@ -370,8 +371,8 @@ def jacobian(pose: Array, masts: Array, boom: float) -> Array:
 # mast to tip, how do $d_x$ and $d_y$ change with x and with y?
 
 # %% [markdown] tags=["hint"]
-# A turn moves the tip and nothing else: differentiate $b\cos\theta$ and $b\sin\theta$, and chain
-# them to the two derivatives of the hint before.
+# A turn moves the tip and nothing else: differentiate $b\cos\theta$ and $b\sin\theta$, with $b$ the
+# length of the boom, and chain them to the two derivatives of the hint before.
 
 
 # %% tags=["cases"]
@@ -458,7 +459,7 @@ check_jacobian.mistakes = {
 # the mast, nothing when it lies across the line, negative when it points at the mast.
 
 # %% [markdown] tags=["solution"]
-# With the column of the lesson, −1, the filter takes every reading for a compass. The check names
+# With the column of the lesson, −1, each reading would count as one of the heading. The check names
 # it; what it costs is at the end of this page.
 
 # %% active="ipynb" tags=["solution"]
@@ -670,10 +671,12 @@ check_first_fix.mistakes = {
 # the motors and reads the compass once, and this program predicts step by step and then updates.
 # In a step of `dt` seconds the robot moves by $v\,dt$ along the heading it had before the step,
 # then turns by $\omega\,dt$.
-# Its first half was tested: at the end of 200 rows the ellipse of x and y held the robot as often
-# as it should. Then the compass was added, which should more than halve the error of the position.
-# The error about doubled, and the covariance does not show it: the ellipse is the one that a right
-# program would report. The picture has the errors of 200 rows, after the compass.
+#
+# Its first half was tested: at the end of 200 rows the 95 % ellipse of x and y held the robot as
+# often as it should. Then the compass was added, which should more than halve the error of the
+# position. The error about doubled, and the covariance does not show it: the ellipse is the one
+# that a right program would report. The picture has the errors of 200 rows after the compass, and
+# the mean NEES of the pose, of which 3 is expected.
 #
 # Find the bug. And a question to begin with: how can a compass improve the *position* at all?
 
@@ -710,7 +713,7 @@ def row_end(
         c, s = np.cos(mean[2]), np.sin(mean[2])
         step = np.array([v * dt * c, v * dt * s])
         F = np.eye(3)
-        F[:2, 2] = -step[1], step[0]  # a heading error swings the step sideways
+        F[:2, 2] = -step[1], step[0]
         F_u = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
         mean = mean + np.append(step, omega * dt)
         cov = F @ cov @ F.T + F_u @ V @ F_u.T
@@ -725,7 +728,7 @@ def row_end(
 #         c, s = np.cos(mean[2]), np.sin(mean[2])
 #         step = np.array([v * dt * c, v * dt * s])
 #         F = np.eye(3)
-#         F[:2, 2] = step[1], -step[0]  # a heading error swings the step sideways
+#         F[:2, 2] = step[1], -step[0]
 #         F_u = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])
 #         mean = mean + np.append(step, omega * dt)
 #         cov = F @ cov @ F.T + F_u @ V @ F_u.T
@@ -888,8 +891,9 @@ check_row_end.mistakes = {
 # of the heading in $F$ is the step, turned by 90° to the *left*: $(-\Delta y, \Delta x)$. The
 # program turned it to the right. Where the row begins without correlation, the ellipse of x and y
 # has the column times itself: its sign is not in it, and the test of the ellipse passes. The
-# correlation with the heading has the column once. So the program takes
-# "left" for "right" and corrects by the right amount in the wrong direction.
+# correlation with the heading has the column once. So the program takes "left" for "right" and
+# corrects by the right amount in the wrong direction. The NEES of the whole pose has the
+# correlations in it, and is as large before the compass as after: that is the test to make.
 
 # %% [markdown] tags=["solution"]
 # Without any column in $F$ the program is no better than before the compass, and far more
@@ -911,11 +915,12 @@ check_row_end.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 6: your filter follows the robot
 #
-# Now let it mow. Assemble the filter from your own pieces: the motion of exercise 5, the
-# innovation, the prediction and the Jacobian of exercises 1 to 3. In each step several masts may
+# Now let it mow. Assemble the filter from your own pieces: the motion of exercise 5, and from
+# exercises 1 to 3 the prediction, the innovation and the Jacobian. In each step several masts may
 # hear the robot, or one, or none. The lesson updates with one landmark after the other; here all
 # that were heard in a step are one measurement of several numbers, each with the standard
 # deviation `sigma`, independent of the others.
+#
 # The picture is the experiment: 20 drives of 60 steps. It shows one of them (black; dashed is dead
 # reckoning) and, over all, your error of the position and your mean NEES, of which 3 is expected.
 # By its wheels alone the robot is about 2 m off; your filter should stay below half a metre. Then
