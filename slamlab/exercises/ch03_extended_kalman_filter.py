@@ -382,8 +382,9 @@ def _jacobian_drawn(ax: Any, function: Any) -> None:
 
     rng, masts = np.random.default_rng(1), np.array([[-4.0, -1.0], [2.0, -4.5]])
     pose, boom = np.array([0.5, -0.4, 0.4]), 1.5
-    P = np.diag([0.06, 0.06, 0.15]) ** 2
-    robots = pose + rng.standard_normal((1000, 3)) * np.sqrt(np.diag(P))
+    # Its heading is correlated with its place: the sign of a column shows.
+    P = np.array([[0.006, -0.003, -0.006], [-0.003, 0.014, 0.012], [-0.006, 0.012, 0.0144]])
+    robots = rng.multivariate_normal(pose, P, 1000)
     J = np.rad2deg(np.asarray(function(pose, masts, boom), float))
     cloud = np.array(
         [innovation(readings(r, masts, boom), readings(pose, masts, boom)) for r in robots]
