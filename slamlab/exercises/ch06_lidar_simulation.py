@@ -11,6 +11,7 @@ import numpy as np
 
 from slamlab.exercises._draw import a_pose, drawn
 from slamlab.exercises._report import Array, Check, Function, Ints
+from slamlab.geometry import compose
 
 __all__ = [
     "check_beam_angles",
@@ -24,10 +25,11 @@ __all__ = [
 # %% [markdown] tags=["chapter"]
 # # Exercises 06: lidar simulation
 #
-# Five exercises that turn a drawn room into what a robot sees: three functions, a beam with two
-# bugs, and a whole drive assembled; the chapter is [Lidar
-# simulation](../06_lidar_simulation.ipynb). Replace each `...` and run the check below it as
-# often as you like; then draw what you built beside what is expected.
+# Five exercises that turn a drawn house into what a robot sees: a beam that meets glass, the beams
+# of a fan, a lidar that is not at the robot's centre, a beam with two bugs, and a whole drive
+# assembled. The chapter is [Lidar simulation](../06_lidar_simulation.ipynb). Replace each `...`
+# and run the check below it as often as you like; then draw what you built beside what is
+# expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 06: lidar simulation
@@ -44,20 +46,29 @@ __all__ = [
 # from slamlab.worlds import BitmapWorld
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 1: a beam through cells
+# ## Exercise 1: a beam that meets glass
 #
-# From grid line to grid line until a cell is occupied. Everything is in cells: the cell in row r
-# and column c is the square from (c, r) to (c + 1, r + 1).
+# A robot that drove without fault for a week is sent to a new office and drives against its glass
+# door. Its map has the door as free floor at one place and as a wall at another. A pane sends
+# light back only if a beam meets it nearly squarely; at a slant the light goes through, or away.
+#
+# So the picture has three kinds of cells: 0 is free, 1 a wall, 2 glass. Follow the beam from grid
+# line to grid line, as the lesson does. A wall always ends it. Glass ends it if the beam comes
+# from a cell that is *not* glass and stands within 30° of the perpendicular of the grid line that
+# it crosses there. Else it goes on, as if the cell were free.
+#
+# Everything is in cells: the cell in row r and column c is the square from (c, r) to (c + 1, r +
+# 1).
 
 
 # %% tags=["exercise"]
-def first_hit(occupied: Ints, x: float, y: float, angle: float) -> float:
+def first_hit(cells: Ints, x: float, y: float, angle: float) -> float:
     """Range of one beam.
 
     Parameters
     ----------
-    occupied : ndarray, shape (rows, columns)
-        1 where a cell is occupied; row 0 at the bottom.
+    cells : ndarray of int, shape (rows, columns)
+        0 free, 1 wall, 2 glass; row 0 at the bottom.
     x, y : float
         Where the beam starts, inside the grid (cells).
     angle : float
@@ -66,39 +77,43 @@ def first_hit(occupied: Ints, x: float, y: float, angle: float) -> float:
     Returns
     -------
     float
-        Distance (cells) to the border of the first occupied cell: 0 if the start is
-        inside one, inf if the beam leaves the grid.
+        Distance (cells) to the border of the cell that ends the beam: 0 if the start
+        is inside a wall, inf if the beam leaves the grid. A start inside glass is not
+        tried, nor a beam at exactly 30 degrees.
     """
     dx, dy = float(np.cos(angle)), float(np.sin(angle))
     column, row, t = int(x), int(y), 0.0
-    rows, columns = occupied.shape
+    rows, columns = cells.shape
+    before, cosine = 0, 0.0
     while 0 <= row < rows and 0 <= column < columns:
-        if occupied[row, column]:
+        here = cells[row, column]
+        if here == 1 or (here == 2 and before == 0 and cosine > np.cos(np.pi / 6)):
             return t
+        before = here
         t_x = (column + (dx > 0) - x) / dx if dx else np.inf
         t_y = (row + (dy > 0) - y) / dy if dy else np.inf
         t = min(t_x, t_y)
         if t_x <= t_y:
-            column += 1 if dx > 0 else -1
+            column, cosine = column + (1 if dx > 0 else -1), abs(dx)
         else:
-            row += 1 if dy > 0 else -1
+            row, cosine = row + (1 if dy > 0 else -1), abs(dy)
     return np.inf
 
 
 # %% active="ipynb" tags=["try"]
-# first_hit(np.array([[0, 0, 0, 1]]), 0.5, 0.5, 0.0)
+# first_hit(np.array([[0, 0, 2, 1]]), 0.5, 0.5, 0.0)
 
 # %% [markdown] tags=["hint"]
-# Keep the current column, the current row and the distance t at which the beam entered this cell.
-# When do you stop?
+# Begin with the lesson's walk, and forget the glass. Then ask: what does the walk know, at the
+# moment when it steps into a cell, that tells how squarely the beam meets it?
 
 # %% [markdown] tags=["hint"]
-# A beam that runs to the right leaves column c at x = c + 1, one that runs to the left at x = c.
-# At which distance along the beam is that?
+# A beam that steps across a *vertical* grid line meets it squarely if it runs along x. The cosine
+# of the angle from the perpendicular is then `abs(dx)`; across a horizontal line it is `abs(dy)`.
 
 # %% [markdown] tags=["hint"]
-# `t_x = (column + (dx > 0) - x) / dx` if `dx` is not zero, else infinity; the same for `t_y`;
-# step into the neighbour across the nearer of the two.
+# Keep two things from one cell to the next: what the cell before was, and the cosine with which
+# its border was crossed.
 
 # %% tags=["cases"]
 _CELLS = np.zeros((6, 9), dtype=int)
@@ -110,11 +125,18 @@ _CELLS[[1, 4, 5, 3], [7, 2, 0, 8]] = 1
 _DIAGONAL = np.eye(9, dtype=int)[::-1]
 
 
+# A pane of glass along column 5, two cells thick in rows 3 and 4, and a wall behind it.
+_PANE = np.zeros((6, 9), dtype=int)
+
+
+_PANE[:, 5], _PANE[3:5, 6], _PANE[:, 8] = 2, 2, 1
+
+
 def _beam(rng: np.random.Generator) -> Any:
     rows, columns = rng.integers(2, 9, 2)
-    x, y = np.round(rng.uniform(0.05, [columns - 0.05, rows - 0.05]), 2)
-    cells = rng.random((rows, columns)) < 0.2
-    cells[int(y), int(x)] = False
+    x, y = np.round(rng.uniform(0.05, [columns - 0.05, rows - 0.05]), 2) + 0.004
+    cells = rng.choice([0, 1, 2], (rows, columns), p=[0.7, 0.15, 0.15])
+    cells[int(y), int(x)] = 0
     return cells, x, y, np.round(rng.uniform(-np.pi, np.pi), 3)
 
 
@@ -130,21 +152,23 @@ def _along(axis: float) -> Any:
 
 
 def _cells_drawn(ax: Any, cells: Any, resolution: float = 1.0) -> None:
-    """Draw occupied cells as a picture of this resolution."""
+    """Draw walls dark and glass light, as a picture of this resolution."""
     from slamlab import plots
 
     rows, columns = cells.shape
-    plots.occupancy(ax, 0.5 * cells, [0, columns * resolution, 0, rows * resolution])
+    plots.occupancy(
+        ax, np.array([0.0, 0.5, 0.2])[cells], [0, columns * resolution, 0, rows * resolution]
+    )
 
 
 def _first_hit_drawn(ax: Any, function: Any) -> None:
-    """Draw the end points of 180 beams among occupied cells, which are grey."""
+    """Draw the end points of 180 beams in an office; its walls are grey, its panes light grey."""
     from slamlab import plots
 
-    cells = (np.random.default_rng(9).random((10, 14)) < 0.08).astype(int)
-    cells[[0, -1], :] = cells[:, [0, -1]] = 1
-    x, y = 6.3, 5.6
-    cells[int(y), int(x)] = 0
+    cells = np.zeros((10, 14), dtype=int)
+    cells[[0, -1], :] = cells[:, [0, -1]] = cells[4:6, 3] = 1
+    cells[1:9, 10] = cells[7, 1:9] = 2
+    x, y = 6.3, 4.6
     _cells_drawn(ax, cells)
     angles = np.linspace(-np.pi, np.pi, 180, endpoint=False) + 0.01
     ranges = np.array([float(function(cells, x, y, float(angle))) for angle in angles])
@@ -166,7 +190,14 @@ check_first_hit = Check(
         "between two cells that touch at a corner": (_DIAGONAL, 1.2, 1.3, np.arctan2(2.78, 2.7)),
         "a beam that leaves the grid": (_CELLS, 3.5, 2.5, -1.2),
         "walls on the far edges are behind this beam": _away,
-        "a start inside an occupied cell": (_CELLS, 2.5, 4.5, 1.0),
+        "a pane met squarely": (_PANE, 1.5, 2.4, 0.2),
+        "a pane met from the right": (_PANE, 7.5, 1.4, np.pi - 0.2),
+        "a pane met at 28 degrees": (_PANE, 1.5, 0.4, 0.49),
+        "a pane met at a slant lets the beam pass": (_PANE, 1.5, 0.6, 0.7),
+        "glass behind glass: the beam is inside it already": (_PANE, 4.6, 1.2, 1.2),
+        "a pane met from below": (_PANE.T.copy(), 2.4, 1.5, np.pi / 2 + 0.3),
+        "a pane met from above": (_PANE.T.copy(), 1.4, 7.5, -np.pi / 2 + 0.3),
+        "a start inside a wall": (_CELLS, 2.5, 4.5, 1.0),
         "a start in the first row and the last column": (_CELLS, 8.5, 0.5, 2.2),
         "any grid, any beam": _beam,
     },
@@ -176,17 +207,6 @@ check_first_hit = Check(
 
 
 # %% tags=["mistakes"]
-def _sampled(occupied: Ints, x: float, y: float, angle: float, step: float) -> float:
-    """Range by samples every `step` along the beam."""
-    for t in np.arange(0.0, 4.0 * sum(occupied.shape), step):
-        column, row = int(np.floor(x + t * np.cos(angle))), int(np.floor(y + t * np.sin(angle)))
-        if not (0 <= row < len(occupied) and 0 <= column < len(occupied[0])):
-            return np.inf
-        if occupied[row, column]:
-            return float(t)
-    return np.inf
-
-
 def _to_the_centre(occupied: Ints, x: float, y: float, angle: float) -> float:
     t = first_hit(occupied, x, y, angle)
     if np.isinf(t):
@@ -200,24 +220,18 @@ def _fenced(occupied: Ints, x: float, y: float, angle: float) -> float:
 
 
 check_first_hit.mistakes = {
-    "rows and columns are exchanged: the row comes first, occupied[row, column]": (
-        "occupied[row, column] => occupied[column, row]"
+    "rows and columns are exchanged: the row comes first, cells[row, column]": (
+        "cells[row, column] => cells[column, row]"
     ),
     "a negative index counts from the other end: a beam that leaves the grid met nothing": (
         "while 0 <= row < rows and 0 <= column < columns => while row < rows and column < columns"
-    ),
-    "one step a pixel of the longer side, as P5 has it: cells cut near a corner are skipped": (
-        lambda o, x, y, a: _sampled(o, x, y, a, 1 / max(abs(np.cos(a)), abs(np.sin(a))))
-    ),
-    "samples at fixed steps: never exact, and a small corner falls between them": (
-        lambda o, x, y, a: _sampled(o, x, y, a, 0.1)
     ),
     "this is the distance to the cell's centre: the beam ends at its border": _to_the_centre,
     "a beam that leaves the grid met nothing: expected inf, not the way to the edge": _fenced,
     "row 0 is at the bottom: the picture was turned over": (
         lambda o, x, y, a: first_hit(o[::-1], x, y, a)
     ),
-    "rows and columns are exchanged: occupied[row, column], row from y": (
+    "rows and columns are exchanged: cells[row, column], row from y": (
         lambda o, x, y, a: first_hit(o.T, x, y, a)
     ),
     "the angle is in radians": lambda o, x, y, a: first_hit(o, x, y, np.deg2rad(a)),
@@ -231,38 +245,66 @@ check_first_hit.mistakes = {
         lambda o, x, y, a: first_hit(o, int(x) + 0.5, int(y) + 0.5, a)
     ),
     "the angle grows counterclockwise: y upwards": lambda o, x, y, a: first_hit(o, x, y, -a),
-    "the cell of the start was not looked at": (
-        "if occupied[row, column]: => if t and occupied[row, column]:"
+    "the cell of the start was not looked at": ("if here == 1 or => if (t and here == 1) or"),
+    "glass was taken for a wall: at a slant the beam goes through": (
+        " and before == 0 and cosine > np.cos(np.pi / 6) => "
+    ),
+    "glass was taken for free floor: a beam that meets it squarely comes back": (
+        " or (here == 2 and before == 0 and cosine > np.cos(np.pi / 6)) => "
+    ),
+    "glass ended the beam at a slant, and let it pass squarely": (
+        "cosine > np.cos(np.pi / 6) => cosine < np.cos(np.pi / 6)"
+    ),
+    "the beam was in the glass already: only what comes from outside is sent back": (
+        " and before == 0 => "
+    ),
+    "which line was crossed? Across a vertical one `abs(dx)` counts, across a horizontal one "
+    "`abs(dy)`": (
+        "else -1), abs(dx) => else -1), abs(dy)",
+        "row, cosine = row + (1 if dy > 0 else"
+        " -1), abs(dy) => row, cosine = row + (1 if dy > 0 else -1), abs(dx)",
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 1: a beam through cells
+# ## Solution 1: a beam that meets glass
 #
 # The beam enters each cell at a distance t that the last step has found, so when a cell turns out
-# to be occupied the answer is at hand. Computing `t_x` and `t_y` anew from the start, instead of
-# adding up, keeps rounding from piling up.
+# to end it the answer is at hand. And the step knows more: which of the two lines was crossed, and
+# with it the angle. Computing `t_x` and `t_y` anew from the start, instead of adding up, keeps
+# rounding from piling up.
 
 # %% [markdown] tags=["solution"]
-# P5 takes one step a pixel along the longer side. It is shorter to write, and it skips what it
-# steps over:
+# How much of a pane does a lidar miss? It stands one metre before a long pane (cells of 10 cm) and
+# sends a beam every degree into the half circle ahead; behind the pane is a wall, three metres
+# away:
 
 # %% active="ipynb" tags=["solution"]
-# def pixel_walk(occupied, x, y, angle):
-#     rows, columns = occupied.shape
-#     step = 1 / max(abs(np.cos(angle)), abs(np.sin(angle)))
-#     for t in np.arange(0.0, 100.0, step):
-#         column = int(np.floor(x + t * np.cos(angle)))
-#         row = int(np.floor(y + t * np.sin(angle)))
-#         if not (0 <= row < rows and 0 <= column < columns):
-#             return np.inf
-#         if occupied[row, column]:
-#             return t
+# office = np.zeros((400, 60), dtype=int)
+# office[:, 20], office[:, 50] = 2, 1
+# beams = np.deg2rad(np.arange(-80, 81))
+# ranges = np.array([first_hit(office, 10.5, 200.5, beam) for beam in beams])
+# on_glass = np.isclose(ranges * np.cos(beams), 9.5)
+# print(f"{on_glass.sum()} of {len(beams)} beams see the pane, "
+#       f"{(~on_glass).sum()} the wall behind it")
+
+# %% [markdown] tags=["solution"]
+# So the same pane is a wall in the middle of the scan and free floor at its sides, and an
+# occupancy map of a drive along it is whatever was observed last and most often. Who takes glass
+# for a wall:
+
+# %% active="ipynb" tags=["solution"]
+# def all_solid(cells, x, y, angle):
+#     return first_hit(np.minimum(cells, 1), x, y, angle)
 #
-# check_first_hit(pixel_walk)
+# check_first_hit(all_solid)
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: the beams of a lidar
+#
+# Two lidars: *720 beams, 360°* says the one maker, *181 beams, 180°* the other. In one of them
+# neighbouring beams are half a degree apart, in the other a whole degree, and a program that
+# treats both alike is wrong for one of them. Lay out the beams for any such lidar.
 
 
 # %% tags=["exercise"]
@@ -396,21 +438,30 @@ check_beam_angles.mistakes = {
 # check_beam_angles(behind_twice)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 3: points that keep their place
+# ## Exercise 3: a lidar on the robot's nose
+#
+# In the lesson the lidar stood at the robot's centre. On a real robot it is mounted somewhere:
+# ahead of the centre, to one side, often turned, because there was no other place for the cable.
+# The pose that a filter estimates is that of the *robot*. Place the ends of a scan in the world.
+#
+# Each beam keeps its place in the list, with or without a return.
 
 
 # %% tags=["exercise"]
-def scan_to_points(pose: Array, ranges: Array, angles: Array) -> Array:
+def scan_to_points(pose: Array, mount: Array, ranges: Array, angles: Array) -> Array:
     """Where the beams of a scan ended.
 
     Parameters
     ----------
     pose : ndarray, shape (3,)
-        x, y, heading of the lidar in the world (m, m, rad).
+        x, y, heading of the robot in the world (m, m, rad).
+    mount : ndarray, shape (3,)
+        The lidar in the frame of the robot: how far ahead of its centre (m), how far
+        to the left (m), and how far its beam zero is turned from the nose (rad).
     ranges : ndarray, shape (n,)
         Distances (m); inf where a beam met nothing, NaN where its reading was lost.
     angles : ndarray, shape (n,)
-        Directions of the beams from the robot's nose (rad), counterclockwise.
+        Directions of the beams from the lidar's beam zero (rad), counterclockwise.
 
     Returns
     -------
@@ -418,16 +469,23 @@ def scan_to_points(pose: Array, ranges: Array, angles: Array) -> Array:
         Points in the world (m); NaN where there is none.
     """
     kept = np.where(np.isfinite(ranges), ranges, np.nan)
-    beams = pose[2] + angles
-    x, y = pose[0] + kept * np.cos(beams), pose[1] + kept * np.sin(beams)
-    return np.stack([x, y], -1)
+    beams, c, s = pose[2] + mount[2] + angles, np.cos(pose[2]), np.sin(pose[2])
+    x0 = pose[0] + c * mount[0] - s * mount[1]
+    y0 = pose[1] + s * mount[0] + c * mount[1]
+    return np.stack([x0 + kept * np.cos(beams), y0 + kept * np.sin(beams)], -1)
 
 
 # %% active="ipynb" tags=["try"]
-# scan_to_points(np.array([1.0, 2.0, 0.0]), np.array([3.0, np.inf]), np.array([0.0, 1.0]))
+# pose, mount = np.array([1.0, 2.0, np.pi / 2]), np.array([0.3, 0.0, 0.0])
+# scan_to_points(pose, mount, np.array([3.0, np.inf]), np.array([0.0, 1.0]))
 
 # %% [markdown] tags=["hint"]
-# In which direction of the world does a beam look if the robot is turned?
+# Where in the world is the lidar, if the robot is turned by a right angle and the lidar sits 0.3 m
+# ahead of its centre? Draw it.
+
+# %% [markdown] tags=["hint"]
+# The pose of the lidar in the world is the robot's pose composed with the mount: the mount's place
+# is turned by the robot's heading and added, the two headings add.
 
 # %% [markdown] tags=["hint"]
 # `np.where(np.isfinite(ranges), ranges, np.nan)` first: NaN then spreads by itself.
@@ -440,22 +498,25 @@ def _scan(rng: np.random.Generator, lost: bool) -> Any:
     ranges = np.round(rng.uniform(0.2, 9, n), 2)
     if lost:
         ranges[rng.permutation(n)[:2]] = [np.nan, np.inf]
-    return a_pose(rng), ranges, np.sort(np.round(rng.uniform(-3, 3, n), 2))
+    mount = np.round(rng.uniform([-0.5, -0.5, -3], [0.5, 0.5, 3]), 2)
+    return a_pose(rng), mount, ranges, np.sort(np.round(rng.uniform(-3, 3, n), 2))
 
 
 _ROOM = [(0, 0), (6, 0), (6, 3), (4, 3), (4, 5), (0, 5)]
 
 
 def _points_drawn(ax: Any, function: Any) -> None:
-    """Draw the points of two scans and the walls of the room in which they were taken."""
+    """Draw the points of two scans by a lidar ahead of the centre, and the walls of the room."""
     from slamlab import plots
     from slamlab.sensors import Lidar
     from slamlab.worlds import WallWorld
 
     world, lidar = WallWorld.from_polygons(_ROOM), Lidar(60, max_range=4.5)
     plots.walls(ax, world.segments)
+    mount = np.array([0.4, -0.2, 1.0])
     for pose in np.array([[1.0, 1.2, 0.5], [4.6, 1.6, -2.6]]):
-        points = function(pose, lidar.scan(world, pose), lidar.beam_angles)
+        scan = lidar.scan(world, compose(pose, mount))
+        points = function(pose, mount, scan, lidar.beam_angles)
         plots.lidar_points(ax, np.asarray(points, float), s=4)
         ax.plot(pose[0], pose[1], "o", color=plots.COLOURS["truth"])
     plots.floor(ax)
@@ -466,11 +527,23 @@ check_scan_to_points = Check(
     scan_to_points,
     "points",
     {
-        "a robot at the origin looks along x": ([0, 0, 0], [1.0, 2.0, 3.0], [-1.0, 0.0, 0.9]),
+        "a robot at the origin, the lidar at its centre": (
+            [0, 0, 0],
+            [0, 0, 0],
+            [1.0, 2.0, 3.0],
+            [-1.0, 0.0, 0.9],
+        ),
+        "a lidar ahead of the centre of a turned robot": (
+            [1.0, 2.0, 1.2],
+            [0.5, 0, 0],
+            [1.0, 2.0, 3.0],
+            [-1.0, 0.0, 0.9],
+        ),
+        "a lidar that is mounted askew": ([1.0, 2.0, 0.4], [0, 0, -1.3], [2.0, 1.0], [-1.0, 0.5]),
         "beams that all came back": _scan(lost=False),
         "lost readings and beams that met nothing keep their place": _scan(lost=True),
-        "nothing came back at all": ([1.0, 2.0, 0.5], [np.inf, np.nan], [0.0, 1.0]),
-        "a scan without beams": ([1.0, 2.0, 0.5], [], []),
+        "nothing came back at all": ([1.0, 2.0, 0.5], [0.1, 0, 0], [np.inf, np.nan], [0.0, 1.0]),
+        "a scan without beams": ([1.0, 2.0, 0.5], [0.1, 0, 0], [], []),
     },
     picture=_points_drawn,
 )
@@ -478,10 +551,10 @@ check_scan_to_points = Check(
 # %% tags=["mistakes"]
 check_scan_to_points.mistakes = {
     "beams without a return were left out: each beam keeps its place, missing ones as NaN": (
-        lambda p, r, a: scan_to_points(p, r[np.isfinite(r)], a[np.isfinite(r)])
+        lambda p, m, r, a: scan_to_points(p, m, r[np.isfinite(r)], a[np.isfinite(r)])
     ),
     "the list moved up, as P5's does: a distance now belongs to its neighbour's beam": (
-        lambda p, r, a: scan_to_points(p, r[np.isfinite(r)], a[: np.isfinite(r).sum()])
+        lambda p, m, r, a: scan_to_points(p, m, r[np.isfinite(r)], a[: np.isfinite(r).sum()])
     ),
     "inf is no place: a beam that met nothing gives NaN": (
         "np.where(np.isfinite(ranges), ranges, np.nan) => ranges"
@@ -489,40 +562,68 @@ check_scan_to_points.mistakes = {
     "a missing return became a point on the robot: expected NaN": (
         "ranges, np.nan => ranges, 0.0"
     ),
-    "the heading is missing: beams turn with the robot": "pose[2] + angles => angles",
+    "the heading is missing in the beams: they turn with the robot": (
+        "pose[2] + mount[2] + angles => mount[2] + angles"
+    ),
     "the position is missing: these points are seen from the robot": (
         "pose[0] +  => ",
         "pose[1] +  => ",
     ),
+    "the lidar sits at the centre here: its place on the robot is missing": (
+        lambda p, m, *scan: scan_to_points(p, m * [0, 0, 1], *scan)
+    ),
+    "the lidar is turned on the robot: add the mount's angle to the beams": (
+        "pose[2] + mount[2] + angles => pose[2] + angles"
+    ),
+    "the mount's angle was taken off: it adds to the heading": (
+        "pose[2] + mount[2] => pose[2] - mount[2]"
+    ),
+    "the place of the lidar was not turned by the heading: ahead means ahead of the robot": (
+        "pose[0] + c * mount[0] - s * mount[1] => pose[0] + mount[0]",
+        "pose[1] + s * mount[0] + c * mount[1] => pose[1] + mount[1]",
+    ),
+    "the place of the lidar was turned the wrong way round": (
+        "np.sin(pose[2])\n => -np.sin(pose[2])\n"
+    ),
+    "the place of the lidar was turned by the mount's angle, too: it is given in the robot's "
+    "frame": (
+        "np.cos(pose[2]), np.sin(pose[2])\n => "
+        "np.cos(pose[2] + mount[2]), np.sin(pose[2] + mount[2])\n"
+    ),
+    "pose and mount are exchanged": lambda p, m, *scan: scan_to_points(m, p, *scan),
     "the scan was turned against the heading: add it, do not subtract it": (
-        "pose[2] + angles => angles - pose[2]"
+        "pose[2] + mount[2] + angles => mount[2] + angles - pose[2]"
     ),
-    "these angles are radians already": "pose[2] + angles => np.deg2rad(pose[2] + angles)",
-    "sine and cosine are exchanged: angle 0 points along x": (
-        "np.cos(beams), pose[1] + kept * np.sin(beams)"
-        " => np.sin(beams), pose[1] + kept * np.cos(beams)"
-    ),
-    "x and y are exchanged": "[x, y] => [y, x]",
-    "this is the transpose: one row a beam": "[x, y], -1 => [x, y]",
-    "the scan was turned about the wrong point: turn it first, then move it": (
-        lambda p, r, a: _turned_after(p, r, a)
-    ),
+    "x and y are exchanged": (lambda *given: scan_to_points(*given)[:, ::-1]),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 3: points that keep their place
+# ## Solution 3: a lidar on the robot's nose
+#
+# Two poses in a row: the robot in the world, the lidar on the robot. The second is given in the
+# frame of the first, so its place is turned before it is added, and the headings add. It is the
+# composition that [chapter 00](../00_slam_in_ten_minutes.ipynb) builds paths with.
+
+# %% [markdown] tags=["solution"]
+# How large is the mistake if the mount is forgotten? As large as the mount: 0.45 m for the lidar
+# of the picture, if its angle is right. Forget the angle too, and a wall that is four metres away
+# is drawn metres from its place:
+
+# %% active="ipynb" tags=["solution"]
+# pose, mount = np.array([1.0, 1.2, 0.5]), np.array([0.4, -0.2, 1.0])
+# wall = scan_to_points(pose, mount, np.array([4.0]), np.array([0.3]))
+# for name, wrong in (("place forgotten", [0, 0, 1.0]), ("all forgotten", np.zeros(3))):
+#     off = scan_to_points(pose, np.array(wrong), np.array([4.0]), np.array([0.3])) - wall
+#     print(f"{name}: {np.hypot(*off[0]):.2f} m")
 
 # %% [markdown] tags=["solution"]
 # Leaving out what is missing is tempting, for then no NaN appears in any plot. But the row of a
 # point is the number of its beam, and whoever uses that number later gets the neighbour's:
 
 # %% active="ipynb" tags=["solution"]
-# def left_out(pose, ranges, angles):
+# def left_out(pose, mount, ranges, angles):
 #     there = np.isfinite(ranges)
-#     beams = pose[2] + angles[there]
-#     x = pose[0] + ranges[there] * np.cos(beams)
-#     y = pose[1] + ranges[there] * np.sin(beams)
-#     return np.stack([x, y], -1)
+#     return scan_to_points(pose, mount, ranges[there], angles[there])
 #
 # check_scan_to_points(left_out)
 
@@ -561,7 +662,8 @@ def nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
     -------
     float
         Distance (m) to the nearest wall that is met, its ends included; 0 if the beam
-        starts on it, inf if none is met. A wall that runs along the beam is not met.
+        starts on it, inf if none is met. A wall that runs along the beam is not met,
+        not even by a beam that starts on it.
     """
     d = np.array([np.cos(angle), np.sin(angle)])
     along, to = segments[:, 1] - segments[:, 0], segments[:, 0] - np.array([x, y])
@@ -661,12 +763,6 @@ check_nearest_wall = Check(
 
 
 # %% tags=["mistakes"]
-def _turned_after(pose: Array, ranges: Array, angles: Array) -> Array:
-    points = scan_to_points(np.array([pose[0], pose[1], 0.0]), ranges, angles)
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return points @ np.array([[c, s], [-s, c]])
-
-
 check_nearest_wall.mistakes = {
     "the ends belong to a wall: s from 0 to 1, both included": (
         "(s >= 0) & (s <= 1) => (s > 0) & (s < 1)"
@@ -722,16 +818,20 @@ check_nearest_wall.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: a lidar on a drive
 #
-# Assemble it from your three functions: a picture whose cells have a side of `resolution` metres,
-# a robot at several poses, a lidar at its centre. Poses and results are in metres, `first_hit`
+# Assemble it from your three functions: a plan whose cells have a side of `resolution` metres, a
+# robot at several poses, a lidar mounted on it. Poses and results are in metres, `first_hit`
 # counts in cells. What is farther than `max_range` is not seen.
+#
+# Then draw, and look at the glass door between the two rooms through the robot's eyes: from which
+# poses is it there?
 
 
 # %% tags=["exercise"]
 def record(
-    occupied: Ints,
+    cells: Ints,
     resolution: float,
     poses: Array,
+    mount: Array,
     n_beams: int,
     field_of_view: float,
     max_range: float,
@@ -740,12 +840,14 @@ def record(
 
     Parameters
     ----------
-    occupied : ndarray of int, shape (rows, columns)
-        1 where a cell is occupied; row 0 at the bottom.
+    cells : ndarray of int, shape (rows, columns)
+        0 free, 1 wall, 2 glass; row 0 at the bottom.
     resolution : float
         Side of a cell (m).
     poses : ndarray, shape (k, 3)
-        x (m), y (m), heading (rad) of the lidar.
+        x (m), y (m), heading (rad) of the robot.
+    mount : ndarray, shape (3,)
+        The lidar on the robot, as for `scan_to_points`.
     n_beams : int
     field_of_view : float
         In radians, as for `beam_angles`.
@@ -762,29 +864,30 @@ def record(
     angles = beam_angles(n_beams, field_of_view)
     ranges = np.full((len(poses), n_beams), np.inf)
     points = np.full((len(poses), n_beams, 2), np.nan)
-    for k, (x, y, heading) in enumerate(poses):
-        column, row = x / resolution, y / resolution
+    for k, pose in enumerate(poses):
+        x, y = scan_to_points(pose, mount, np.zeros(1), np.zeros(1))[0] / resolution
         for i, angle in enumerate(angles):
-            r = resolution * first_hit(occupied, column, row, heading + angle)
+            r = resolution * first_hit(cells, x, y, pose[2] + mount[2] + angle)
             if r <= max_range:
                 ranges[k, i] = r
-        points[k] = scan_to_points(poses[k], ranges[k], angles)
+        points[k] = scan_to_points(pose, mount, ranges[k], angles)
     return ranges, points
 
 
 # %% active="ipynb" tags=["try"]
-# record(np.array([[0, 0, 0, 1]]), 0.5, np.array([[0.25, 0.25, 0.0]]), 1, 1.0, 5.0)
+# pose = np.array([[0.25, 0.25, 0.0]])
+# record(np.array([[0, 0, 0, 1]]), 0.5, pose, np.zeros(3), 1, 1.0, 5.0)
 
 # %% [markdown] tags=["hint"]
 # Two loops: over poses, and over the directions of the beams. In which direction of the world
-# does a beam look?
+# does a beam look, and where does it start? (A range of zero ends where it starts.)
 
 # %% [markdown] tags=["hint"]
 # Metres go in, cells are counted, metres come out: a division before `first_hit` and a
 # multiplication after it.
 
 # %% [markdown] tags=["hint"]
-# `scan_to_points` turns by the heading itself: give it the directions as `beam_angles` has them.
+# `scan_to_points` turns by both headings itself: give it the directions as `beam_angles` has them.
 # inf becomes NaN there.
 
 
@@ -794,13 +897,14 @@ def _tour(
     rng: np.random.Generator, poses: int, n_beams: int, view: float, reach: float = np.inf
 ) -> Any:
     rows, columns = rng.integers(6, 12, 2)
-    cells = rng.random((rows, columns)) < 0.15
+    cells = rng.choice([0, 1, 2], (rows, columns), p=[0.8, 0.12, 0.08])
     resolution = float(rng.choice([0.25, 0.4, 2.0]))
-    places = rng.uniform(0.1, [columns - 0.1, rows - 0.1], (poses, 2))
-    cells[tuple(places.astype(int).T[::-1])] = False
+    places = rng.uniform(1.1, [columns - 1.1, rows - 1.1], (poses, 2))
     headings = np.round(rng.uniform(-3.1, 3.1, (poses, 1)), 3)
     path = np.hstack([np.round(places, 3) * resolution, headings])
-    return cells, resolution, path, n_beams, view, reach * resolution
+    mount = np.round(rng.uniform([-0.6, -0.6, -2], [0.6, 0.6, 2]), 2) * [resolution, resolution, 1]
+    cells[tuple((compose(path, mount)[:, :2] / resolution).astype(int).T[::-1])] = 0
+    return cells, resolution, path, mount, n_beams, view, reach * resolution
 
 
 _CORRIDOR = np.zeros((3, 8), dtype=int)
@@ -810,16 +914,16 @@ _CORRIDOR[1, [5, 7]] = 1
 
 
 def _record_drawn(ax: Any, function: Any) -> None:
-    """Draw the points of six scans on a drive through two rooms; occupied cells are grey."""
+    """Draw the points of six scans on a drive past a glass door (light grey) into another room."""
     from slamlab import plots
 
     cells = np.zeros((20, 32), dtype=int)
     cells[[0, -1], :] = cells[:, [0, -1]] = cells[:, 15] = 1
-    cells[6:11, 15] = 0
+    cells[6:11, 15], cells[11:18, 15] = 0, 2
     _cells_drawn(ax, cells, 0.2)
     path = np.array([[0.9, 2.9, 1.2], [1.5, 2.2, 0.4], [2.2, 1.7, 0], [3.1, 1.7, 0],
                      [4.0, 1.8, -0.9], [5.2, 2.4, 2.6]])  # fmt: skip
-    ranges, points = function(cells, 0.2, path, 60, 4.0, 3.0)
+    ranges, points = function(cells, 0.2, path, np.array([0.15, 0.1, -0.3]), 60, 4.0, 3.0)
     plots.lidar_points(ax, np.asarray(points, float), s=2.5)
     plots.path(ax, path, "truth", marker="o", markersize=4)
     ax.set(xlim=(0, 6.4), ylim=(0, 4))
@@ -829,13 +933,38 @@ check_record = Check(
     record,
     "ranges, points",
     {
+        "one beam, one pose, the lidar at the centre": (
+            _CORRIDOR,
+            0.4,
+            [[0.5, 0.5, 0.0]],
+            np.zeros(3),
+            1,
+            1.0,
+            9.0,
+        ),
         "one beam, one pose": _tour(1, 1, 1.0),
         "a full circle from three poses": _tour(3, 8, 2 * np.pi),
         "a part of the circle": _tour(2, 7, 2.0),
         "a short reach": _tour(3, 9, 2 * np.pi, 3.0),
-        "a wall just within the reach": (_CORRIDOR, 0.5, [[0.5, 0.75, 0.0]], 1, 1.0, 2.01),
-        "a wall just beyond the reach": (_CORRIDOR, 0.5, [[0.5, 0.75, 0.0]], 1, 1.0, 1.99),
-        "no pose": (_CORRIDOR, 0.5, np.zeros((0, 3)), 4, 2 * np.pi, 5.0),
+        "a wall just within the reach": (
+            _CORRIDOR,
+            0.5,
+            [[0.5, 0.75, 0.0]],
+            np.zeros(3),
+            1,
+            1.0,
+            2.01,
+        ),
+        "a wall just beyond the reach": (
+            _CORRIDOR,
+            0.5,
+            [[0.5, 0.75, 0.0]],
+            np.zeros(3),
+            1,
+            1.0,
+            1.99,
+        ),
+        "no pose": (_CORRIDOR, 0.5, np.zeros((0, 3)), np.zeros(3), 4, 2 * np.pi, 5.0),
     },
     tolerance=1e-7,
     draws=4,
@@ -845,23 +974,29 @@ check_record = Check(
 # %% tags=["mistakes"]
 check_record.mistakes = {
     "a pose is in metres, `first_hit` counts in cells: divide by the resolution": (
-        "x / resolution, y / resolution => x, y"
+        "[0] / resolution => [0]"
     ),
     "the ranges are in cells: expected metres": "r = resolution *  => r = ",
     "the resolution was used the wrong way round: cells times resolution are metres": (
         "resolution * first_hit( => 1 / resolution * first_hit("
     ),
     "the beams do not turn with the robot: add its heading to the direction of the beam": (
-        "heading + angle) => angle)"
+        "pose[2] + mount[2] + angle) => mount[2] + angle)"
+    ),
+    "the beams do not turn with the lidar on the robot: add the mount's angle": (
+        "pose[2] + mount[2] + angle) => pose[2] + angle)"
+    ),
+    "the beams start at the robot's centre: they start at the lidar": (
+        "scan_to_points(pose, mount, np.zeros(1), np.zeros(1))[0] => pose[:2]"
     ),
     "the heading counts twice in the points": (
-        "ranges[k], angles) => ranges[k], angles + heading)"
+        "ranges[k], angles) => ranges[k], angles + pose[2])"
     ),
     "the points are seen from the robot: expected points in the world": (
-        "scan_to_points(poses[k],  => scan_to_points(np.zeros(3), "
+        "scan_to_points(pose, mount, ranges => scan_to_points(np.zeros(3), mount, ranges"
     ),
     "every scan was taken from the first pose": (
-        lambda o, s, p, n, v, m: record(o, s, np.repeat(p[:1], len(p), 0), n, v, m)
+        lambda o, s, p, *a: record(o, s, np.repeat(p[:1], len(p), 0), *a)
     ),
     "what is farther than max_range is not seen: expected inf": "if r <= max_range => if True",
     "a beam that met nothing within its reach has the range inf, not max_range": (
@@ -882,9 +1017,9 @@ check_record.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 5: a lidar on a drive
 #
-# What to notice: the heading is used twice, once to send the beam and once to place its end. You
-# add it when you send; `scan_to_points` adds it when it places. `resolution` appears where metres
-# become cells and where cells become metres, and nowhere else.
+# What to notice: both headings are used twice, once to send the beam and once to place its end.
+# You add them when you send; `scan_to_points` adds them when it places. `resolution` appears where
+# metres become cells and where cells become metres, and nowhere else.
 
 # %% [markdown] tags=["solution"]
 # Now a drive in a room whose truth is known, 60 by 80 cells of 10 cm with a fence and two boxes:
@@ -906,12 +1041,12 @@ check_record.mistakes = {
 #     drawn = set(zip(row.tolist(), column.tolist()))
 #     return len(drawn), len(drawn - set(zip(*np.nonzero(room))))
 #
-# ranges, points = record(room, 0.1, poses, 60, 2 * np.pi, 5.0)
+# centre = np.zeros(3)
+# ranges, points = record(room, 0.1, poses, centre, 60, 2 * np.pi, 5.0)
 # library = Lidar(60, max_range=5.0).scan(BitmapWorld(room, 0.1), poses)
 # same = np.allclose(ranges, library, rtol=0, atol=1e-9)
 # drawn, wrong = false_cells(ranges, points)
-# came = np.isfinite(ranges).sum()
-# print(f"{came} of {ranges.size} beams came back, as in the library: {same}")
+# print(f"{np.isfinite(ranges).sum()} beams came back, as in the library: {same}")
 # print(f"the points draw {drawn} cells, {wrong} of them free or outside")
 
 # %% [markdown] tags=["solution"]
@@ -920,15 +1055,15 @@ check_record.mistakes = {
 # fall apart:
 
 # %% active="ipynb" tags=["solution"]
-# def forgets_the_heading(occupied, resolution, poses, n_beams, field_of_view, max_range):
-#     straight = poses * [1, 1, 0]
-#     beams = n_beams, field_of_view, max_range
-#     ranges, _ = record(occupied, resolution, straight, *beams)
-#     angles = beam_angles(n_beams, field_of_view)
-#     points = [scan_to_points(pose, scan, angles) for pose, scan in zip(poses, ranges)]
-#     return ranges, np.reshape(points, (len(poses), n_beams, 2))
+# def forgets_the_heading(cells, resolution, poses, mount, *beams):
+#     ranges, _ = record(cells, resolution, poses * [1, 1, 0], mount, *beams)
+#     angles = beam_angles(*beams[:2])
+#     scans = zip(poses, ranges)
+#     points = [scan_to_points(pose, mount, scan, angles) for pose, scan in scans]
+#     return ranges, np.reshape(points, (len(poses), len(angles), 2))
 #
-# drawn, wrong = false_cells(*forgets_the_heading(room, 0.1, poses, 60, 2 * np.pi, 5.0))
+# wrongly = forgets_the_heading(room, 0.1, poses, centre, 60, 2 * np.pi, 5.0)
+# drawn, wrong = false_cells(*wrongly)
 # print(f"the points draw {drawn} cells, {wrong} of them free or outside")
 # check_record(forgets_the_heading)
 

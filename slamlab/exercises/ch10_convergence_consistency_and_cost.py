@@ -178,7 +178,6 @@ check_difference_cov.mistakes = {
 # the map: the robot has 1000 landmarks.
 
 
-
 # %% tags=["exercise"]
 def predict_cov(P: Array, F: Array, Q: Array) -> Array:
     """Covariance of pose and map after a prediction.
