@@ -104,7 +104,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch01.check_predict, lambda b, *p: np.roll(b, 1)),
         (ch01.check_update, lambda b, doors, *s: ch01.update(np.ones(12), doors, *s)),
         (ch01.check_measurements_needed, lambda b, p, g: ch01.measurements_needed(0.5, p, g)),
-        (ch01.check_wander, lambda b, d, s, seen, p: ch01.wander(b, d, s, np.maximum(seen, 0), p)),
+        (ch01.check_wander, lambda b, d, w, s, seen, p: ch01.wander(b, d, w, s, abs(seen), p)),
         (ch02.check_predict, lambda m, P, F, Q: ch02.predict(m, P, F, 0 * Q)),
         (ch02.check_update, lambda m, P, z, H, R: (m, P)),
         (ch02.check_joseph, lambda P, K, H, R: ch02.joseph(P, K, H, 0 * R)),

@@ -23,7 +23,7 @@ budget gate gates gains limits v scan scans before after size cost field_of_view
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
 belief beliefs prior goal hints p p_hit p_right p_slip p_stay p_step chance share occupied cells
-bound weights u t_a t_b reserve frontier hit
+bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye
 """
 VARIANCES = """
 sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits measurements density
