@@ -1,19 +1,22 @@
-"""Exercises, chapter 15: a gamma update, a beam, a tree of ancestors, weights of the same data."""
+"""Exercises, chapter 15: one map of several, a beam from behind, a tree, a place by roughness."""
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from slamlab.exercises._draw import drawn
 from slamlab.exercises._report import Array, Check, Ints, Mask
+from slamlab.geometry import compose, transform
 
 __all__ = [
-    "check_beam_ends",
-    "check_gamma_update",
-    "check_look_up",
+    "check_draw_scan",
+    "check_from_behind",
+    "check_localize",
+    "check_merged",
     "check_survivors",
     "check_weights",
 ]
@@ -22,11 +25,12 @@ __all__ = [
 # %% [markdown] tags=["chapter"]
 # # Exercises 15: Gamma-SLAM and DP-SLAM
 #
-# Five functions, from a cell that learns how rough it is to particles that are weighed by the
-# ground ahead of them. Exercises 1 and 5 belong to the lesson [Gamma-SLAM and
-# DP-SLAM](../15_other_maps.ipynb), 2 to 4 to its page on
+# Six functions. Four robots bring home four maps of one field, a beam comes from behind a hedge, a
+# map shows walls that its robot never saw, a tree is tidied, and at the end a robot that does not
+# know its place finds it by how rough the ground is. Exercises 1, 5 and 6 belong to the lesson
+# [Gamma-SLAM and DP-SLAM](../15_other_maps.ipynb), 2 to 4 to its page on
 # [DP-SLAM](../15c_other_maps.ipynb). Replace each `...` and run the check below it as often as you
-# like; each check draws what your function gives.
+# like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 15: Gamma-SLAM and DP-SLAM
@@ -35,335 +39,500 @@ __all__ = [
 
 # %% active="ipynb" tags=["imports"]
 # import numpy as np
+#
+# from slamlab.geometry import compose, transform
 
 # %% active="ipynb" tags=["imports", "solution"]
 # import math
 #
 # import numpy as np
+#
+# from slamlab.geometry import compose, transform
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 1: what a cell learns, with a pencil
+# ## Exercise 1: four robots, one field
 #
-# Heights are normal with the precision $\tau$, and $\tau$ is gamma distributed: $p(\tau) \propto
-# \tau^{\alpha - 1} e^{-\beta\tau}$. On paper: multiply by the density of $n$ heights, average
-# over their unknown mean (it leaves $\tau^{(n-1)/2}$ and the squares about the sample mean), and
-# read off the new $\alpha$ and $\beta$.
+# A robot mapped a field in March: each cell has a belief about the precision $\tau$ of its
+# heights, $p(\tau) \propto \tau^{\alpha - 1} e^{-\beta\tau}$. In May several robots take a
+# copy of that map, drive each its own way, and each adds its own pictures with the update of the
+# lesson, $\alpha \leftarrow \alpha + \nu/2$ and $\beta \leftarrow \beta + S/2$. In the
+# evening you have their maps, but no picture: those are deleted. Make **one** map of what all of
+# them saw, in March and in May.
+#
+# First on paper: each belief is (what was known in March) times (what this robot saw). What is the
+# product of *all* that was seen?
 
 
 # %% tags=["exercise"]
-def gamma_update(alpha: float, beta: float, heights: Array) -> Any:
-    """Belief of a cell after heights.
+def merged(alphas: Array, betas: Array, alpha: Array, beta: Array) -> Any:
+    """One map from the maps of several robots.
 
     Parameters
     ----------
-    alpha, beta : float
-        Shape, and rate (m^2).
-    heights : ndarray, shape (n,)
-        One or more (m).
+    alphas, betas : ndarray, shape (m, C)
+        Shape, and rate (m^2), of each of C cells in the maps of m robots; m is 1 or
+        more. Where a robot did not look, its map is as it was in March.
+    alpha, beta : ndarray, shape (C,)
+        The map of March, with which all began.
 
     Returns
     -------
-    alpha, beta : float
+    alpha, beta : ndarray, shape (C,)
     """
-    nu = len(heights) - 1
-    return alpha + nu / 2, beta + np.sum((heights - heights.mean()) ** 2) / 2
+    again = len(alphas) - 1
+    return alphas.sum(axis=0) - again * alpha, betas.sum(axis=0) - again * beta
 
 
 # %% active="ipynb" tags=["try"]
-# gamma_update(1.0, 0.001, np.array([0.0, 0.1, 0.2]))
+# merged(
+#     np.array([[3.0, 2.0], [4.5, 2.0]]),
+#     np.array([[0.05, 0.01], [0.07, 0.01]]),
+#     np.array([2.0, 2.0]),
+#     np.array([0.03, 0.01]),
+# )
 
 # %% [markdown] tags=["hint"]
-# The density of one height is $\sqrt{\tau/2\pi}\; e^{-\tau (z - \mu)^2/2}$. How does the sum of
-# the squares split into squares about the sample mean and a square of the sample mean?
+# What did the first robot see in the first cell? Its map has $\alpha = 3$, that of March 2. And
+# the second robot, with 4.5?
 
 # %% [markdown] tags=["hint"]
-# $\tau^{\alpha - 1}\,\tau^{\nu/2}$ has the shape $\alpha + \nu/2$, and $e^{-\beta\tau}\,e^{-\tau
-# S/2}$ the rate $\beta + S/2$.
+# The belief of each robot holds March once. In the product of $m$ beliefs, how often is March in
+# it, and how often should it be?
 
 
 # %% tags=["cases"]
-def _gamma_update_drawn(ax: Any, function: Any) -> None:
-    """Draw the belief about the precision after three heights, and after five from 5 m up."""
-    tau = np.linspace(0.5, 500.0, 200)  # 1/m^2
-    for heights, style in (([0.0, 0.1, 0.2], "-"), ([5.0, 5.1, 5.2, 5.1, 5.0], "--")):
-        alpha, beta = (float(number) for number in function(1.0, 0.001, np.array(heights)))
-        log_p = (alpha - 1) * np.log(tau) - beta * tau
-        ax.plot(tau, np.exp(log_p - log_p.max()), style, label=f"heights from {heights[0]:.0f} m")
-    ax.legend(fontsize=8)
-    ax.set(xlabel="precision (1/m²)", ylabel="density / largest")
+@drawn
+def _fields(rng: np.random.Generator, m: int) -> Any:
+    alpha, beta = rng.integers(2, 20, 4) / 2, np.round(rng.uniform(0.001, 0.2, 4), 3)
+    nu = rng.integers(0, 12, (m, 4)) * (rng.random((m, 4)) < 0.7)
+    return (
+        alpha + nu / 2,
+        beta + np.round(nu * rng.uniform(0.001, 0.02, (m, 4)), 4),
+        alpha,
+        beta,
+    )
 
 
-check_gamma_update = Check(
-    gamma_update,
+def _merged_drawn(ax: Any, function: Any) -> None:
+    """Draw how rough the merged map says that forty cells are, and how rough they are."""
+    from slamlab import plots
+
+    rng, cells = np.random.default_rng(15), 40
+    truth = np.exp(rng.normal(np.log(0.03), 0.4, cells))  # m
+
+    def seen(n: int) -> Any:
+        z = truth[:, None] * rng.standard_normal((cells, n))
+        return (n - 1) / 2, np.sum((z - z.mean(axis=1, keepdims=True)) ** 2, axis=1) / 2
+
+    half, squares = seen(21)
+    alpha, beta = np.full(cells, 1.0 + half), 1e-3 + squares
+    news = [seen(5) for _ in range(4)]
+    alphas = np.array([alpha + half for half, _ in news])
+    betas = np.array([beta + squares for _, squares in news])
+    a, b = (np.asarray(part, float) for part in function(alphas, betas, alpha, beta))
+    middle, factor = 100 * np.sqrt(b / a), np.exp(1.96 / (2 * np.sqrt(a)))
+    place, blue = np.arange(cells), plots.COLOURS["estimate"]
+    ax.vlines(place, middle / factor, middle * factor, color=blue, lw=3, alpha=0.4)
+    ax.plot(place, middle, ".", color=blue, ms=4, label="merged, 95 %")
+    ax.plot(place, 100 * truth, "_", color=plots.COLOURS["truth"], ms=6, label="truth")
+    held = np.sum((100 * truth > middle / factor) & (100 * truth < middle * factor))
+    ax.set_title(f"{held} of {cells} bars hold the truth")
+    ax.set(xlabel="cell", ylabel="roughness (cm)", ylim=(0, 9))
+    ax.legend(fontsize=8, loc="upper right")
+
+
+check_merged = Check(
+    merged,
     "alpha, beta",
     {
-        "0, 10 and 20 cm": (1.0, 0.001, [0.0, 0.1, 0.2]),
-        "the same, five metres higher": (1.0, 0.001, [5.0, 5.1, 5.2]),
-        "one height says nothing": (2.0, 0.5, [0.3]),
-        "heights above and below the ground": (1.5, 0.2, [-0.4, 0.1, -0.25]),
-        "any heights, any cell": lambda rng: (
-            np.round(rng.uniform(0.5, 9), 1),
-            np.round(rng.uniform(0.001, 0.5), 3),
-            np.round(rng.normal(0.4, 0.2, rng.integers(2, 9)), 2),
+        "two robots, two cells": (
+            [[3.0, 2.0], [4.5, 2.0]],
+            [[0.05, 0.01], [0.07, 0.01]],
+            [2.0, 2.0],
+            [0.03, 0.01],
         ),
+        "one robot: its own map": ([[3.0, 5.5]], [[0.02, 0.04]], [2.0, 1.0], [0.01, 0.001]),
+        "no robot looked": ([[2.5]] * 3, [[0.04]] * 3, [2.5], [0.04]),
+        "two robots, any field": _fields(2),
+        "five robots, any field": _fields(5),
     },
-    picture=_gamma_update_drawn,
+    picture=_merged_drawn,
 )
 
 # %% tags=["mistakes"]
-check_gamma_update.mistakes = {
-    "the mean costs one degree of freedom: nu = n - 1": "len(heights) - 1 => len(heights)",
-    "alpha grows by half of nu": "alpha + nu / 2 => alpha + nu",
-    "beta grows by half of the sum of squares": "** 2) / 2 => ** 2)",
-    "beta grows by nu s^2 / 2, not by s^2 / 2": "** 2) / 2 => ** 2) / 2 / max(nu, 1)",
-    "s^2 was taken over n, and nu is n - 1": "** 2) / 2 => ** 2) / 2 * nu / (nu + 1)",
-    "heights scatter about their mean, not about zero": ("heights - heights.mean() => heights"),
-    "the squares are missing": ") ** 2) / 2 => )) / 2",
-    "alpha grows by nu / 2 and beta by the squares / 2: both halves are missing": (
-        lambda alpha, beta, z: (alpha + len(z) - 1, beta + np.sum((z - z.mean()) ** 2))
+check_merged.mistakes = {
+    "March is counted once for every robot: it was seen once": "- again *  => - 0 * ",
+    "March is lost: take it off once less than there are robots": (
+        "len(alphas) - 1 => len(alphas)"
+    ),
+    "a mean of maps is no more certain than one of them": (
+        lambda alphas, betas, alpha, beta: (alphas.mean(axis=0), betas.mean(axis=0))
+    ),
+    "March is still counted twice in one of the two numbers: beta needs it as alpha does": (
+        "betas.sum(axis=0) - again * beta => betas.sum(axis=0)"
+    ),
+    "March is still counted more than once in alpha": (
+        "alphas.sum(axis=0) - again * alpha => alphas.sum(axis=0)"
+    ),
+    "the exponent of tau is alpha - 1: alpha is one more than the exponent": (
+        "- again * alpha,  => - again * alpha - 1, "
+    ),
+    "take off March for all robots but one, not for one only": (
+        "len(alphas) - 1 => min(len(alphas) - 1, 1)"
+    ),
+    "sums run over the robots, axis 0": (
+        lambda alphas, betas, alpha, beta: (
+            alphas.sum() - (len(alphas) - 1) * alpha,
+            betas.sum() - (len(betas) - 1) * beta,
+        )
+    ),
+    "this is the map of the robot that saw most; what the others saw is lost": (
+        lambda alphas, betas, alpha, beta: (alphas.max(axis=0), betas.max(axis=0))
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 1: what a cell learns, with a pencil
+# ## Solution 1: four robots, one field
 #
-# The squares split: $\sum (z_i - \mu)^2 = S + n(\bar z - \mu)^2$ with $S = \sum (z_i - \bar
-# z)^2$. Averaged over $\mu$, the second part leaves $\sqrt{2\pi/n\tau}$, so one of the $n$ roots
-# of $\tau$ is gone: what is left is $\tau^{(n-1)/2} e^{-\tau S/2}$. Times the gamma density that
-# is a gamma density again.
+# The belief of robot $i$ is March times what it saw: $p_i = p_0\, l_i$. All that was seen is
+# $p_0\, l_1 \cdots l_m = p_1 \cdots p_m / p_0^{m - 1}$. The exponents of $\tau$ are $\sum
+# (\alpha_i - 1) - (m - 1)(\alpha_0 - 1) = \sum \alpha_i - (m - 1)\,\alpha_0 - 1$, which is
+# the new $\alpha$ less one; those of $e^{-\tau}$ are $\sum \beta_i - (m - 1)\,\beta_0$. No
+# picture is needed: $\alpha$ and $\beta$ keep all that pictures say about $\tau$.
 
 # %% [markdown] tags=["solution"]
-# With heights about zero the map depends on how high the robot stood:
+# The sum of the maps counts March four times. Its roughness is nearly as good, but it is
+# overconfident, and fewer bars hold the truth:
 
-# %% active="ipynb" tags=["solution"]
-# def about_zero(alpha, beta, heights):
-#     return alpha + (len(heights) - 1) / 2, beta + np.sum(heights**2) / 2
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Many of the bars miss the truth"}}
+# def summed(alphas, betas, alpha, beta):
+#     return alphas.sum(axis=0), betas.sum(axis=0)
 #
-# check_gamma_update(about_zero)
+# check_merged.draw(summed)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 2: where a beam ends
+# In the tree of ancestors March is the parent and the robots are its children: what is common is
+# kept once. In the last exercise a robot finds its place on such a merged map.
 #
-# A laser beam crosses a row of cells. Each stops it with the chance (B) of the page on
-# [DP-SLAM](../15c_other_maps.ipynb), $1 - e^{-(h/d)\,l}$: $h$ hits, $d$ metres travelled in the
-# cell so far, $l$ the way of this beam in it. In which cell does the beam end?
+# ## Exercise 2: the hedge from behind
+#
+# Robot A stands still before a hedge with a fence behind it and sends `sent` beams along one line
+# through $n$ cells. `ended[k]` of them end in cell $k$; what is left flies out beyond the last
+# cell. Robot B comes from the other side and sends a beam along the same line, towards A. In which
+# cell will it end?
+#
+# A's shares `ended / sent` are no answer. With 100 beams that end in 0, 50 and 50, what is the
+# third cell? Every cell has its own hits per metre $h/d$, and stops a beam that comes to it, and
+# travels $l$ metres in it, with the chance $1 - e^{-(h/d)\,l}$. Take for A's beams the share of
+# those that *came to* the cell. B's way in each cell is `stretch` times A's: it looks slantwise.
 
 
 # %% tags=["exercise"]
-def beam_ends(hits: Array, metres: Array, side: float) -> Array:
-    """Chance that a beam ends in each cell.
+def from_behind(ended: Ints, sent: int, stretch: float) -> Array:
+    """Chance that B's beam ends in each cell.
 
     Parameters
     ----------
-    hits : ndarray, shape (n,)
-        Beams that ended in each cell so far, the nearest cell first.
-    metres : ndarray, shape (n,)
-        Metres that beams travelled in it.
-    side : float
-        Way of this beam in each cell (m).
+    ended : ndarray of int, shape (n,)
+        Beams of A that ended in each cell, the cell nearest to A first.
+    sent : int
+        All beams of A. One or more came to every cell.
+    stretch : float
+        B's way in a cell over A's way in it.
 
     Returns
     -------
     ndarray, shape (n,)
+        In the order of `ended`: the cell nearest to A first. Less than 1 together, if
+        B's beam may fly through all.
     """
-    stop = 1 - np.exp(-hits / metres * side)
-    comes = np.cumprod(np.append(1.0, 1 - stop))[:-1]
-    return comes * stop
+    came = sent - np.cumsum(ended) + ended
+    free = (1 - ended / came) ** stretch
+    before = np.cumprod(np.append(1.0, free[::-1]))[:-1]
+    return before[::-1] * (1 - free)
 
 
 # %% active="ipynb" tags=["try"]
-# beam_ends(np.array([0.0, 3.0, 40.0]), np.array([2.0, 2.0, 2.0]), 0.1)
+# from_behind(np.array([0, 50, 50]), 100, 1.0)
+
+# %% [markdown] tags=["hint"]
+# Of A's 100 beams, how many came to the third cell? How many of these did it stop?
+
+# %% [markdown] tags=["hint"]
+# A beam survives $l$ metres with $e^{-(h/d)\,l}$. If that is $q$ for A's way, what is it for a
+# way that is twice as long? You do not need $h/d$ itself, which is infinite for a cell that stops
+# all.
+
+# %% [markdown] tags=["hint"]
+# For B the last cell is the first: `[::-1]` turns an array round. Turn the result round again.
 
 
 # %% tags=["cases"]
-def _beam_ends_drawn(ax: Any, function: Any) -> None:
-    """Draw the chances of a beam that meets a bush, then a wall."""
-    hits, metres = np.array([0.0, 0, 3, 0, 0, 40, 40, 9]), np.array([2.0, 2, 2, 1, 3, 2, 1, 2])
-    ax.step(0.05 + 0.1 * np.arange(8), function(hits, metres, 0.1), where="mid")
-    ax.plot([0.25, 0.55], [0.0, 0.0], "ks", ms=5)
-    ax.annotate("bush", (0.25, 0.05), ha="center", fontsize=9)
-    ax.annotate("wall", (0.55, 0.05), ha="right", fontsize=9)
-    ax.set(xlabel="along the beam (m)", ylabel="chance to end here", ylim=(-0.05, 1))
+_HEDGE = np.array([0.0, 0.3, 0.5, 0.3, 0.0, 0.0, 0.4, 0.4])  # a cell stops for A
 
 
-check_beam_ends = Check(
-    beam_ends,
+def _from_behind_drawn(ax: Any, function: Any) -> None:
+    """Draw where B's beams will end, where 2000 of them end, and A's own shares."""
+    from slamlab import plots
+
+    rng, sent, stretch = np.random.default_rng(2), 4000, 1.3
+
+    def ends(stop: Array, n: int) -> Ints:
+        stopped = rng.random((n, len(stop))) < stop
+        return np.bincount(stopped.argmax(axis=1)[stopped.any(axis=1)], minlength=len(stop))
+
+    ended = ends(_HEDGE, sent)
+    place, n = 0.05 + 0.1 * np.arange(len(_HEDGE)), 2000
+    met = ends((1 - (1 - _HEDGE) ** stretch)[::-1], n)[::-1] / n
+    chance = np.asarray(function(ended, sent, stretch), float)
+    ax.bar(place, chance, 0.08, color=plots.COLOURS["estimate"], label="B, by the function")
+    ax.plot(place, met, "k_", ms=12, mew=2, label="B, 2000 beams")
+    ax.plot(place, ended / sent, ":", color=plots.COLOURS["wrong"], label="A's shares")
+    ax.set_title(f"off by at most {np.abs(chance - met).max():.2f}")
+    ax.text(0.25, -0.05, "hedge", ha="center", va="center", fontsize=9)
+    ax.text(0.7, -0.05, "fence", ha="center", va="center", fontsize=9)
+    ax.legend(fontsize=8, loc="upper left")
+    ax.set(xlabel="way from A (m)", ylabel="chance to end", ylim=(-0.05, 0.9), xlim=(0, 0.8))
+
+
+def _a_hedge(rng: np.random.Generator) -> Any:
+    n, left, ended = int(rng.integers(3, 7)), int(rng.integers(60, 300)), []
+    sent = left
+    for _ in range(n):
+        ended.append(int(rng.integers(0, max(left // 2, 1))))
+        left -= ended[-1]
+    return ended, sent, float(np.round(rng.uniform(0.6, 2.5), 2))
+
+
+check_from_behind = Check(
+    from_behind,
     "chance",
     {
-        "one cell of 3 hits on 2 m": ([3.0], [2.0], 0.1),
-        "an open floor": ([0.0, 0.0, 0.0], [1.0, 2.0, 3.0], 0.1),
-        "a bush before a wall": ([0.0, 3.0, 40.0, 40.0], [2.0, 2.0, 2.0, 2.0], 0.1),
-        "any row, any side": lambda rng: (
-            rng.integers(0, 30, 6),
-            np.round(rng.uniform(0.3, 4, 6), 2),
-            np.round(rng.uniform(0.05, 0.5), 2),
-        ),
+        "two cells": ([10, 30], 100, 1.0),
+        "half in the hedge, half in the wall": ([0, 50, 50], 100, 1.0),
+        "an open floor": ([0, 0, 0], 50, 1.5),
+        "slantwise through one cell": ([36], 100, 2.0),
+        "a hedge, a wall that stops all, slantwise": ([0, 40, 30, 10, 20], 100, 1.4),
+        "any line": _a_hedge,
     },
-    picture=_beam_ends_drawn,
+    picture=_from_behind_drawn,
 )
 
 # %% tags=["mistakes"]
-check_beam_ends.mistakes = {
-    "it must come to the cell first: multiply by the chance to pass all cells before": (
-        "comes * stop => stop"
+check_from_behind.mistakes = {
+    "divide by the beams that came to the cell, not by all that were sent": (
+        "sent - np.cumsum(ended) + ended => sent"
     ),
-    "to end in a cell it need not pass that cell: the product runs over the cells before": (
-        "np.cumprod(np.append(1.0, 1 - stop))[:-1] => np.cumprod(1 - stop)"
+    "beams that end in a cell came to it: they count among those that came": (
+        "np.cumsum(ended) + ended => np.cumsum(ended)"
     ),
-    "this is the chance to come to the cell; it must stop there too": ("comes * stop => comes"),
-    "the length of the way in a cell is missing": " * side => ",
-    "hits a metre: divide by the metres": "hits / metres => hits",
-    "this is metres a hit: hits over metres": (
-        "hits / metres => metres / np.maximum(hits, 1e-12)"
+    "this is what A sees: for B the last cell is the first": (
+        "free[::-1] => free",
+        "before[::-1] => before",
     ),
-    "1 - exp(-x), not x: a cell cannot stop more than all": (
-        "1 - np.exp(-hits / metres * side) => hits / metres * side"
+    "expected the order of `ended`, the cell nearest to A first": (
+        "before[::-1] * (1 - free) => (before[::-1] * (1 - free))[::-1]"
     ),
-    "the first cell is the nearest: the product runs from the first cell to the last": (
-        lambda hits, metres, side: beam_ends(hits[::-1], metres[::-1], side)[::-1]
+    "B must come to the cell first: multiply by the chance to pass all cells behind it": (
+        "before[::-1] * (1 - free) => 1 - free"
     ),
-    "this is the chance to pass a cell: 1 minus it": (
-        "stop = 1 - np.exp(-hits / metres * side) => stop = np.exp(-hits / metres * side)"
+    "to end in a cell B need not pass that cell": (
+        "np.cumprod(np.append(1.0, free[::-1]))[:-1] => np.cumprod(free[::-1])"
+    ),
+    "this is the chance to come to the cell; it must end there too": ("* (1 - free) => * 1"),
+    "`stretch` belongs to the chance to pass: (1 - P) ** stretch": (
+        "(1 - ended / came) ** stretch => 1 - (ended / came) ** stretch"
+    ),
+    "a chance does not grow with the way: 1 - e^(-x), not x": (
+        "(1 - ended / came) ** stretch => 1 - np.minimum(stretch * ended / came, 1)"
+    ),
+    "A's beams that flew through all came to every cell too": (
+        "sent - np.cumsum(ended) + ended => ended.sum() - np.cumsum(ended) + ended"
+    ),
+    "expected chances as they are: what is left flies through": (
+        lambda ended, sent, stretch: (
+            from_behind(ended, sent, stretch) / from_behind(ended, sent, stretch).sum()
+        )
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 2: where a beam ends
+# ## Solution 2: the hedge from behind
 
 # %% [markdown] tags=["solution"]
-# There is nothing in front of the first cell, so its factor is 1. Without the product every cell
-# is reached as if the wall before it were air.
+# The third cell stopped 50 of the 50 beams that came: it is a wall, and B sees nothing else. Over
+# a way that is $s$ times as long, $e^{-(h/d)\,ls} = (1 - P)^s$: $h/d$ is not needed. With all
+# beams in the denominator the fence in the shadow of the hedge seems thin, and most of B's beams
+# are expected in the hedge:
+
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Beams of B expected in the hedge"}}
+# def by_all(ended, sent, stretch):
+#     free = (1 - ended / sent) ** stretch
+#     before = np.cumprod(np.append(1.0, free[::-1]))[:-1]
+#     return before[::-1] * (1 - free)
+#
+# check_from_behind.draw(by_all)
 
 # %% [markdown] tags=["statement"]
-# <details><summary>Hint</summary>
+# A cell has to be judged by the beams that came to it. DP-SLAM's metres $d$ do that: a cell in
+# the shadow has few metres, and few hits are many per metre.
 #
-# To end in the third cell it must pass the first and the second. `np.cumprod` multiplies from the
-# left; what does the first cell need in front of it?
+# ## Exercise 3: a wall that this particle never saw
 #
-# </details>
-#
-# ## Exercise 3: a bug to find
-#
-# This function asks a node, then its parent, and so on. It was used for a month before it was
-# noticed that parts of the oldest map were missing. Find the mistake and mend it.
+# DP-SLAM keeps the maps of all particles in one tree. This program has a bug, and the robot shows
+# it: the map of the best particle has a corridor wall twice, 20 cm apart. The second one was drawn
+# by another particle, which is lost by now. In the laboratory, with one particle, every map was
+# right. The picture below shows it: particles A and B are children of one node; B is 20 cm off,
+# and we look at the map of A. Find the bug and mend it.
 
 
 # %% tags=["exercise"]
-def look_up(parents: Ints, entries: Array, node: int, cell: int) -> float:
-    """Entry of a cell as a particle sees it.
+def draw_scan(parents: Ints, entries: Array, node: int, cells: Ints) -> Array:
+    """Count the beams of one scan in the map of one particle.
+
+    A particle reads in a cell the youngest entry: that of its own node or, where that
+    is NaN, of its parent, and so on to the root; 0 if none has one.
 
     Parameters
     ----------
     parents : ndarray of int, shape (nodes,)
-        Parent of each node, -1 for the root.
+        Parent of each node, -1 for the root; a parent has a smaller number.
     entries : ndarray, shape (nodes, cells)
-        What each node wrote, NaN where it wrote nothing.
-    node, cell : int
+        Number of beams that ended in each cell, NaN where a node has no entry.
+    node : int
+        Node of the particle.
+    cells : ndarray of int, shape (n,)
+        Cells in which the beams ended; a cell occurs as often as it was hit.
 
     Returns
     -------
-    float
-        The youngest entry on the way to the root, NaN if there is none.
+    ndarray, shape (nodes, cells)
+        The entries afterwards. For each beam this particle reads one more in its cell.
     """
-    while node >= 0:
-        if not np.isnan(entries[node, cell]):
-            return float(entries[node, cell])
+    entries = entries.copy()
+    for cell in cells:
+        reader = node
         # A parent comes before its children: the walk ends, whatever is tried.
-        node = min(parents[node], node - 1)
-    return float("nan")
+        while np.isnan(entries[reader, cell]) and parents[reader] >= 0:
+            reader = min(parents[reader], reader - 1)
+        entries[node, cell] = np.nan_to_num(entries[reader, cell]) + 1
+    return entries
 
 
 # %% active="ipynb" tags=["stub"]
-#     while parents[node] >= 0:
-#         if not np.isnan(entries[node, cell]):
-#             return float(entries[node, cell])
-#         node = parents[node]
-#     return float("nan")
+#     entries = entries.copy()
+#     for cell in cells:
+#         while np.isnan(entries[node, cell]) and parents[node] >= 0:
+#             node = parents[node]
+#         entries[node, cell] = np.nan_to_num(entries[node, cell]) + 1
+#     return entries
 
 # %% active="ipynb" tags=["try"]
-# look_up(np.array([-1, 0]), np.array([[4.0, 2.0], [np.nan, 3.0]]), 1, 1)
+# draw_scan(np.array([-1, 0, 0]), np.array([[4.0], [np.nan], [np.nan]]), 1, np.array([0]))
+
+# %% [markdown] tags=["hint"]
+# In the call above the root holds a 4, and particle 1 has one more hit. What should particle 2
+# read afterwards? What does it read?
+
+# %% [markdown] tags=["hint"]
+# Follow the variables with a pencil through two beams. Which of them changes, and what is it
+# needed for afterwards?
 
 
 # %% tags=["cases"]
-def _a_tree(rng: np.random.Generator) -> Any:
-    n = int(rng.integers(4, 9))
-    parents = [-1, *(int(rng.integers(0, k)) for k in range(1, n))]
-    entries = np.where(rng.random((n, 5)) < 0.35, rng.integers(0, 9, (n, 5)), np.nan)
-    return parents, entries, int(rng.integers(0, n)), int(rng.integers(0, 5))
-
-
 _NONE = float("nan")
 
 
-def _look_up_drawn(ax: Any, function: Any) -> None:
-    """Draw what each node of a small tree reads in each cell; white is NaN."""
-    parents = np.array([-1, 0, 0, 1, 1, 2])
-    entries = np.full((6, 8), _NONE)
-    entries[0, :5], entries[1, 3:6], entries[2, 5:], entries[3, 0], entries[5, 6] = 1, 2, 3, 0, 4
-    seen = [[float(function(parents, entries, n, c)) for c in range(8)] for n in range(6)]
-    ax.imshow(np.array(seen), cmap="viridis", vmin=0, vmax=4, aspect="auto")
-    for node, row in enumerate(seen):
-        for cell, value in enumerate(row):
-            word = "" if np.isnan(value) else f"{value:.0f}"
-            ax.text(cell, node, word, color="white" if value < 3 else "black", ha="center")
+def _a_tree(rng: np.random.Generator) -> Any:
+    n = int(rng.integers(4, 9))
+    parents = [-1, *(int(rng.integers(max(0, k - 3), k)) for k in range(1, n))]
+    entries = np.where(rng.random((n, 5)) < 0.35, rng.integers(0, 9, (n, 5)), np.nan)
+    return parents, entries, int(rng.integers(0, n)), rng.integers(0, 5, int(rng.integers(1, 7)))
+
+
+def _draw_scan_drawn(ax: Any, function: Any) -> None:
+    """Draw the hits that particle A reads, after it and its brother B drew three scans."""
+    rows, columns = 12, 18
+    row, column = np.arange(rows * columns).reshape(rows, columns), np.arange(columns)
+    parents, entries = np.array([-1, 0, 0]), np.full((3, rows * columns), _NONE)
+    entries[0, row[4, :9]] = 3.0  # what both saw before
+    for _ in range(3):
+        for node, wall in ((1, row[4, column]), (2, row[6, column])):
+            entries = np.array(function(parents, entries, node, wall), float)
+    seen = np.where(np.isnan(entries[1]), np.nan_to_num(entries[0]), entries[1])
+    ax.imshow(seen.reshape(rows, columns), cmap="Greys", vmin=0, vmax=6, origin="lower")
+    for text, at in (("A's own wall", 2.4), ("drawn by B", 7.4)):
+        ax.text(8.5, at, text, ha="center", va="center", fontsize=9, color="0.4")
+    strange = np.sum(seen[row[6]] > 0)
+    ax.set_title(f"{strange} cells are not A's")
     ax.grid(False)
-    ax.set(xlabel="cell", ylabel="node")
+    ax.set(xlabel="cells of 10 cm", yticks=[])
 
 
-check_look_up = Check(
-    look_up,
-    "entry",
+check_draw_scan = Check(
+    draw_scan,
+    "entries",
     {
-        "its own entry": ([-1, 0], [[4.0], [5.0]], 1, 0),
-        "the root's entry, two steps up": ([-1, 0, 1], [[4.0], [_NONE], [_NONE]], 2, 0),
-        "an entry of 0 is an entry": ([-1, 0], [[4.0], [0.0]], 1, 0),
-        "no node has one": ([-1, 0], [[_NONE], [_NONE]], 1, 0),
-        "any tree, any node": _a_tree,
+        "one particle, alone": ([-1], [[4.0, _NONE]], 0, [0]),
+        "one particle, a new cell": ([-1], [[4.0, _NONE]], 0, [1]),
+        "after a resampling": ([-1, 0, 0], [[4.0], [_NONE], [_NONE]], 1, [0]),
+        "after two resamplings": (
+            [-1, 0, 0, 1, 1],
+            [[4.0, _NONE], *[[_NONE, _NONE]] * 4],
+            4,
+            [0, 1],
+        ),
+        "two beams in one cell": ([-1, 0], [[_NONE, 2.0], [1.0, _NONE]], 1, [1, 0, 1]),
+        "any tree, any scan": _a_tree,
     },
     draws=20,
-    picture=_look_up_drawn,
+    picture=_draw_scan_drawn,
     hunt=True,
 )
 
 # %% tags=["mistakes"]
-check_look_up.mistakes = {
-    "the root is never asked: its parent is -1, but it may have an entry": (
-        "while node >= 0 => while parents[node] >= 0"
+check_draw_scan.mistakes = {
+    "the beam is written into the node in which the entry was found: its other children read it": (
+        "reader = node => pass",
+        "reader => node",
     ),
+    "the node's own entry only: what its ancestors counted is lost": (
+        "min(parents[reader], reader - 1) => -1",
+        "while np.isnan(entries[reader, cell]) and parents[reader] >= 0 => while False",
+    ),
+    "the walk goes on to the root, not one step only": (
+        "while np.isnan(entries[reader, cell]) and parents[reader] >= 0"
+        " => if np.isnan(entries[reader, cell]) and parents[reader] >= 0"
+    ),
+    "the root has entries too": ("and parents[reader] >= 0 => and parents[parents[reader]] >= 0"),
+    "the walk begins in each cell at the particle's own node": (
+        "for cell in cells:\n        reader = node => reader = node\n    for cell in cells:"
+    ),
+    "a cell that was hit twice has two beams more": "in cells: => in np.unique(cells):",
+    "one beam more, not the first": "+ 1\n    return => + 0\n    return",
     "the parent is parents[node], not the node before": (
-        "min(parents[node], node - 1) => node - 1"
+        "min(parents[reader], reader - 1) => reader - 1"
     ),
-    "ask the node itself first, then its parent": (
-        "while node >= 0: => node = parents[node]\n    while node >= 0:"
-    ),
-    "the youngest entry wins: this is the oldest": lambda p, e, node, c: _oldest(p, e, node, c),
-    "0 is a number like others; NaN is no entry": (
-        "if not np.isnan(entries[node, cell]):"
-        " => if not np.isnan(entries[node, cell]) and entries[node, cell]:"
-    ),
-    "what no node has seen is NaN": 'float("nan") => 0.0',
-    "one step up is not enough: go on to the root": (
-        "while node >= 0 => for node in [n for n in (node, parents[node]) if n >= 0]"
+    "0 is an entry like others": (
+        "while np.isnan(entries[reader, cell]) => while not np.nan_to_num(entries[reader, cell])"
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 3: a bug to find
+# ## Solution 3: a wall that this particle never saw
 #
-# The loop ended when the *parent* was no node, that is, at the root, before the root was asked.
-# It ends right when the *node* is none.
+# The walk used `node` itself, so `node` was an ancestor when the beam was written, and all its
+# descendants read the beam. With one particle there are no others to read it. A second variable
+# walks, and `node` stays. Reading may go up the tree; writing never does.
 
 # %% [markdown] tags=["statement"]
-# <details><summary>Hint</summary>
-#
-# Follow it with a pencil for a cell that only the root has written. When does the loop end?
-#
-# </details>
-#
 # ## Exercise 4: who is left in the tree
 #
-# Prune nodes that lead to no particle, then merge every node that has one child left with that
-# child. Which nodes remain? (Count them for $M$ particles: never more than $2M - 1$.)
+# After an hour the computer of the robot runs out of memory: at every resampling each particle
+# gets a new node. Most of them lead to no particle any more. *Prune* these; then *merge* every
+# node that has one child left with that child: the child stays, and the node goes. The root may go
+# too. Which nodes remain? Answer with a mask, without changing the tree: the robot asks first
+# whether tidying is worth it. (Count them for $M$ particles: never more than $2M - 1$.)
 
 
 # %% tags=["exercise"]
@@ -425,8 +594,9 @@ def _survivors_drawn(ax: Any, function: Any) -> None:
     ax.plot(x, y, "o", mfc="white", mec="0.4", ms=11)
     ax.plot(x[left], y[left], "o", ms=11, label="stays")
     ax.plot(x[particles] + 0.25, y[particles], "k<", ms=6, label="particle")
+    ax.set_title(f"{left.sum()} of {len(parents)} nodes stay")
     ax.legend(fontsize=8, loc="lower left")
-    ax.set(xlim=(-0.4, 3.6), ylim=(-1.6, 2.4), xlabel="generation")
+    ax.set(xlim=(-0.4, 3.6), ylim=(-1.6, 2.4), xlabel="generation", yticks=[])
 
 
 check_survivors = Check(
@@ -444,14 +614,6 @@ check_survivors = Check(
 
 
 # %% tags=["mistakes"]
-def _oldest(parents: Ints, entries: Array, node: int, cell: int) -> float:
-    found = _NONE
-    while node >= 0:
-        found = found if np.isnan(entries[node, cell]) else float(entries[node, cell])
-        node = parents[node]
-    return found
-
-
 check_survivors.mistakes = {
     "a node with one living child is merged with it: expected two branches or more": (
         "branches >= 2 => branches >= 1"
@@ -485,12 +647,25 @@ check_survivors.mistakes = {
 # check_survivors(with_the_dead)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: assemble the weights of Gamma-SLAM
+# ## Exercise 5: the weights of Gamma-SLAM
 #
-# Every particle stands elsewhere, so it sorts the same heights into other cells of its own map.
-# Weigh them all by (F) of the [chapter](../15_other_maps.ipynb), the density of the heights, and
-# normalise. The unknown mean of each cell lies anywhere within a width $L$, so each cell that
-# holds a height costs $\ln L$: then the weights are the same in metres and in centimetres.
+# Sixty particles, one picture. Every particle stands elsewhere, so it sorts the *same* heights
+# into other cells of its own map, here into three and there into four. Weigh them all by the
+# density of the heights, and normalise. For each cell in which the particle has $n \ge 1$
+# heights, with $\nu = n - 1$ and the sum of squares $S$ about the mean of these heights, the
+# logarithm grows by
+#
+# $$
+# \begin{aligned}
+# & \ln\Gamma(\alpha + \tfrac{\nu}{2}) - \ln\Gamma(\alpha) + \alpha\ln\beta
+# - (\alpha + \tfrac{\nu}{2}) \ln\big(\beta + \tfrac{S}{2}\big) \\
+# & - \tfrac{\nu}{2} \ln 2\pi - \tfrac12 \ln n - \ln L .
+# \end{aligned}
+# $$
+#
+# The unknown mean of each cell lies anywhere within a width $L$. Before you write: a particle
+# sorts a height alone into a cell. What does this height cost? And what would be different in
+# centimetres if you left that cell out?
 
 
 # %% tags=["exercise"]
@@ -578,6 +753,7 @@ def _weights_drawn(ax: Any, function: Any) -> None:
     w = np.asarray(function(alpha, alpha * scatter**2, cells, heights, 1.0), float)
     ax.plot(100 * aside, np.log10(np.maximum(w, 1e-60)))
     ax.axvline(0.0, color="0.5", lw=1)
+    ax.set_title(f"largest at {100 * aside[np.argmax(w)]:.0f} cm")
     ax.set(xlabel="particle stands aside by (cm)", ylabel="log10 of its weight")
 
 
@@ -623,7 +799,7 @@ check_weights = Check(
 
 # %% tags=["mistakes"]
 def _variances(alpha: Array, beta: Array, cells: Ints, heights: Array, width: float) -> Array:
-    """Return the weights by (E): the density of the sample variances of two or more heights."""
+    """Return the weights by the density of the sample variances of two or more heights."""
     log_weights = np.zeros(len(cells))
     for i in range(len(cells)):
         for c in np.unique(cells[i]):
@@ -640,8 +816,8 @@ def _variances(alpha: Array, beta: Array, cells: Ints, heights: Array, width: fl
 
 
 check_weights.mistakes = {
-    "these are densities of sample variances, (E): each particle has other ones. Weigh by the "
-    "heights, (F)": _variances,
+    "these are densities of sample variances: each particle has other ones. Weigh by the density "
+    "of the heights": _variances,
     "how many heights fell into a cell counts too: the term - ln(n) / 2 is missing": (
         " + np.log(len(z)) / 2 => "
     ),
@@ -670,12 +846,13 @@ check_weights.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 5: assemble the weights of Gamma-SLAM
+# ## Solution 5: the weights of Gamma-SLAM
 
 # %% [markdown] tags=["solution"]
-# Without $\ln L$ the particle with one cell and the particle with two get different weights in
-# metres and in centimetres. And the density of the sample variances, (E), is right as a density.
-# It passes where all particles have the same cells, and fails where they have not:
+# A height alone in its cell costs $\ln L$. Without $\ln L$ the particle with one cell and the
+# particle with two get different weights in metres and in centimetres. And the density of the
+# sample variances, from the [second page](../15b_other_maps.ipynb), is right as a density. It
+# passes where all particles have the same cells, and fails where they have not:
 
 # %% active="ipynb" tags=["solution"]
 # def by_variances(alpha, beta, cells, heights, width):
@@ -694,6 +871,283 @@ check_weights.mistakes = {
 #     return result / result.sum()
 #
 # check_weights(by_variances)
+
+# %% [markdown] tags=["statement"]
+# ## Exercise 6: a robot finds its place on rough ground
+#
+# In June another robot is put on the field of exercise 1, with the merged map. It knows its place
+# to about half a metre and its heading to about six degrees; there is no wall, no landmark and no
+# satellite. All particles use the one map, and nothing is added to it. Assemble
+# the filter, with your `weights` of exercise 5. For each picture:
+#
+# 1. move each particle by its own motion, `compose(poses, move)`;
+# 2. sort the heights into cells, each particle for itself: `transform(poses, points)` has the
+#    shape (M, n, 2). A cell is 0.5 m wide; row $r$ and column $c$ of the map hold $0.5\,c \le x <
+#    0.5\,(c + 1)$ and $0.5\,r \le y < 0.5\,(r + 1)$;
+# 3. multiply the weight of each particle by the power 0.1 of your `weights`, with $L = 1$ m, and
+#    normalise;
+# 4. note the weighted mean of the positions;
+# 5. if $1 / \sum w^2 < M/2$, resample as in [chapter 04](../04_particle_filter.ipynb): the $k$-th
+#    new particle, $k = 0, \ldots, M - 1$, is a copy of the first one at which the running sum of
+#    the weights is larger than $(k + u)/M$. Then all weights are $1/M$.
+#
+# The picture drives it: 44 pictures of 168 heights. The dashed line is a robot that trusts
+# its first guess and its odometry; the numbers are mean errors over the second half of the way.
+
+
+# %% tags=["exercise"]
+def localize(
+    poses: Array, moves: Array, points: Array, heights: Array, alpha: Array, beta: Array, u: Array
+) -> Array:
+    """Find the way of a robot on a map of roughness.
+
+    Parameters
+    ----------
+    poses : ndarray, shape (M, 3)
+        Particles at the start: x, y (m) and heading (rad).
+    moves : ndarray, shape (T, M, 3)
+        Motion of each particle before each picture, with its noise, in the frame of
+        the particle.
+    points : ndarray, shape (T, n, 2)
+        Where each picture shows heights, in the frame of the robot (m).
+    heights : ndarray, shape (T, n)
+        The heights (m).
+    alpha, beta : ndarray, shape (rows, columns)
+        The map; all points fall on it.
+    u : ndarray, shape (T,)
+        Offset of the resampling at each picture, in [0, 1).
+
+    Returns
+    -------
+    ndarray, shape (T, 2)
+        Weighted mean of the positions at each picture, before resampling (m).
+    """
+    M, columns = len(poses), alpha.shape[1]
+    alphas, betas = np.tile(alpha.ravel(), (M, 1)), np.tile(beta.ravel(), (M, 1))
+    w, track = np.full(M, 1 / M), []
+    for move, at, z, start in zip(moves, points, heights, u):
+        poses = compose(poses, move)
+        column, row = np.floor(transform(poses, at) / 0.5).astype(int).T
+        cells = (row * columns + column).T
+        w = w * weights(alphas, betas, cells, z, 1.0) ** 0.1
+        w = w / w.sum()
+        track.append(w @ poses[:, :2])
+        if 1 / np.sum(w**2) < M / 2:
+            marks = (np.arange(M) + start) / M
+            poses = poses[np.searchsorted(np.cumsum(w), marks, side="right")]
+            w = np.full(M, 1 / M)
+    return np.array(track)
+
+
+# %% active="ipynb" tags=["try"]
+# localize(
+#     np.array([[1.0, 1.0, 0.0], [1.5, 1.0, 0.0]]),
+#     np.zeros((1, 2, 3)),
+#     np.array([[[1.1, 0.2], [1.2, 0.3], [1.3, 0.2]]]),
+#     np.array([[0.01, 0.20, -0.10]]),
+#     np.full((4, 8), 5.0),
+#     0.01 * np.arange(1.0, 33.0).reshape(4, 8),
+#     np.array([0.5]),
+# )
+
+# %% [markdown] tags=["hint"]
+# `weights` wants a map for each particle, shape (M, C), and one number for each cell. Number the
+# cells row by row, as `ravel` does, and repeat the one map with `np.tile`.
+
+# %% [markdown] tags=["hint"]
+# `np.floor(transform(poses, points[t]) / 0.5).astype(int)` holds column and row in its last axis:
+# `[..., 0]` and `[..., 1]`. How many cells are before row $r$?
+
+# %% [markdown] tags=["hint"]
+# Weights are carried from picture to picture until they are made equal by resampling. Which of the
+# two, the old weight or the new factor, gets the power 0.1?
+
+
+# %% tags=["cases"]
+def _a_way(rng: np.random.Generator) -> Any:
+    M, T, n = 6, 5, 24
+    poses = rng.uniform([2.5, 2.5, -3.0], [4.0, 4.0, 3.0], (M, 3))
+    moves = rng.normal(0.0, [0.3, 0.1, 0.3], (T, M, 3))
+    points = rng.uniform([0.4, -0.6], [1.2, 0.6], (T, n, 2))
+    heights = rng.normal(0.0, rng.choice([0.02, 0.2], (T, 1)), (T, n))
+    shape = (14, 15)
+    alpha = rng.integers(2, 30, shape) / 2
+    return poses, moves, points, heights, alpha, alpha * rng.uniform(0.02, 0.25, shape) ** 2, (
+        rng.uniform(0.02, 0.98, T)
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def _field(seed: int = 4) -> Any:
+    """Give a drive in June, what particles need for it, and the map of March and May."""
+    from slamlab.robots import RelativePose
+    from slamlab.sensors import StereoRig
+    from slamlab.simulation import ground_laps
+    from slamlab.worlds import Terrain
+
+    rng, rig, M = np.random.default_rng(seed), StereoRig(200, far=3.0), 40
+    terrain = Terrain.rough(rng, (25.0, 25.0), spread=0.9)
+
+    def seen(step: Any) -> Any:
+        points = rig.points(step.ranges)
+        met = np.isfinite(points[:, 0])
+        return points[met], rig.heights(step.ranges)[met]
+
+    n, S = np.zeros((50, 50)), np.zeros((50, 50))
+    for _ in range(4):  # laps in March and in May, with a survey of the poses
+        log = ground_laps(terrain, rig, rng, radius=4.0, step=0.4, laps=1.0)
+        assert log.truth is not None
+        for step, pose in zip(log, log.truth, strict=True):
+            at, z = seen(step)
+            column, row = np.floor(transform(pose, at) / 0.5).astype(int).T
+            cell = row * 50 + column
+            count, total, squares = (np.bincount(cell, w, 2500) for w in (None, z, z**2))
+            n += np.maximum(count - 1, 0).reshape(50, 50)
+            S += (squares - total**2 / np.maximum(count, 1)).reshape(50, 50)
+    log = ground_laps(terrain, rig, rng, radius=4.0, step=0.4, laps=0.7)
+    assert log.truth is not None
+    off, motion = np.array([0.5, -0.4, 0.1]), RelativePose()
+    poses = log.truth[0] + off + rng.normal(0, [0.4, 0.4, 0.1], (M, 3))
+    moves, driven = np.zeros((len(log), M, 3)), [log.truth[0] + off]
+    for k, step in enumerate(log):
+        if k:
+            moves[k] = motion.sample(np.zeros((M, 3)), step.u, step.dt, step.control_cov, rng)
+            driven.append(compose(driven[-1], step.u * step.dt))
+    pictures = [seen(step) for step in log]
+    fewest = min(len(z) for _, z in pictures)
+    points = np.array([at[:fewest] for at, _ in pictures])
+    heights = np.array([z[:fewest] for _, z in pictures])
+    given = poses, moves, points, heights, 1 + n / 2, 1e-3 + S / 2, rng.random(len(log))
+    return given, log.truth[:, :2], np.array(driven)[:, :2]
+
+
+def _localize_drawn(ax: Any, function: Any) -> None:
+    """Draw the map of roughness, the true way, the odometry and the track that is found."""
+    from slamlab import plots
+
+    given, truth, driven = _field()
+    track = np.asarray(function(*given), float)
+    error = np.hypot(*(track - truth).T)
+    rough = np.where(given[4] > 1, np.sqrt(given[5] / given[4]), np.nan)
+    ax.imshow(
+        rough, origin="lower", extent=(0, 25, 0, 25), cmap="Greys", vmin=0, vmax=0.15, alpha=0.8
+    )
+    plots.path(ax, truth, "truth", "truth")
+    plots.path(ax, driven, "dead_reckoning", "odometry")
+    plots.path(ax, track, "estimate", "particles")
+    late = len(error) // 2
+    odometry = np.hypot(*(driven - truth).T)[late:].mean()
+    ax.set_title(f"{error[late:].mean():.2f} m (odometry {odometry:.2f} m)")
+    ax.legend(fontsize=7, loc="lower left", ncol=3, columnspacing=0.8, handlelength=1.2)
+    ax.grid(False)
+    ax.set(xlim=(5, 20), ylim=(4.5, 19.5), xlabel="x (m)", ylabel="y (m)", aspect="equal")
+
+
+check_localize = Check(
+    localize,
+    "track",
+    {
+        "one picture, two particles": (
+            [[1.0, 1.0, 0.0], [1.5, 1.0, 0.0]],
+            np.zeros((1, 2, 3)),
+            [[[1.1, 0.2], [1.2, 0.3], [1.3, 0.2]]],
+            [[0.01, 0.20, -0.10]],
+            np.full((4, 8), 5.0),
+            0.01 * np.arange(1.0, 33.0).reshape(4, 8),
+            [0.5],
+        ),
+        "any ground, any way": _a_way,
+    },
+    tolerance=1e-7,
+    draws=8,
+    picture=_localize_drawn,
+)
+
+# %% tags=["mistakes"]
+check_localize.mistakes = {
+    "motion is in the frame of each particle: compose, do not add": (
+        "compose(poses, move) => poses + move"
+    ),
+    "the likelihood of a picture is too sharp: the power 0.1 is missing": " ** 0.1 => ",
+    "the power belongs to the new factor, not to the weights carried so far": (
+        "w * weights(alphas, betas, cells, z, 1.0) ** 0.1"
+        " => (w * weights(alphas, betas, cells, z, 1.0)) ** 0.1"
+    ),
+    "weights are carried from picture to picture: multiply the old ones": (
+        "w = w * weights( => w = weights("
+    ),
+    "row and column are exchanged: x counts columns": ("column, row = => row, column ="),
+    "a row has as many cells as there are columns": ("alpha.shape[1] => alpha.shape[0]"),
+    "a cell begins at its lower border: floor, do not round": "np.floor => np.round",
+    "resampled particles weigh alike: 1/M": ("            w = np.full(M, 1 / M)\n => "),
+    "resample only when few particles carry the weight: 1 / sum w^2 < M/2": (
+        "if 1 / np.sum(w**2) < M / 2 => if True"
+    ),
+    "particles are never resampled": "if 1 / np.sum(w**2) < M / 2 => if False",
+    "the mean is weighted": "w @ poses[:, :2] => poses[:, :2].mean(axis=0)",
+    "the mean is noted before resampling, with the weights of this picture": (
+        lambda *given: _noted_late(*given)
+    ),
+    "the map is not that of the particles: poses are moved before the heights are sorted": (
+        "        poses = compose(poses, move)\n => ",
+        "track.append(w @ poses[:, :2])"
+        " => poses = compose(poses, move); track.append(w @ poses[:, :2])",
+    ),
+    "resampling begins at u / M, not at 0": "np.arange(M) + start => np.arange(M)",
+}
+
+
+def _noted_late(
+    poses: Array, moves: Array, points: Array, heights: Array, alpha: Array, beta: Array, u: Array
+) -> Array:
+    """Return the track whose means are noted after resampling."""
+    M, columns = len(poses), alpha.shape[1]
+    alphas, betas = np.tile(alpha.ravel(), (M, 1)), np.tile(beta.ravel(), (M, 1))
+    w, track = np.full(M, 1 / M), []
+    for move, at, z, start in zip(moves, points, heights, u, strict=True):
+        poses = compose(poses, move)
+        column, row = np.floor(transform(poses, at) / 0.5).astype(int).T
+        w = w * weights(alphas, betas, (row * columns + column).T, z, 1.0) ** 0.1
+        w = w / w.sum()
+        if 1 / np.sum(w**2) < M / 2:
+            marks = (np.arange(M) + start) / M
+            poses, w = poses[np.searchsorted(np.cumsum(w), marks)], np.full(M, 1 / M)
+        track.append(w @ poses[:, :2])
+    return np.array(track)
+
+
+# %% [markdown] tags=["solution"]
+# ## Solution 6: a robot finds its place on rough ground
+
+# %% [markdown] tags=["solution"]
+# Nothing but roughness is compared, and the second half of the track is on the true way. The power
+# 0.1 is the lesson's: there, with the likelihood as derived (power 1), all particles of the median
+# step are copies of one. The same drive with power 1 ends elsewhere; compare the two errors. (One
+# drive shows what can happen, not how often it does.)
+
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "With power 1 the track is astray"}}
+# def too_sharp(poses, moves, points, heights, alpha, beta, u):
+#     M, columns = len(poses), alpha.shape[1]
+#     alphas, betas = np.tile(alpha.ravel(), (M, 1)), np.tile(beta.ravel(), (M, 1))
+#     w, track = np.full(M, 1 / M), []
+#     for move, at, z, start in zip(moves, points, heights, u):
+#         poses = compose(poses, move)
+#         column, row = np.floor(transform(poses, at) / 0.5).astype(int).T
+#         w = w * weights(alphas, betas, (row * columns + column).T, z, 1.0)
+#         w = w / w.sum()
+#         track.append(w @ poses[:, :2])
+#         if 1 / np.sum(w**2) < M / 2:
+#             marks = (np.arange(M) + start) / M
+#             poses = poses[np.searchsorted(np.cumsum(w), marks, side="right")]
+#             w = np.full(M, 1 / M)
+#     return np.array(track)
+#
+# check_localize.draw(too_sharp)
+
+# %% [markdown] tags=["statement"]
+# You have a localisation that needs no wall, no landmark and no satellite. Give each particle a
+# map of its own, which grows by $\nu/2$ and $S/2$ after step 3 and is copied with its particle in
+# step 5, and it is Gamma-SLAM.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 15](../solutions/15_other_maps.ipynb).

@@ -1,0 +1,86 @@
+"""Chapter 15: right answers that are written in other ways, and what the pictures show."""
+
+import numpy as np
+import pytest
+
+from slamlab.exercises import ch15_other_maps as ch15
+
+
+def one_after_the_other(alphas, betas, alpha, beta):
+    a, b = alpha.copy(), beta.copy()
+    for their_a, their_b in zip(alphas, betas, strict=True):
+        a, b = a + (their_a - alpha), b + (their_b - beta)
+    return a, b
+
+
+def cell_by_cell(ended, sent, stretch):
+    rates, left = [], sent
+    for n in ended:
+        rates.append(-np.log((left - n) / left) if n < left else np.inf)
+        left -= n
+    chance, comes = np.zeros(len(ended)), 1.0
+    for k in range(len(ended) - 1, -1, -1):
+        free = np.exp(-rates[k] * stretch)
+        chance[k], comes = comes * (1 - free), comes * free
+    return chance
+
+
+def by_a_reader(parents, entries, node, cells):
+    def read(k, cell):
+        if k < 0:
+            return 0.0
+        own = entries[k, cell]
+        return read(parents[k], cell) if np.isnan(own) else own
+
+    result = entries.copy()
+    for cell, n in zip(*np.unique(cells, return_counts=True), strict=True):
+        result[node, cell] = read(node, cell) + n
+    return result
+
+
+def with_logarithms(poses, moves, points, heights, alpha, beta, u):
+    M, log_w, track = len(poses), np.zeros(len(poses)), []
+    maps = np.tile(alpha.ravel(), (M, 1)), np.tile(beta.ravel(), (M, 1))
+    for t in range(len(moves)):
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        x, y, turn = moves[t].T
+        poses = poses + np.stack([c * x - s * y, s * x + c * y, turn], axis=-1)
+        c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+        px, py = points[t].T
+        column = (poses[:, :1] + c * px - s * py) // 0.5
+        row = (poses[:, 1:2] + s * px + c * py) // 0.5
+        cells = (row * alpha.shape[1] + column).astype(int)
+        with np.errstate(divide="ignore"):
+            log_w = log_w + 0.1 * np.log(ch15.weights(*maps, cells, heights[t], 1.0))
+        w = np.exp(log_w - log_w.max())
+        w = w / w.sum()
+        track.append([w @ poses[:, 0], w @ poses[:, 1]])
+        if np.sum(w**2) * M > 2:
+            sums = np.cumsum(w)
+            poses = poses[[int(np.argmax(sums > (k + u[t]) / M)) for k in range(M)]]
+            log_w = np.zeros(M)
+    return track
+
+
+@pytest.mark.parametrize(
+    ("check", "right"),
+    [
+        (ch15.check_merged, one_after_the_other),
+        (ch15.check_from_behind, cell_by_cell),
+        (ch15.check_draw_scan, by_a_reader),
+        (ch15.check_localize, with_logarithms),
+    ],
+)
+def test_right_answers_that_are_written_in_other_ways_pass(check, right):
+    report = check.judge(check.observe(right))
+    assert report.passed, report
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_the_robot_of_the_picture_finds_its_place(seed):
+    given, truth, driven = ch15._field.__wrapped__(seed)
+    late = len(truth) // 2
+    found, odometry = (
+        np.hypot(*(way - truth)[late:].T).mean() for way in (ch15.localize(*given), driven)
+    )
+    assert found < 0.1 < 0.3 < odometry
