@@ -42,10 +42,10 @@ def by_matrices(start, odometry):
     return poses
 
 
-def walk(weights, u):
+def walk(weights, u, n):
     chosen, total, i, M = [], weights[0], 0, len(weights)
-    for tooth in range(M):
-        while total <= (tooth + u) / M and i < M - 1:
+    for tooth in range(n):
+        while total <= (tooth + u) / n and i < M - 1:
             i += 1
             total += weights[i]
         chosen.append(i)
@@ -76,8 +76,16 @@ RIGHT = {
     ],
     "ch03.check_innovation": [by_tangent],
     "ch03.check_jacobian": [forward_jacobian],
-    "ch04.check_effective_sample_size": [lambda w: sum(w) ** 2 / sum(w * w)],
-    "ch04.check_resample": [walk],
+    "ch04.check_particles_needed": [
+        lambda chance, area, r, turn: np.ceil(
+            np.log10(1 - chance) / np.log10(1 - r * r * turn / area)
+        )
+    ],
+    "ch04.check_resample": [
+        lambda x, w, cell, per_cell, u: walk(
+            w, u, per_cell * len(set((x[walk(w, u, len(w))] // cell).tolist()))
+        )
+    ],
     "ch19.check_turn": [
         lambda before, after: float(
             np.angle(
@@ -123,9 +131,9 @@ WRONG = [
     ("ch03.check_readings", lambda p, m, b: [1, 2, 3, 4], "shape"),
     ("ch03.check_innovation", lambda z, p: z + p, ""),
     ("ch03.check_jacobian", lambda p, m, b: forward_jacobian(p, m, b, 1e-3), "almost right"),
-    ("ch04.check_effective_sample_size", lambda w: 1.0, ""),
-    ("ch04.check_resample", lambda w, u: walk(w, u)[::-1], "reverse order"),
-    ("ch04.check_weights", lambda w, log: np.exp(log) / np.exp(log).sum(), ""),
+    ("ch04.check_particles_needed", lambda *a: 100, ""),
+    ("ch04.check_resample", lambda *a: answer("ch04.check_resample")(*a)[::-1], "reverse order"),
+    ("ch04.check_sonar", lambda z, e, s, p, r: np.log(p) - 0.5 * ((z - e) / s) ** 2, ""),
     ("ch05.check_wheels", lambda *a: -answer("ch05.check_wheels")(*a), "turn the other way"),
     (
         "ch05.check_noise",

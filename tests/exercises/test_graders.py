@@ -7,8 +7,8 @@ import pytest
 from nbclient import NotebookClient
 from test_recipes import RECIPE
 
-RIGHT = "weights.sum() ** 2 / (weights**2).sum()"
-ANSWERS = {"right": RIGHT, "wrong": "(weights**2).sum()"}
+RIGHT = "carried.argmax()"
+ANSWERS = {"right": RIGHT, "wrong": "weights.argmax()"}
 CHECKED, _, ASSERTED = RECIPE.partition("\n\ndef ")
 ANSWER, _, ASSERTED = ASSERTED.partition("\n\n\n")
 ANSWER = "def " + ANSWER
@@ -25,7 +25,7 @@ def test_otter_grader_runs_the_recipe(tmp_path, monkeypatch, kind):
     name, points = "q1", 2
 
     @test_case()
-    def test_answer(effective_sample_size):
+    def test_answer(best_place):
     """
     body = textwrap.indent("\n".join((CHECKED, ASSERTED)).strip(), "    ")
     (tmp_path / "q1.py").write_text(textwrap.dedent(case) + body + "\n")
@@ -34,7 +34,7 @@ def test_otter_grader_runs_the_recipe(tmp_path, monkeypatch, kind):
     grader = otter.Notebook(tests_dir=str(tmp_path))
     result = grader.check("q1", global_env=scope)
     assert result.score == (2 if kind == "right" else 0)
-    assert kind == "right" or "effective_sample_size: " in result.summary()
+    assert kind == "right" or "best_place: " in result.summary()
 
 
 @pytest.mark.parametrize("kind", ANSWERS)

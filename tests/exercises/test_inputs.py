@@ -20,7 +20,7 @@ LENGTHS = """
 dt r lever half half_length half_width side width metres distance range ranges max_range reach
 nearest furthest step stride resolution cell threshold tolerance margin separation driven home
 budget gate gates gains limits v scan scans before after size cost field_of_view spread x y
-points stretch
+points stretch echo echoes expected sonar radius area
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
 belief beliefs prior goal hints p p_hit p_right p_slip p_stay p_step chance share occupied cells
@@ -32,13 +32,14 @@ density wanted information alphas betas
 """
 COUNTS = """
 edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents chosen
-counts ended sent node nodes i index particles left right entries entry hits successes runs state
-way turn best second back degrees beams
+counts ended sent node nodes i index particles left right entries entry hits successes runs
+state way turn best second back degrees beams per_cell
 """
 ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 # Names that are signed in one exercise and not in another.
 SIGNED = {
-    ("ch02.check_update", "R"), ("ch04.check_localize", "doors"), ("ch04.check_localize", "x"),
+    ("ch02.check_update", "R"), ("ch04.check_localize", "beacons"), ("ch04.check_localize", "x"),
+    ("ch04.check_best_place", "x"), ("ch04.check_resample", "x"),
     ("ch11.check_joint", "y"), ("ch11.check_together", "R"), ("ch12.check_weight", "R"),
     ("ch12.check_weight", "log weight"), ("ch13.check_line", "positions"),
 }  # fmt: skip

@@ -15,7 +15,7 @@ def test_the_recipe_passes_a_right_answer():
 
 
 def test_the_recipe_raises_with_our_own_sentence_for_a_wrong_one():
-    wrong = RECIPE.replace("weights.sum() ** 2 / (weights**2).sum()", "(weights**2).sum()")
+    wrong = RECIPE.replace("carried.argmax()", "weights.argmax()")
     assert wrong != RECIPE
-    with pytest.raises(AssertionError, match="effective_sample_size: . of"):
+    with pytest.raises(AssertionError, match="best_place: . of"):
         exec(wrong, {})
