@@ -5,20 +5,67 @@ import pytest
 from scipy.stats import chi2
 
 from slamlab.exercises import ch20_explore_and_return as ch
+from slamlab.exercises.yard import Robot, expedition
 from slamlab.gaussian import mahalanobis_squared
-from slamlab.geometry import compose, inverse, inverse_transform, transform
+from slamlab.geometry import between, compose, inverse, inverse_transform, rotation, transform
 
 
-def relaid_by_loop(points, nodes, before, after):
+def next_by_loop(driven, away, home, budget, reserve):
+    best = -1
+    for k, (there, back) in enumerate(zip(away, home, strict=True)):
+        allowed = budget - driven - there - reserve * back >= 0
+        if allowed and (best < 0 or there < away[best]):
+            best = k
+    return best
+
+
+def relaid_by_loop(poses, nodes, before, after):
     return [
-        transform(after[k], inverse_transform(before[k], p)).tolist()
-        for p, k in zip(points, nodes, strict=True)
+        compose(after[k], between(before[k], p)).tolist()
+        for p, k in zip(poses, nodes, strict=True)
     ]
 
 
-def relaid_by_motion(points, nodes, before, after):
+def relaid_by_motion(poses, nodes, before, after):
     motion = compose(after, inverse(before))
-    return np.array([transform(motion[k], p) for p, k in zip(points, nodes, strict=True)])
+    return compose(motion[nodes], poses)
+
+
+def relaid_by_points(poses, nodes, before, after):
+    turn = (after - before)[nodes, 2]
+    rows = []
+    for p, k, by in zip(poses, nodes, turn, strict=True):
+        x, y = transform(after[k], inverse_transform(before[k], p[:2]))
+        rows.append([x, y, np.angle(np.exp(1j * (p[2] + by)))])
+    return np.array(rows)
+
+
+def inside_on_the_floor(errors, headings, covs):
+    R = rotation(headings)
+    return mahalanobis_squared(errors, R @ covs @ R.swapaxes(1, 2)) < chi2.ppf(0.95, 2)
+
+
+def runs_by_search(share, lost):
+    runs = lost + 1
+    while ch.least_share(runs - lost, runs) < share:
+        runs += 1
+    return runs
+
+
+def home_after_a_look(robot, steps, memory, way):
+    """Skip the pose on which it stands; two loops; the count of the wheels kept as a pose."""
+    path, count = ch.relaid(*memory), robot.pose()
+    if way == "wheels":
+        for step in steps[::-1]:
+            robot.drive(inverse(step).tolist())
+    if way == "map":
+        for goal in path[-2::-1]:
+            robot.drive(between(robot.pose(), goal))
+    if way == "mixed":
+        for goal in reversed(path):
+            robot.drive(between(count, goal))
+            count = goal
+    return robot
 
 
 @pytest.mark.parametrize(
@@ -26,19 +73,51 @@ def relaid_by_motion(points, nodes, before, after):
     [
         (ch.check_retraced, lambda steps: inverse(steps)[::-1]),
         (ch.check_retraced, lambda steps: [inverse(u).tolist() for u in steps[::-1]]),
-        (ch.check_turn_back, lambda d, h, b, r: not d < b - r * h),
+        (ch.check_next_goal, next_by_loop),
         (ch.check_relaid, relaid_by_loop),
         (ch.check_relaid, relaid_by_motion),
-        (ch.check_inside, lambda e, P: np.mean(mahalanobis_squared(e, P) < chi2.ppf(0.95, 2))),
-        (
-            ch.check_least_share,
-            lambda k, n: (
-                (2 * k + 1.96**2 - 1.96 * np.sqrt(1.96**2 + 4 * k * (n - k) / n))
-                / (2 * (n + 1.96**2))
-            ),
-        ),
+        (ch.check_relaid, relaid_by_points),
+        (ch.check_inside, inside_on_the_floor),
+        (ch.check_inside, lambda e, a, P: list(inside_on_the_floor(e, a, P))),
+        (ch.check_runs_needed, runs_by_search),
+        (ch.check_come_home, home_after_a_look),
     ],
 )
 def test_another_right_answer_passes(check, answer):
     report = check(answer)
     assert report.passed, report.text
+
+
+@pytest.mark.parametrize("wear", [(1.02, 0.0017), (0.98, 0.0017), (1.01, -0.001)])
+def test_worn_wheels_undo_themselves_and_the_map_and_a_mixture_does_not(wear):
+    off = {}
+    for way in ("wheels", "map", "mixed"):
+        robot, steps, memory = expedition(*wear)
+        ch.come_home(robot, steps, memory, way)
+        off[way] = robot.off
+    assert off["wheels"] < 1e-9
+    assert off["map"] < 0.03
+    assert off["mixed"] > 0.2
+
+
+def test_a_robot_of_the_yard_with_good_wheels_drives_what_is_commanded():
+    robot = Robot(np.array([1.0, 2.0, np.pi / 2]), 1.0, 0.0, 0.0, 0)
+    robot.drive([1.0, 0.5, 0.3])
+    np.testing.assert_allclose(robot.truth[-1], [0.5, 3.0, np.pi / 2 + 0.3], atol=1e-12)
+    assert repr(robot) == "<Robot, 3.04 m from its marker>"
+
+
+def test_a_second_pose_at_one_place_is_the_first():
+    robot, *_ = expedition(noise=1.0, seed=3)
+    first = robot.pose()
+    np.testing.assert_array_equal(robot.pose(), first)
+    robot.drive([0.0, 0.0, 0.0])
+    assert np.any(robot.pose() != first)
+
+
+def test_the_true_way_out_of_the_yard_is_the_same_for_every_robot():
+    ends = [expedition(*wear)[0].truth[0] for wear in ((), (0.98, 0.001), (1.01, 0.0, 1.0, 3))]
+    np.testing.assert_allclose(ends, [ends[0]] * 3, atol=1e-12)
+    robot, steps, (path, nodes, before, after) = expedition(1.02, 0.002, 1.0, 5)
+    assert len(path) == len(nodes) == len(steps) + 1
+    assert len(before) == len(after) == nodes[-1] + 1

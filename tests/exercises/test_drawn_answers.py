@@ -203,10 +203,11 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch19.check_second_best, lambda p, m, gap: ch19.second_best(p, m, 0.0)),
         (ch19.check_locate, lambda p, s, scan, n, gap: ch19.locate(p, s, scan, 1, gap)),
         (ch20.check_retraced, lambda steps: -steps[::-1]),
-        (ch20.check_turn_back, lambda driven, home, budget, r: r * (driven + home) >= budget),
-        (ch20.check_relaid, lambda p, n, before, after: p + (after - before)[n, :2]),
-        (ch20.check_inside, lambda e, P: ch20.inside(e, 5.99 / 3.84 * P)),
-        (ch20.check_least_share, lambda k, n: k / n),
+        (ch20.check_next_goal, lambda d, a, h, b, r: ch20.next_goal(d, a, h, b, 0.5)),
+        (ch20.check_relaid, lambda p, n, before, after: p + (after - before)[n]),
+        (ch20.check_inside, lambda e, theta, P: ch20.inside(e, 0 * theta, P)),
+        (ch20.check_runs_needed, lambda share, lost: ch20.runs_needed(share, 0)),
+        (ch20.check_come_home, lambda r, s, m, way: ch20.come_home(r, s, m, "mixed")),
         (ch.check_slam, lambda u, dt, V, z, ids, R: ch.slam(u, 2 * dt, V, z, ids, R)),
     ],
 )  # fmt: skip
@@ -258,9 +259,7 @@ def test_a_number_is_told_where_an_array_is_expected(check):
         ch13.check_weight,
         ch13.check_widths,
         ch16.check_next_range,
-        ch20.check_turn_back,
-        ch20.check_inside,
-        ch20.check_least_share,
+        ch20.check_runs_needed,
     )
     told = [t for t in texts(check.draw(lambda *arguments: 7)) if t.startswith("cannot be drawn")]
     assert len(told) == (check not in numbers)

@@ -25,6 +25,9 @@ points stretch echo echoes expected sonar radius area
 SHARES = """
 belief beliefs prior goal hints p p_hit p_right p_slip p_stay p_step chance share occupied cells
 bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye
+nearest furthest step stride resolution cell threshold tolerance margin separation driven away home
+budget gate gates gains limits v scan scans before after size cost field_of_view x y points
+bound weights u t_a t_b reserve frontier hit inside
 """
 VARIANCES = """
 sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits measurements
@@ -33,7 +36,7 @@ density wanted information alphas betas
 COUNTS = """
 edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents chosen
 counts ended sent node nodes i index particles left right entries entry hits successes runs
-state way turn best second back degrees beams per_cell
+state way turn best second back degrees beams per_cell lost
 """
 ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 # Names that are signed in one exercise and not in another.

@@ -1,0 +1,136 @@
+"""A yard with a robot far from its marker: what the last exercise of chapter 20 drives home.
+
+Formula (1) of chapter 20: worn wheels and noise move the true pose, SLAM gives the believed one.
+The way out is the same for all; what wheels have counted on it is not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamlab._checks import Array
+from slamlab.geometry import compose, wrap_angle
+
+__all__ = ["Robot", "expedition"]
+
+_NOISE = np.array([0.012, 0.012, 0.012])  # of one motion (m, m, rad)
+_SLAM = np.array([0.003, 0.003, 0.002])  # of a pose that SLAM gives (m, m, rad)
+_STEPS = 8  # motions from one node of the graph to the next
+_AHEAD, _LEFT, _RIGHT = [0.5, 0.0, 0.0], [0.5, 0.0, np.pi / 6], [0.5, 0.0, -np.pi / 6]
+# Eleven metres ahead, once round a shed, and on.
+_TOUR = np.array(
+    [*[_AHEAD] * 22, *([*[_AHEAD] * 9, *[_LEFT] * 3, *[_AHEAD] * 7, *[_LEFT] * 3] * 2)]
+    + [*[_AHEAD] * 14, *[_RIGHT] * 3, *[_AHEAD] * 5, *[_LEFT] * 3, *[_AHEAD] * 12]
+)
+
+
+def _moved(twist: Array) -> Array:
+    """Return the motion (..., 3) of a velocity that is held for one unit of time."""
+    half = 0.5 * twist[..., 2]
+    chord = np.sinc(half / np.pi)  # sin(half) / half
+    c, s = chord * np.cos(half), chord * np.sin(half)
+    x, y = twist[..., 0], twist[..., 1]
+    return np.stack([c * x - s * y, s * x + c * y, twist[..., 2]], -1)
+
+
+def _twist(motion: Array) -> Array:
+    """Return the velocity that gives a motion (..., 3) in one unit of time."""
+    turn = wrap_angle(motion[..., 2])
+    half = 0.5 * turn
+    chord = np.sinc(half / np.pi)
+    c, s = np.cos(half) / chord, np.sin(half) / chord
+    x, y = motion[..., 0], motion[..., 1]
+    return np.stack([c * x + s * y, c * y - s * x, turn], -1)
+
+
+class Robot:
+    """A robot at the far end of its way out, with worn wheels and with SLAM.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (3,)
+        Where it is.
+    scale : float
+        Its wheels are so many times as large as they should be.
+    drift : float
+        Heading gained on each metre ahead (rad/m).
+    noise : float
+        0: the wheels are only worn; 1: each motion has a random error as well.
+    seed : int
+        Of the random numbers.
+
+    Attributes
+    ----------
+    truth : list of ndarray, shape (3,)
+        Its true poses; the robot does not know them.
+    """
+
+    def __init__(self, pose: Array, scale: float, drift: float, noise: float, seed: int) -> None:
+        self._wear = scale, drift
+        self._noise = noise
+        self._wheels, self._slam = (np.random.default_rng([seed, k]) for k in (1, 2))
+        self.truth = [pose]
+        self._scan = self._slam.standard_normal(3)
+
+    def __repr__(self) -> str:
+        """Return how far it is from the marker."""
+        return f"<Robot, {self.off:.2f} m from its marker>"
+
+    @property
+    def off(self) -> float:
+        """Metres from the marker."""
+        return float(np.hypot(*self.truth[-1][:2]))
+
+    def drive(self, motion: Array) -> None:
+        """Drive a motion: dx, dy (m) and turn (rad), in the frame of the robot before it.
+
+        The wheels count exactly this motion; the floor gets that of worn and noisy wheels.
+        """
+        twist = _twist(np.array(motion, dtype=float))
+        twist = twist + self._noise * _NOISE * self._wheels.standard_normal(3)
+        scale, drift = self._wear
+        really = _moved(scale * twist + drift * twist[0] * np.array([0.0, 0.0, 1.0]))
+        self.truth.append(compose(self.truth[-1], really))
+        self._scan = self._slam.standard_normal(3)
+
+    def pose(self) -> Array:
+        """Pose by SLAM, from a scan of the sheds: x, y (m) and heading (rad)."""
+        return compose(self.truth[-1], _SLAM * self._scan)
+
+
+def expedition(
+    scale: float = 1.02, drift: float = np.deg2rad(0.1), noise: float = 0.0, seed: int = 0
+) -> tuple[Robot, Array, tuple[Array, NDArray[np.int_], Array, Array]]:
+    """Send a robot out into the yard.
+
+    Parameters
+    ----------
+    scale, drift, noise, seed
+        As of `Robot`.
+
+    Returns
+    -------
+    robot : Robot
+        At the far end of the way.
+    steps : ndarray, shape (n, 3)
+        The motions on the way out, as the wheels have counted them.
+    memory : tuple
+        The stored path (n + 1, 3), marker first, as noted by the wheels; the node of each of its
+        poses (n + 1,); the poses of all nodes as noted, and as SLAM has them after the closure.
+    """
+    rng = np.random.default_rng([seed, 0])
+    really = _twist(_TOUR)
+    counted = really / scale
+    counted[:, 2] -= drift * really[:, 0] / scale**2
+    counted -= noise * _NOISE * rng.standard_normal(counted.shape)
+    steps = _moved(counted)
+    path, truth = [np.zeros(3)], [np.zeros(3)]
+    for step, true in zip(steps, _TOUR, strict=True):
+        path.append(compose(path[-1], step))
+        truth.append(compose(truth[-1], _moved(_twist(true))))
+    nodes = np.arange(len(path)) // _STEPS
+    before, after = np.array(path[::_STEPS]), np.array(truth[::_STEPS])
+    after[1:] = compose(after[1:], _SLAM * rng.standard_normal(after[1:].shape))
+    robot = Robot(truth[-1], scale, drift, noise, seed)
+    return robot, steps, (np.array(path), nodes, before, after)
