@@ -43,8 +43,8 @@ ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 SIGNED = {
     ("ch02.check_update", "R"), ("ch04.check_localize", "beacons"), ("ch04.check_localize", "x"),
     ("ch04.check_best_place", "x"), ("ch04.check_resample", "x"),
-    ("ch11.check_joint", "y"), ("ch11.check_together", "R"), ("ch12.check_weight", "R"),
-    ("ch12.check_weight", "log weight"), ("ch13.check_line", "positions"),
+    ("ch11.check_joint", "y"), ("ch11.check_together", "R"), ("ch12.check_weight", "log weight"),
+    ("ch13.check_line", "positions"),
 }  # fmt: skip
 ALWAYS_NEGATIVE = {"miss"}  # the evidence of a beam that went through
 
@@ -274,6 +274,7 @@ ELSEWHERE = {
     "ch00.check_slam": {"dead_reckoning", "relax"},
     "ch09.check_slam": {"update"},
     "ch10.check_slam": {"update"},
+    "ch12.check_fast_slam": {"drive", "observe_landmark"},
     "ch20.check_relaid": {"relaid"},
 }
 
