@@ -28,6 +28,9 @@ bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye
 nearest furthest step stride resolution cell threshold tolerance margin separation driven away home
 budget gate gates gains limits v scan scans before after size cost field_of_view x y points
 bound weights u t_a t_b reserve frontier hit inside
+budget gate gates gains limits v scan scans before after size cost field_of_view spread x y points
+height radius stay
+bound weights u t_a t_b reserve frontier hit memory
 """
 VARIANCES = """
 sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits measurements
@@ -36,7 +39,7 @@ density wanted information alphas betas
 COUNTS = """
 edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents chosen
 counts ended sent node nodes i index particles left right entries entry hits successes runs
-state way turn best second back degrees beams per_cell lost
+state way turn best second back degrees beams per_cell lost regions
 """
 ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 # Names that are signed in one exercise and not in another.
@@ -275,6 +278,7 @@ ELSEWHERE = {
     "ch09.check_slam": {"update"},
     "ch10.check_slam": {"update"},
     "ch12.check_fast_slam": {"drive", "observe_landmark"},
+    "ch16.check_fly": {"leave", "range_update"},
     "ch20.check_relaid": {"relaid"},
 }
 
