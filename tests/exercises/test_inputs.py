@@ -24,13 +24,10 @@ points stretch echo echoes expected sonar radius area
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
 belief beliefs prior goal hints p p_hit p_right p_slip p_stay p_step chance share occupied cells
-bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye
-nearest furthest step stride resolution cell threshold tolerance margin separation driven away home
-budget gate gates gains limits v scan scans before after size cost field_of_view x y points
-bound weights u t_a t_b reserve frontier hit inside
-budget gate gates gains limits v scan scans before after size cost field_of_view spread x y points
-height radius stay
-bound weights u t_a t_b reserve frontier hit memory
+bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye nearest furthest step
+stride resolution cell threshold tolerance margin separation driven away home budget gate gates
+gains limits v scan scans before after size cost field_of_view x y points inside spread height
+radius stay memory field
 """
 VARIANCES = """
 sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits measurements
