@@ -1,4 +1,4 @@
-"""Exercises, chapter 01: predict and update of a Bayes filter in a circular corridor.
+"""Exercises, chapter 01: predict and update of a Bayes filter in a corridor with two ends.
 
 P2 (4) and (5), discretised.
 """
@@ -360,10 +360,11 @@ check_update.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: how many measurements? (pencil first)
 #
-# The robot stands still. One place has the prior probability $p_0$ of being where it stands, and
-# every measurement fits this place and no other. A measurement is right with probability $p$,
-# whatever the others were. After how many of them is the belief in the place at least $g$? On
-# paper: what happens to the *odds* $b / (1 - b)$ in one measurement?
+# The robot stands still, and the corridor has a single door. Before the first measurement the
+# robot believes with $p_0$ that it stands at the door. Now its eye says *door*, again and again;
+# wherever it looks, it is right with probability $p$, whatever it said before. After how many
+# measurements is the belief in the door at least $g$? On paper: what happens to the *odds* $b / (1
+# - b)$ in one measurement?
 
 
 # %% tags=["exercise"]
@@ -373,9 +374,11 @@ def measurements_needed(prior: float, p_right: float, goal: float) -> int:
     Parameters
     ----------
     prior : float
+        Belief in the door before the first measurement, above 0 and below 1.
     p_right : float
-        How often the eye is right, more than one half.
+        How often the eye is right, more than one half and below 1.
     goal : float
+        Belief that is to be reached, above 0 and below 1.
 
     Returns
     -------
@@ -383,7 +386,7 @@ def measurements_needed(prior: float, p_right: float, goal: float) -> int:
         0 if the prior is enough.
     """
     odds, n = prior / (1 - prior), 0
-    while odds / (1 + odds) < goal and n < 100_000:  # a coin never gets there
+    while odds / (1 + odds) < goal and n < 100_000:  # if the eye were a coin
         odds, n = odds * p_right / (1 - p_right), n + 1
     return n
 
@@ -392,8 +395,8 @@ def measurements_needed(prior: float, p_right: float, goal: float) -> int:
 # measurements_needed(1 / 6, 0.8, 0.95)
 
 # %% [markdown] tags=["hint"]
-# The belief is multiplied by $p$, that in all other places together by $1 - p$; then both are
-# divided by one number.
+# The belief in the door is multiplied by $p$, that in all other places together by $1 - p$; then
+# both are divided by one number.
 
 # %% [markdown] tags=["hint"]
 # Odds are a quotient: the number by which both are divided drops out. So one measurement
@@ -498,8 +501,9 @@ check_measurements_needed.mistakes = {
 # mirror?), then its eye says something (your `update`). Sometimes its eye is closed: `seen` is -1
 # then.
 #
-# The picture shows the belief of one patrol, with the eye closed for a while, and says how many of
-# a hundred robots stand at their likeliest place at the end.
+# The picture shows the belief of one patrol whose eye is closed in the last seven steps, and says
+# how many of a hundred robots stand at their likeliest place at the end: with your filter, and
+# with your filter and no eye at all (*blind*).
 
 
 # %% tags=["exercise"]
@@ -573,8 +577,8 @@ def _wander_drawn(ax: Any, function: Any) -> None:
     from slamlab import plots
 
     doors = np.array([1.0, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1, 0])
-    ways, shares, eye = np.tile([1] * 7 + [-1] * 5, 4)[:40], (0.05, 0.9, 0.05), (0.7, 0.95)
-    found = []
+    ways, shares = np.tile(np.repeat([1, -1], 9), 3)[:40], np.array([0.05, 0.9, 0.05])
+    eye, found = np.array([0.7, 0.95]), np.zeros(2, dtype=int)
     for seed in range(100):
         rng = np.random.default_rng(seed)
         places = [int(rng.integers(12))]
@@ -583,15 +587,18 @@ def _wander_drawn(ax: Any, function: Any) -> None:
         door = doors[places[1:]] == 1
         right = rng.random(40) < np.where(door, *eye)
         seen = (right == door).astype(int)
-        seen[15:22] = -1
-        given = np.full(12, 1 / 12), doors, ways, np.array(shares), seen, np.array(eye)
-        beliefs = np.asarray(function(*given), float)
-        found.append(beliefs[-1].argmax() == places[-1])
-        if seed == 0:
-            ax.imshow(beliefs.T, origin="lower", aspect="auto", cmap="Blues", vmin=0, vmax=1)
-            ax.plot(places[1:], "o", color=plots.COLOURS["truth"], markersize=2.5)
-    ax.set(xlabel="step; eye closed in 15 to 21", ylabel="place (dots: the robot)")
-    ax.set_title(f"found at the end: {np.sum(found)} of 100")
+        seen[33:] = -1
+        for k, said in enumerate((seen, np.full(40, -1))):
+            given = np.full(12, 1 / 12), doors, ways, shares, said, eye
+            beliefs = np.asarray(function(*given), float)
+            found[k] += beliefs[-1].argmax() == places[-1]
+            if seed == 3 and k == 0:
+                ax.imshow(beliefs.T, origin="lower", aspect="auto", cmap="Blues", vmin=0, vmax=1)
+                ax.plot(places[1:], "o", color=plots.COLOURS["truth"], markersize=2.5)
+    ax.grid(False)
+    ax.set(xlabel="step; eye closed from 33 on", ylabel="place (dots: the robot)")
+    ax.set(yticks=range(0, 12, 2))
+    ax.set_title(f"found: {found[0]} of 100, blind {found[1]}")
 
 
 check_wander = Check(
@@ -654,13 +661,41 @@ check_wander.mistakes = {
 # right in a mirror, so one `predict` serves both.
 
 # %% [markdown] tags=["solution"]
-# A robot that takes its closed eye for a wall hears news where there is none:
+# What does it cost to take a closed eye for a wall, or to stand still while it is closed? A
+# hundred patrols, eye closed in the last seven steps:
+
+# %% active="ipynb" tags=["solution"]
+# doors = np.array([1.0, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1, 0])
+# ways, shares = np.tile(np.repeat([1, -1], 9), 3)[:40], np.array([0.05, 0.9, 0.05])
+# eye = np.array([0.7, 0.95])
+#
+# def patrol(rng):
+#     place, seen = int(rng.integers(12)), []
+#     for k, way in enumerate(ways):
+#         place = int(np.clip(place + way * rng.choice(3, p=shares), 0, 11))
+#         right = rng.random() < (eye[0] if doors[place] else eye[1])
+#         seen.append(-1 if k > 32 else int(right == bool(doors[place])))
+#     return place, np.array(seen)
 
 # %% active="ipynb" tags=["solution"]
 # def dark_is_a_wall(belief, doors, ways, shares, seen, eye):
 #     return wander(belief, doors, ways, shares, np.maximum(seen, 0), eye)
 #
-# check_wander(dark_is_a_wall)
+# def stands_still(belief, doors, ways, shares, seen, eye):
+#     open_ = seen >= 0
+#     return wander(belief, doors, ways[open_], shares, seen[open_], eye)
+#
+# patrols = [patrol(np.random.default_rng([4, k])) for k in range(500)]
+# for robot in (wander, dark_is_a_wall, stands_still):
+#     known = [robot(np.full(12, 1 / 12), doors, ways, shares, seen, eye)[-1].argmax()
+#              for _, seen in patrols]
+#     found = np.mean(np.array(known) == [place for place, _ in patrols])
+#     print(f"{robot.__name__:15s} found at the end: {found:.0%}")
+
+# %% [markdown] tags=["solution"]
+# A robot that takes its closed eye for a wall hears news where there is none, and one that does
+# not predict in the dark is left behind. You have now a filter that needs two functions of three
+# or four lines, for any corridor and any eye; chapter 02 writes the same two for a bell curve.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 01](../solutions/01_bayes_filter.ipynb).
