@@ -32,7 +32,8 @@ def side_by_side(picture: Picture, student: Function, reference: Function) -> An
     ----------
     picture : callable
         ``picture(ax, function)`` draws the truth and what the function gives. What it sets as the
-        title, a number say, stands below the title of its panel.
+        title, a number say, stands below the title of its panel; its docstring, "Draw ...", is
+        the caption.
     student, reference : callable
         Whatever the student's function does is shown, never raised: no result, an exception, a
         result that cannot be drawn.
@@ -61,6 +62,10 @@ def side_by_side(picture: Picture, student: Function, reference: Function) -> An
     right.set(ylabel="")
     for ax, whose in ((left, "Yours"), (right, "As it should be")):
         ax.set_title("\n".join(filter(None, [whose, ax.get_title(loc="left")])))
+    what = " ".join((picture.__doc__ or "").removeprefix("Draw ").split())
+    if what:
+        caption = "\n".join(textwrap.wrap(what[0].upper() + what[1:], 100))
+        figure.supxlabel(caption, x=0.02, ha="left", fontsize=9, color="0.35")
     if message:
         left.text(
             0.5, 0.5, "\n".join(textwrap.wrap(message, 36)), transform=left.transAxes,

@@ -283,15 +283,17 @@ def test_a_function_that_changes_its_arguments_spoils_nothing():
     np.testing.assert_array_equal(drawn(left), drawn(right))
 
 
-def test_what_a_picture_sets_as_its_title_stands_below_that_of_the_panel():
+def test_a_title_stands_below_that_of_the_panel_and_the_docstring_is_the_caption():
     def _one(x: float) -> float:
         return x
 
     def _drawn(ax, function):
+        """Draw a way."""
         ax.set_title(f"{function(1.0):.1f} m")
 
-    left, right = Check(_one, "x", {"one": (1.0,)}, picture=_drawn).draw(lambda x: 2 * x).axes
-    titles = [ax.get_title(loc="left") for ax in (left, right)]
+    figure = Check(_one, "x", {"one": (1.0,)}, picture=_drawn).draw(lambda x: 2 * x)
+    assert figure.get_supxlabel() == "A way."
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert titles == ["Yours\n2.0 m", "As it should be\n1.0 m"]
 
 
