@@ -53,9 +53,10 @@ __all__ = [
 # light back only if a beam meets it nearly squarely; at a slant the light goes through, or away.
 #
 # So the picture has three kinds of cells: 0 is free, 1 a wall, 2 glass. Follow the beam from grid
-# line to grid line, as the lesson does. A wall always ends it. Glass ends it if the beam comes
-# from a cell that is *not* glass and stands within 30° of the perpendicular of the grid line that
-# it crosses there. Else it goes on, as if the cell were free.
+# line to grid line, as the lesson does. A wall always ends it. Glass ends it on two conditions:
+# the beam comes from a cell that is *not* glass, and the angle between the beam and the
+# perpendicular of the grid line that it crosses there is less than 30°. Else the beam goes on, as
+# if the cell were free.
 #
 # Everything is in cells: the cell in row r and column c is the square from (c, r) to (c + 1, r +
 # 1).
@@ -254,6 +255,9 @@ check_first_hit.mistakes = {
     ),
     "glass ended the beam at a slant, and let it pass squarely": (
         "cosine > np.cos(np.pi / 6) => cosine < np.cos(np.pi / 6)"
+    ),
+    "the 30 degrees count from the perpendicular of the grid line, not from the line": (
+        "cosine > np.cos(np.pi / 6) => cosine > np.cos(np.pi / 3)"
     ),
     "the beam was in the glass already: only what comes from outside is sent back": (
         " and before == 0 => "
@@ -506,7 +510,7 @@ _ROOM = [(0, 0), (6, 0), (6, 3), (4, 3), (4, 5), (0, 5)]
 
 
 def _points_drawn(ax: Any, function: Any) -> None:
-    """Draw the points of two scans by a lidar ahead of the centre, and the walls of the room."""
+    """Draw the ends of two scans, the robot (dot) and its lidar (cross) in a room of walls."""
     from slamlab import plots
     from slamlab.sensors import Lidar
     from slamlab.worlds import WallWorld
@@ -519,6 +523,7 @@ def _points_drawn(ax: Any, function: Any) -> None:
         points = function(pose, mount, scan, lidar.beam_angles)
         plots.lidar_points(ax, np.asarray(points, float), s=4)
         ax.plot(pose[0], pose[1], "o", color=plots.COLOURS["truth"])
+        ax.plot(*compose(pose, mount)[:2], "x", color=plots.COLOURS["truth"], markersize=6)
     plots.floor(ax)
     ax.set(xlim=(-0.5, 6.5), ylim=(-0.5, 5.5))
 
@@ -628,21 +633,21 @@ check_scan_to_points.mistakes = {
 # check_scan_to_points(left_out)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 4: a bug to find
+# ## Exercise 4: a robot that brakes for its own back, two bugs to find
 #
 # A room can also be drawn as straight walls. A beam from $p$ in the direction $d$ meets the wall
 # from $a$ to $b$ where $p + t\,d = a + s\,(b - a)$: two equations, two unknowns. $t$ is the
-# range, $s$ says where on the wall.
-# With $u \times v = u_x v_y - u_y v_x$ they are
+# range, $s$ says where on the wall. With $u \times v = u_x v_y - u_y v_x$ they are
 #
 # $$
 # t = \frac{(a - p) \times (b - a)}{d \times (b - a)}, \qquad s = \frac{(a - p) \times d}
 # {d \times (b - a)} .
 # $$
 #
-# Derive both with a pencil: take the product of the equation with $b - a$, then with $d$. The
-# formulas in this program are right, and two other things are not. With a single wall, and
-# that one ahead, it is right. Run the check, find the two bugs, repair them.
+# Derive both with a pencil: take the product of the equation with $b - a$, then with $d$. A robot
+# that is simulated with the program below brakes in the middle of an empty hall, and drives into a
+# partition that stands before the wall. Both formulas are right, and two other things are not. Run
+# the check, find the two bugs, repair them.
 
 
 # %% tags=["exercise"]
@@ -662,13 +667,14 @@ def nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
     -------
     float
         Distance (m) to the nearest wall that is met, its ends included; 0 if the beam
-        starts on it, inf if none is met. A wall that runs along the beam is not met,
-        not even by a beam that starts on it.
+        starts on it, inf if none is met. A wall that runs along the beam
+        (abs(d x (b - a)) < 1e-12) is not met, not even by a beam that starts on it.
     """
     d = np.array([np.cos(angle), np.sin(angle)])
     along, to = segments[:, 1] - segments[:, 0], segments[:, 0] - np.array([x, y])
     det = d[0] * along[:, 1] - d[1] * along[:, 0]
-    along, to, det = along[det != 0], to[det != 0], det[det != 0]
+    crossing = np.abs(det) > 1e-12
+    along, to, det = along[crossing], to[crossing], det[crossing]
     t = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / det
     s = (to[:, 0] * d[1] - to[:, 1] * d[0]) / det
     met = (t >= 0) & (s >= 0) & (s <= 1)
@@ -679,11 +685,12 @@ def nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
 #     d = np.array([np.cos(angle), np.sin(angle)])
 #     along, to = segments[:, 1] - segments[:, 0], segments[:, 0] - np.array([x, y])
 #     det = d[0] * along[:, 1] - d[1] * along[:, 0]
-#     along, to, det = along[det != 0], to[det != 0], det[det != 0]
-#     t = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / det
+#     crossing = np.abs(det) > 1e-12
+#     along, to, det = along[crossing], to[crossing], det[crossing]
+#     t = np.abs((to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / det)
 #     s = (to[:, 0] * d[1] - to[:, 1] * d[0]) / det
 #     met = (s >= 0) & (s <= 1)
-#     return np.abs(t[met])[0] if met.any() else np.inf
+#     return t[met][0] if met.any() else np.inf
 
 # %% active="ipynb" tags=["try"]
 # float(nearest_wall(np.array([[[2.0, -1.0], [2.0, 1.0]]]), 0.5, 0.0, 0.0))
@@ -692,7 +699,7 @@ def nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
 # Draw the scene of the first property that fails. On which side of the lidar is the wall?
 
 # %% [markdown] tags=["hint"]
-# What does the sign of $t$ say? And what is left of it in the last line?
+# What does the sign of $t$ say? And what is left of it in the program?
 
 # %% [markdown] tags=["hint"]
 # A beam may cross several walls. Which of them does the program report?
@@ -740,8 +747,8 @@ check_nearest_wall = Check(
     {
         "one wall ahead": ([[[2.0, -1.0], [2.5, 1.0]]], 0.5, 0.0, 0.1),
         "one wall, drawn the other way round": ([[[2.5, 1.0], [2.0, -1.0]]], 0.5, 0.0, 0.1),
-        "a wall behind is not met": ([[[-2.0, -1.0], [-2.5, 1.0]]], 0.5, 0.0, 0.1),
-        "several walls one behind the other, in any order": _on_one_line,
+        "one wall, somewhere else": ([[[-2.0, -1.0], [-2.5, 1.0]]], 0.5, 0.0, 0.1),
+        "four walls, somewhere": _on_one_line,
         "a wall that the beam passes by": ([[[2.0, 1.0], [2.5, 3.0]]], 0.5, 0.0, 0.1),
         "the beam touches the first end of a wall": ([[[2, 0], [2, 1]]], 0.5, 0.0, 0.0),
         "the beam touches the second end of a wall": ([[[3, -1], [3, 0]]], 0.5, 0.0, 0.0),
@@ -751,6 +758,12 @@ check_nearest_wall = Check(
             0,
             0,
             0,
+        ),
+        "a wall along the beam that the lidar stands on, and one across": (
+            [[[1.0, 0.0], [1.0, 2.0]], [[0.0, 3.0], [2.0, 3.0]]],
+            1.0,
+            0.5,
+            np.pi / 2,
         ),
         "any walls, any beam": _walls(5),
         "no walls at all": (np.zeros((0, 2, 2)), 0.5, 0.0, 0.1),
@@ -822,8 +835,9 @@ check_nearest_wall.mistakes = {
 # robot at several poses, a lidar mounted on it. Poses and results are in metres, `first_hit`
 # counts in cells. What is farther than `max_range` is not seen.
 #
-# Then draw, and look at the glass door between the two rooms through the robot's eyes: from which
-# poses is it there?
+# Then draw. Two rooms share a wall with a doorway and a pane of glass (light grey); six scans,
+# each in the colour of its pose. From which poses is the pane there, and from which is it open
+# floor?
 
 
 # %% tags=["exercise"]
@@ -880,7 +894,8 @@ def record(
 
 # %% [markdown] tags=["hint"]
 # Two loops: over poses, and over the directions of the beams. In which direction of the world
-# does a beam look, and where does it start? (A range of zero ends where it starts.)
+# does a beam look, and where does it start? (`scan_to_points` with a range of 0 says where the
+# lidar is.)
 
 # %% [markdown] tags=["hint"]
 # Metres go in, cells are counted, metres come out: a division before `first_hit` and a
@@ -914,19 +929,25 @@ _CORRIDOR[1, [5, 7]] = 1
 
 
 def _record_drawn(ax: Any, function: Any) -> None:
-    """Draw the points of six scans on a drive past a glass door (light grey) into another room."""
-    from slamlab import plots
+    """Draw six scans on a drive past a pane of glass (light grey), each in its pose's colour."""
+    cells, path = _two_rooms()
+    _, points = function(cells, 0.2, path, np.array([0.15, 0.1, -0.3]), 60, 4.0, 3.0)
+    _cells_drawn(ax, cells, 0.2)
+    colours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#7f6000", "#000000"]
+    for pose, ends, colour in zip(path, np.asarray(points, float), colours, strict=True):
+        ax.plot(*pose[:2], "o", color=colour, markersize=6)
+        ax.plot(*ends.T, ".", color=colour, markersize=2.5)
+    ax.set(xlim=(0, 6.4), ylim=(0, 4), xlabel="x (m)", ylabel="y (m)")
 
+
+def _two_rooms() -> tuple[Ints, Array]:
+    """Return two rooms with a doorway and a pane between them, and a drive through the doorway."""
     cells = np.zeros((20, 32), dtype=int)
     cells[[0, -1], :] = cells[:, [0, -1]] = cells[:, 15] = 1
     cells[6:11, 15], cells[11:18, 15] = 0, 2
-    _cells_drawn(ax, cells, 0.2)
     path = np.array([[0.9, 2.9, 1.2], [1.5, 2.2, 0.4], [2.2, 1.7, 0], [3.1, 1.7, 0],
                      [4.0, 1.8, -0.9], [5.2, 2.4, 2.6]])  # fmt: skip
-    ranges, points = function(cells, 0.2, path, np.array([0.15, 0.1, -0.3]), 60, 4.0, 3.0)
-    plots.lidar_points(ax, np.asarray(points, float), s=2.5)
-    plots.path(ax, path, "truth", marker="o", markersize=4)
-    ax.set(xlim=(0, 6.4), ylim=(0, 4))
+    return cells, path
 
 
 check_record = Check(
@@ -1003,6 +1024,12 @@ check_record.mistakes = {
         "ranges[k, i] = r\n"
         " => ranges[k, i] = r\n            else:\n                ranges[k, i] = max_range\n"
     ),
+    "the ranges are cut at max_range, and the points are not: beyond it there is none": (
+        lambda o, s, p, c, n, v, m: (
+            record(o, s, p, c, n, v, m)[0],
+            record(o, s, p, c, n, v, np.inf)[1],
+        )
+    ),
     "the points are right, but the range of a beam that met nothing is inf, not max_range": (
         "return ranges, points => return np.minimum(ranges, max_range), points"
     ),
@@ -1020,6 +1047,29 @@ check_record.mistakes = {
 # What to notice: both headings are used twice, once to send the beam and once to place its end.
 # You add them when you send; `scan_to_points` adds them when it places. `resolution` appears where
 # metres become cells and where cells become metres, and nowhere else.
+
+# %% [markdown] tags=["solution"]
+# The pane of the picture. How many beams of each pose end on it, of those that would if it were a
+# wall?
+
+# %% active="ipynb" tags=["solution"]
+# plan = np.zeros((20, 32), dtype=int)
+# plan[[0, -1], :] = plan[:, [0, -1]] = plan[:, 15] = 1
+# plan[6:11, 15], plan[11:18, 15] = 0, 2
+# path = np.array([[0.9, 2.9, 1.2], [1.5, 2.2, 0.4], [2.2, 1.7, 0], [3.1, 1.7, 0],
+#                  [4.0, 1.8, -0.9], [5.2, 2.4, 2.6]])
+# seen = []
+# for cells in (plan, np.minimum(plan, 1)):
+#     _, ends = record(cells, 0.2, path, np.array([0.15, 0.1, -0.3]), 60, 4.0, 3.0)
+#     x, y = ends[..., 0], ends[..., 1]
+#     pane = (x > 2.99) & (x < 3.21) & (y > 2.2) & (y < 3.6)
+#     seen.append(pane.sum(axis=1))
+# print("on the glass, pose by pose: ", *seen[0])
+# print("on a wall in the same place:", *seen[1])
+
+# %% [markdown] tags=["solution"]
+# It vanishes just where the robot drives past it. A map of this drive has a wall there by some
+# scans and open floor by others, and a planner may take the floor.
 
 # %% [markdown] tags=["solution"]
 # Now a drive in a room whose truth is known, 60 by 80 cells of 10 cm with a fence and two boxes:

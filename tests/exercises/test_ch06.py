@@ -47,7 +47,7 @@ def wall_by_wall(segments, x, y, angle):
     found = [np.inf]
     for a, b in segments:
         M = np.array([[np.cos(angle), a[0] - b[0]], [np.sin(angle), a[1] - b[1]]])
-        if np.linalg.det(M) != 0:
+        if abs(np.linalg.det(M)) > 1e-12:
             t, s = np.linalg.solve(M, a - [x, y])
             found += [float(t)] * bool(t >= 0 and 0 <= s <= 1)
     return min(found)
