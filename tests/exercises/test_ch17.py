@@ -6,29 +6,38 @@ import numpy as np
 import pytest
 
 from slamlab.exercises import ch17_the_way_home as ch
-from slamlab.navigation import fit_cubic
 from slamlab.navigation.cubic import Cubic
 
 
-def by_library(t, points):
-    return fit_cubic(t, points, points[0], points[-1]).coefficients
+def polygon(points):
+    t = [0.0]
+    for a, b in zip(points[:-1].tolist(), points[1:].tolist(), strict=True):
+        t.append(t[-1] + math.dist(a, b))
+    return np.array(t)
 
 
-def by_multipliers(t, points):
+def smooth_by_multipliers(points, slope):
     """Another right answer: least squares with Lagrange multipliers."""
-    A = np.vander((t - t[0]) / (t[-1] - t[0]), 4, increasing=True)
-    C = A[[0, -1]]
-    left = np.block([[A.T @ A, C.T], [C, np.zeros((2, 2))]])
-    return np.linalg.solve(left, np.vstack([A.T @ points, points[[0, -1]]]))[:4].tolist()
+    t = polygon(points)
+    if len(points) == 2:
+        c1 = slope * t[-1]
+        return [points[0], c1, points[1] - points[0] - c1, [0.0, 0.0]]
+    A = np.vander(t / t[-1], 4, increasing=True)
+    C = np.vstack([A[[0, -1]], [0, 1, 0, 0]])
+    left = np.block([[A.T @ A, C.T], [C, np.zeros((3, 3))]])
+    right = np.vstack([A.T @ points, points[[0, -1]], slope * t[-1]])
+    return np.linalg.lstsq(left, right, rcond=None)[0][:4].tolist()
 
 
-def by_elimination(t, points):
-    """P3's own elimination, with the typo repaired, in tau: t0 = 0, t1 = 1."""
-    tau = ((t - t[0]) / (t[-1] - t[0]))[:, None]
-    due = -points + tau * (points[-1] - points[0]) + points[0]
-    shapes = np.hstack([-(tau**3) + tau, -(tau**2) + tau])
-    a3, a2 = np.linalg.lstsq(shapes, due, rcond=None)[0]
-    return [points[0], points[-1] - points[0] - a3 - a2, a2, a3]
+def smooth_in_metres(points, slope):
+    """Another right answer: powers of t, scaled at the end."""
+    t, n = polygon(points), len(points)
+    chord = points[-1] - points[0]
+    parabola = points[0] + np.outer(t, slope) + np.outer(t**2, chord / t[-1] ** 2 - slope / t[-1])
+    bump = t**2 * (t[-1] - t)
+    mu = np.linalg.lstsq(bump[:, None], points - parabola, rcond=None)[0][0] * (n > 2)
+    c = [points[0], slope, chord / t[-1] ** 2 - slope / t[-1] + mu * t[-1], -mu]
+    return [one * t[-1] ** k for k, one in enumerate(c)]
 
 
 def loop_by_library(c):
@@ -50,41 +59,74 @@ def loop_by_cramer(c):
 def steer_by_complex_numbers(pose, point, gains, limits):
     """Another right answer: the angle of a quotient of complex numbers is wrapped already."""
     way = complex(*(point - pose[:2])) / complex(math.cos(pose[2]), math.sin(pose[2]))
-    turn = gains[1] * math.atan2(way.imag, way.real)
-    return [min(gains[0] * abs(way), limits[0]), math.copysign(min(abs(turn), limits[1]), turn)]
+    alpha, sign = math.atan2(way.imag, way.real), 1
+    if abs(alpha) > math.pi / 2:
+        alpha, sign = math.atan2(-way.imag, -way.real), -1
+    turn = gains[1] * alpha
+    return [
+        sign * min(gains[0] * abs(way), limits[0]),
+        math.copysign(min(abs(turn), limits[1]), turn),
+    ]
 
 
-def remember_by_halving(points, tolerance):
+def steer_wrapped_twice(pose, point, gains, limits):
+    x, y = point - pose[:2]
+    alpha = (math.atan2(y, x) - pose[2] + math.pi) % (2 * math.pi) - math.pi
+    v = min(gains[0] * math.hypot(x, y), limits[0])
+    if abs(alpha) > math.pi / 2:
+        v, alpha = -v, (alpha - math.pi + math.pi) % (2 * math.pi) - math.pi
+    return v, np.clip(gains[1] * alpha, -limits[1], limits[1])
+
+
+def remember_by_runs(points, heading, tolerance):
     """Another right answer: runs as lists, the newest point put back when it breaks the fit."""
-    t = [0.0]
-    for a, b in zip(points[:-1].tolist(), points[1:].tolist(), strict=True):
-        t.append(t[-1] + math.dist(a, b))
-    cubics, run = [], [0]
-    for new in range(1, len(points)):
-        if len(run) > 2:
-            c = by_multipliers(np.array([t[k] for k in [*run, new]]), points[[*run, new]])
-            tau = (np.array([t[k] for k in [*run, new]]) - t[run[0]]) / (t[new] - t[run[0]])
-            curve = np.polynomial.polynomial.polyval(tau, np.array(c)).T
-            if max(map(math.dist, curve, points[[*run, new]])) > tolerance:
-                cubics.append(ch.check_fit.reference(np.array([t[k] for k in run]), points[run]))
-                run = run[-1:]
+    fit = ch.check_smooth_fit.reference
+    cubics, run, slope = [], [points[0]], np.array([math.cos(heading), math.sin(heading)])
+    for new in points[1:]:
+        tried = np.array([*run, new])
+        c, t = fit(tried, slope), polygon(tried)
+        curve = np.polynomial.polynomial.polyval(t / t[-1], c).T
+        if len(run) > 1 and max(map(math.dist, curve, tried)) > tolerance:
+            cubics.append(fit(np.array(run), slope))
+            slope = np.arange(4) @ cubics[-1] / polygon(np.array(run))[-1]
+            run = run[-1:]
         run.append(new)
-    return [*cubics, ch.check_fit.reference(np.array([t[k] for k in run]), points[run])]
+    return [*cubics, fit(np.array(run), slope)]
+
+
+def home_by_interpolation(points, heading, pose, move):
+    """Another right answer: a way with a point each 5 mm, start last."""
+    cubics = np.array(remember_by_runs(points, heading, 0.05))
+    fine = np.linspace(0, 1, 200)[:, None] ** np.arange(4) @ cubics
+    way = fine.reshape(-1, 2)
+    s = polygon(way)
+    at = np.linspace(s[-1], 0, int(s[-1] / 0.005) + 2)
+    way = np.stack([np.interp(at, s, way[:, 0]), np.interp(at, s, way[:, 1])], 1)
+    k, trail = 0, [np.array(pose)]
+    while at[k] > 0.03:
+        window = slice(k, k + 60)
+        k += int(np.hypot(*(way[window] - trail[-1][:2]).T).argmin())
+        ahead = way[min(k + 30, len(way) - 1)]
+        law = np.array([0.2 / 0.15, 4 * 0.2 / 0.15]), np.array([0.2, 1.5])
+        dx, dy, turn = move(*steer_by_complex_numbers(trail[-1], ahead, *law))
+        c, s_ = math.cos(trail[-1][2]), math.sin(trail[-1][2])
+        x, y, theta = trail[-1]
+        trail.append(np.array([x + c * dx - s_ * dy, y + s_ * dx + c * dy, theta + turn]))
+    return trail
 
 
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
-        (ch.check_steer, steer_by_complex_numbers),
-        (ch.check_remember, remember_by_halving),
-        (ch.check_fit, by_library),
-        (ch.check_fit, by_multipliers),
-        (ch.check_fit, by_elimination),
+        (ch.check_smooth_fit, smooth_by_multipliers),
+        (ch.check_smooth_fit, smooth_in_metres),
         (ch.check_loop, loop_by_library),
         (ch.check_loop, loop_by_cramer),
-        (ch.check_tune, lambda: [1.5, 2.5, 0.12]),
-        (ch.check_tune, lambda: np.array([1.2, 3.0, 0.18])),
-        (ch.check_tune, lambda: (0.8, 1.8, 0.2)),
+        (ch.check_steer, steer_by_complex_numbers),
+        (ch.check_steer, steer_wrapped_twice),
+        (ch.check_gains, lambda v, L, zeta: [v / L, (2 * zeta) ** 2 * v / L]),
+        (ch.check_remember, remember_by_runs),
+        (ch.check_come_home, home_by_interpolation),
     ],
 )
 def test_another_right_answer_passes(check, answer):
