@@ -31,6 +31,8 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 
 # %% active="ipynb" tags=["imports"]
 # import numpy as np
+#
+# from slamlab.geometry import wrap_angle
 
 # %% active="ipynb" tags=["imports", "solution"]
 # import numpy as np
@@ -100,7 +102,7 @@ _KIWI = (0.05, 0.2, np.deg2rad([60.0, 180.0, 300.0]))
 
 
 def _wheels_drawn(ax: Any, function: Any) -> None:
-    """Draw the path that a robot is to drive, strafing and turning, and the one of its wheels."""
+    """Draw the path that a robot is to drive (black), and the one that its wheels make (blue)."""
     from slamlab import plots
 
     r, d, beta = _KIWI
@@ -201,7 +203,8 @@ check_wheels.mistakes = {
 # a tangent. In truth the heading turns from $\theta$ to $\theta + \omega\,dt$ while the robot
 # moves, and the velocity turns with it. Where does the robot end?
 #
-# Give the exact answer. It must hold for a turn rate of 0, too, and lose no digits near it.
+# Give the exact answer. It must hold for a turn rate of 0, too, and for one of $10^{-12}$ rad/s,
+# where a difference of two sines has no digits left.
 
 
 # %% tags=["exercise"]
@@ -275,7 +278,7 @@ check_step = Check(
         "straight ahead": ([1.0, 2.0, 0.0], [0.5, 0.0, 0.0], 0.4),
         "a diagonal at another heading": ([1.0, 2.0, 0.9], [0.5, -0.3, 0.0], 0.4),
         "a quarter circle": ([0.0, 0.0, 0.3], [1.0, 0.0, np.pi / 2], 1.0),
-        "a turn that is almost none": ([1.0, 2.0, 0.9], [0.5, -0.3, 1e-7], 0.4),
+        "a turn that is almost none": ([1.0, 2.0, 0.9], [0.5, -0.3, 1e-12], 0.4),
         "a full circle comes back": ([1.0, 2.0, 0.5], [0.7, 0.2, 2 * np.pi], 1.0),
         "no time, no motion": ([1.0, 2.0, 0.5], [0.7, 0.2, 1.0], 0.0),
         "the heading passes pi": ([0.0, 0.0, 3.0], [0.3, 0.1, 1.0], 0.5),
@@ -348,10 +351,10 @@ check_step.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: an ellipse that lies the wrong way, two bugs to find
 #
-# A robot's velocity is measured with the covariance $V$, far better sideways than forward. How
-# uncertain does one step of length $dt$ make its pose? The program below answered that for years,
-# on a robot that read its encoders once per second and drove along $x$. Now it reads them ten
-# times per second, and its ellipse is three times too long; and when it drives north-east, the
+# A robot's velocity is measured with the covariance $V$, three times better sideways than forward.
+# How uncertain does one step of length $dt$ make its pose? The program below answered that for
+# years, on a robot that read its encoders once per second and drove along $x$. Now it reads them
+# ten times per second, and its ellipse is three times too long; and when it drives north-east, the
 # ellipse points north-west.
 #
 # Run the check, find the two bugs, repair them.
@@ -386,22 +389,22 @@ def process_noise(theta: float, dt: float, V: Array) -> Array:
 #     return dt * F_u @ V @ F_u.T
 
 # %% active="ipynb" tags=["try"]
-# process_noise(0.0, 0.1, np.diag([0.04, 0.01, 0.09]))
+# process_noise(0.0, 0.1, np.diag([0.09, 0.01, 0.04]))
 
 # %% [markdown] tags=["hint"]
 # Check the units: $V$ is a covariance of speeds, $Q$ one of places. With a pencil: a speed that is
-# off by 0.2 m/s for 0.1 s makes an error of how many metres? And what is its square?
+# off by 0.3 m/s for 0.1 s makes an error of how many metres? And what is its square?
 
 # %% [markdown] tags=["hint"]
 # Write down where a robot with heading $\theta$ goes if it drives 1 m forward. Which column of
 # `F_u` must that be?
 
 # %% tags=["cases"]
-_V = np.diag([0.04, 0.01, 0.09])
+_V = np.diag([0.09, 0.01, 0.04])
 
 
 def _noise_drawn(ax: Any, function: Any) -> None:
-    """Draw where 1000 robots with noisy velocities stand after a step, and the ellipse of Q."""
+    """Draw where 1000 robots with noisy velocities stand after half a second, and Q's ellipse."""
     from slamlab import plots
 
     rng, theta, V = np.random.default_rng(1), 0.6, np.diag([0.16, 0.02, 0.09])
@@ -417,10 +420,12 @@ check_noise = Check(
     process_noise,
     "Q",
     {
+        "looking along x, a step of a second": (0.0, 1.0, _V),
         "looking along x": (0.0, 0.1, _V),
+        "at an angle, a step of a second": (0.7, 1.0, _V),
         "heading along y, the variances change places": (np.pi / 2, 0.1, _V),
         "at an angle": (0.7, 0.1, _V),
-        "twice the step, four times the noise": (0.7, 0.2, _V),
+        "another step": (0.7, 0.2, _V),
         "correlated speeds of a robot with one bad wheel": lambda rng: (
             an_angle(rng),
             float(np.round(rng.uniform(0.1, 2), 2)),
@@ -457,8 +462,8 @@ check_noise.mistakes = {
 # An error of a speed acts for the time $dt$, so $dt$ stands in $F_u$, and $F_u$ stands on both
 # sides of $V$: the variance grows with $dt^2$. At $dt$ = 1 s that is no difference. And `F_u`
 # turned the wrong way round: the first column must be where *forward* points, $(\cos\theta,
-# \sin\theta)$. Along an axis of the world that is no difference either, since the squares of
-# $\pm 1$ are alike.
+# \sin\theta)$. Along an axis of the world this does not show either, as long as $V$ is diagonal:
+# the variances are multiplied by $(\pm 1)^2$.
 
 # %% [markdown] tags=["solution"]
 # With the paper's (17), without any dt, Q keeps the units of V, those of speeds. At dt = 0.1 s it
@@ -526,7 +531,7 @@ def slip_alarm(wheels: Array, sigma: float, n: int) -> Any:
 
 # %% tags=["cases"]
 def _slip_drawn(ax: Any, function: Any) -> None:
-    """Draw the alarm of single readings and of 400 in a row; a wheel wears by 1 % at 30 s."""
+    """Draw the alarm of single readings (thin) and of 400 in a row; 1 % of wear begins at 30 s."""
     from slamlab import plots
 
     rng, t, half = np.random.default_rng(2), 0.1 * np.arange(1200), 0.385
@@ -634,12 +639,14 @@ check_slip.mistakes = {
 # $$
 #
 # The errors of the four speeds are independent, each with its own standard deviation. Move the
-# pose with your `exact_step`; move its covariance with $P \leftarrow F_x P F_x^\top + Q$, where
-# $F_x$ is the lesson's, and $Q$ is your `process_noise`, both at the heading before the step.
+# pose with your `exact_step`; move its covariance with $P \leftarrow F P F^\top + Q$, where $F$ is
+# the derivative of *that* step by the pose before it (the lesson's is Euler's), and $Q$ is your
+# `process_noise` at the heading before the step.
 #
-# Then draw. The picture lets 300 robots drive whose wheels did not do quite what the encoders
-# say. Your path and your 95 % ellipses know nothing of them. Do most of the robots stand inside
-# the last ellipse, and is the mean NEES of their poses near 3?
+# Then draw. 300 robots drive two metres ahead, and their wheels do not do quite what the encoders
+# say, the cheap one, front left, least of all. Predict: along which line will the robots lie at
+# the end? Your 95 % ellipse knows nothing of them. Does it hold about 95 % of the robots, and is
+# the mean NEES of their poses near 3?
 
 
 # %% tags=["exercise"]
@@ -673,11 +680,10 @@ def odometry(
     V = A @ np.diag(sigma**2) @ A.T
     poses, covs = [], []
     for speeds in wheels:
-        u, c, s = A @ speeds, np.cos(pose[2]), np.sin(pose[2])
-        F = np.eye(3)
-        F[:2, 2] = dt * np.array([-s * u[0] - c * u[1], c * u[0] - s * u[1]])
+        new, F = exact_step(pose, A @ speeds, dt), np.eye(3)
+        F[:2, 2] = pose[1] - new[1], new[0] - pose[0]
         P = F @ P @ F.T + process_noise(pose[2], dt, V)
-        pose = exact_step(pose, u, dt)
+        pose = new
         poses.append(pose)
         covs.append(P)
     return np.array(poses), np.array(covs)
@@ -692,11 +698,11 @@ def odometry(
 # sides.
 
 # %% [markdown] tags=["hint"]
-# How do $x$ and $y$ change after a step if the heading before it was a little larger? That is the
-# third column of $F$; the rest is the identity.
+# How do $x$ and $y$ after a step change if the heading before it was a little larger? The way that
+# was driven swings to the left. That is the third column of $F$; the rest is the identity.
 
 # %% [markdown] tags=["hint"]
-# Order matters: the derivative and the noise at the old heading, then the step.
+# Order matters: the noise at the old heading, and $F$ from the old place to the new one.
 
 
 # %% tags=["cases"]
@@ -714,18 +720,19 @@ def _driving(
 
 
 def _odometry_drawn(ax: Any, function: Any) -> None:
-    """Draw 300 robots whose wheels erred, and the path and three ellipses of the odometry."""
+    """Draw where 300 robots end that drove ahead from the left, and the ellipse as computed."""
     from slamlab import plots
 
-    rng, dt, r, lever = np.random.default_rng(3), 0.2, 0.05, 0.38
-    sigma = np.array([1.2, 0.3, 0.3, 0.3])
-    wheels = np.array([[9.0, 11, 9, 11]] * 24 + [[8.0, 12, 12, 8]] * 12 + [[11.0, 9, 11, 9]] * 24)
+    rng, dt, r, lever = np.random.default_rng(5), 0.2, 0.05, 0.38
+    sigma = np.array([2.0, 0.4, 0.4, 0.4])
+    wheels = np.full((20, 4), 10.0)
+    start = np.array([-2.0, 0.0, 0.0])
     poses, covs = (
         np.asarray(part, float)
-        for part in function(np.zeros(3), np.zeros((3, 3)), wheels, dt, r, lever, sigma)
+        for part in function(start, np.zeros((3, 3)), wheels, dt, r, lever, sigma)
     )
     A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], np.array([-1, 1, -1, 1]) / lever])
-    robots = np.zeros((300, 3))
+    robots = np.tile(start, (300, 1))
     for speeds in wheels:
         u = (speeds + sigma * rng.normal(size=(300, 4))) @ A.T
         h = u[:, 2] * dt / 2
@@ -733,15 +740,16 @@ def _odometry_drawn(ax: Any, function: Any) -> None:
         chord = dt * np.sinc(h / np.pi)
         moved = [chord * (c * u[:, 0] - s * u[:, 1]), chord * (s * u[:, 0] + c * u[:, 1])]
         robots = robots + np.column_stack([*moved, 2 * h])
-    plots.lidar_points(ax, robots[:, :2], s=1.6)
-    plots.path(ax, poses)
-    for k in (19, 39, 59):
-        plots.ellipse(ax, poses[k, :2], covs[k, :2, :2])
-    plots.floor(ax)
     e = robots - poses[-1]
     e[:, 2] = wrap_angle(e[:, 2])
     nees = np.sum(e * np.linalg.solve(covs[-1], e.T).T, axis=1).mean()
-    ax.set_title(f"mean NEES of the robots: {nees:.1f}")
+    inside = np.sum(e[:, :2] * np.linalg.solve(covs[-1, :2, :2], e[:, :2].T).T, axis=1) < 5.991
+    plots.lidar_points(ax, robots[:, :2], s=1.6)
+    plots.path(ax, poses)
+    plots.ellipse(ax, poses[-1, :2], covs[-1, :2, :2])
+    plots.floor(ax)
+    ax.set(xlim=(-0.45, 0.45), ylim=(-0.6, 0.6))
+    ax.set_title(f"holds {inside.mean():.0%}, mean NEES {nees:.1f}")
 
 
 check_odometry = Check(
@@ -774,7 +782,15 @@ check_odometry = Check(
     picture=_odometry_drawn,
 )
 
+
 # %% tags=["mistakes"]
+def euler(pose: Array, u: Array, dt: float) -> Array:
+    """Move along the heading at the start of the step."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    step = np.array([c * u[0] - s * u[1], s * u[0] + c * u[1], u[2]])
+    return np.append((pose + dt * step)[:2], wrap_angle(pose[2] + dt * u[2]))
+
+
 check_odometry.mistakes = {
     "this is F^T P F: expected F P F^T": "F @ P @ F.T => F.T @ P @ F",
     "an error of the heading becomes one of the position: expected F P F^T": "F @ P @ F.T => P",
@@ -787,10 +803,18 @@ check_odometry.mistakes = {
         "np.diag(sigma**2) => (np.mean(sigma**2) * np.eye(4))"
     ),
     "the noise was taken at the heading after the step": (
-        "        P = F @ P @ F.T + process_noise(pose[2], dt, V)\n"
-        "        pose = exact_step(pose, u, dt)\n"
-        " =>         pose = exact_step(pose, u, dt)\n"
-        "        P = F @ P @ F.T + process_noise(pose[2], dt, V)\n"
+        "        P = F @ P @ F.T + process_noise(pose[2], dt, V)\n        pose = new\n"
+        " =>         pose = new\n        P = F @ P @ F.T + process_noise(pose[2], dt, V)\n"
+    ),
+    "F is that of Euler's step: this step is exact, and its way swings as a whole": (
+        "F[:2, 2] = pose[1] - new[1], new[0] - pose[0]"
+        " => F[:2, 2] = np.diff([pose, euler(pose, A @ speeds, dt)], axis=0)[0, [1, 0]] * [-1, 1]"
+    ),
+    "the pose moved by Euler's step: use your `exact_step`": (
+        "exact_step(pose, A @ speeds, dt) => euler(pose, A @ speeds, dt)"
+    ),
+    "the way swings the wrong way round: a heading that is larger moves the end to the left": (
+        "pose[1] - new[1], new[0] - pose[0] => new[1] - pose[1], pose[0] - new[0]"
     ),
     "the lever multiplies: turning at omega needs wheel speeds of lever omega": (
         "/ lever => * lever"
@@ -802,10 +826,6 @@ check_odometry.mistakes = {
     "the wheels come in another order: front left, front right, rear left, rear right": (
         "[-1, 1, 1, -1] => [1, -1, -1, 1]"
     ),
-    "F lacks the sideways speed": (
-        "[-s * u[0] - c * u[1], c * u[0] - s * u[1]] => [-s * u[0], c * u[0]]"
-    ),
-    "dt is missing in F": "dt * np.array([-s => np.array([-s",
     "only the last belief was returned: expected the one after each step": (
         lambda *given: (odometry(*given)[0][-1], odometry(*given)[1][-1])
     ),
@@ -817,7 +837,20 @@ check_odometry.mistakes = {
 # What to notice: the covariance of a robot that drives straight on grows fastest sideways. An
 # uncertain heading makes the position uncertain, in proportion to the distance driven. And a wheel
 # that is worse than the others makes errors of forward, left and turn *together*: $V$ has entries
-# beside its diagonal, and then the heading at which the noise enters matters.
+# beside its diagonal, and the robots lie along one line.
+
+# %% [markdown] tags=["solution"]
+# Take all four wheels for equally good, with the mean of the variances, and the ellipse is too
+# wide across that line and too short along it. The mean NEES does not find it: each wheel has the
+# same share in the least squares, so the mean stays what it was. The share of robots inside does,
+# and the eye (draw it):
+
+# %% active="ipynb" tags=["solution"]
+# def equally_good(pose, P, wheels, dt, r, lever, sigma):
+#     mean = np.full(4, np.sqrt(np.mean(sigma**2)))
+#     return odometry(pose, P, wheels, dt, r, lever, mean)
+#
+# check_odometry(equally_good)
 
 # %% [markdown] tags=["solution"]
 # Adding the noise and never moving the covariance looks harmless. It forgets what the
@@ -834,6 +867,10 @@ check_odometry.mistakes = {
 #     return poses, covs
 #
 # check_odometry(covariance_that_stays)
+
+# %% [markdown] tags=["solution"]
+# You have now an odometry that says how far it may be off, for any robot whose wheel map you can
+# derive, and a test that tells whether it is right.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 05](../solutions/05_mecanum_kinematics.ipynb).
