@@ -262,6 +262,7 @@ def test_a_number_is_told_where_an_array_is_expected(check):
         ch12.check_weight,
         ch13.check_narrowest,
         ch13.check_widths,
+        ch15.check_from_behind,
         ch16.check_next_range,
         ch20.check_runs_needed,
     )
