@@ -1,4 +1,4 @@
-"""Exercises, chapter 08: hints fused as odds, the evidence of one beam, the entropy of a map.
+"""Exercises, chapter 08: reports fused as odds, the evidence of one beam, the entropy of a map.
 
 P5, chapter 3.2.4, draws dots only; the rest is Moravec and Elfes.
 """
@@ -49,7 +49,7 @@ __all__ = [
 # from slamlab.geometry import wrap_angle
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 1: hints about one cell
+# ## Exercise 1: reports about one cell
 #
 # In a warehouse one cell of floor in five is occupied: the prior is 0.2, not one half. Robots send
 # what they have seen of a cell, each as a probability: *given my one reading, and that prior, the
@@ -61,14 +61,14 @@ __all__ = [
 
 
 # %% tags=["exercise"]
-def fuse(prior: float, hints: Array) -> float:
-    """Probability that a cell is occupied after all hints.
+def fuse(prior: float, reports: Array) -> float:
+    """Probability that a cell is occupied after all reports.
 
     Parameters
     ----------
     prior : float
         Probability before any reading, between 0 and 1.
-    hints : ndarray, shape (k,)
+    reports : ndarray, shape (k,)
         p(m | z_i) for each reading; k may be 0.
 
     Returns
@@ -77,7 +77,7 @@ def fuse(prior: float, hints: Array) -> float:
         p(m | z_1, ..., z_k).
     """
     start = np.log(prior / (1 - prior))
-    total = start + np.sum(np.log(hints / (1 - hints)) - start)
+    total = start + np.sum(np.log(reports / (1 - reports)) - start)
     return 1 / (1 + np.exp(-total))
 
 
@@ -88,21 +88,21 @@ def fuse(prior: float, hints: Array) -> float:
 # What multiplies, probabilities or odds?
 
 # %% [markdown] tags=["hint"]
-# Each hint holds the prior already. How often would it count if you left it in?
+# Each report holds the prior already. How often would it count if you left it in?
 
 # %% [markdown] tags=["hint"]
-# With `l(p) = np.log(p / (1 - p))` the answer has log odds `l(prior) + np.sum(l(hints) -
+# With `l(p) = np.log(p / (1 - p))` the answer has log odds `l(prior) + np.sum(l(reports) -
 # l(prior))`; back by `1 / (1 + np.exp(-l))`.
 
 
 # %% tags=["cases"]
-def _some_hints(rng: np.random.Generator) -> Any:
+def _some_reports(rng: np.random.Generator) -> Any:
     prior, k = rng.uniform(0.05, 0.95), int(rng.integers(1, 6))
     return np.round(prior, 2), np.round(rng.uniform(0.05, 0.95, k), 2)
 
 
 def _fuse_drawn(ax: Any, function: Any) -> None:
-    """Draw what six readings of a cell say, and the share of such cells that is occupied."""
+    """Draw what is fused of six reports, and the share of occupied cells in 200 000 (line)."""
     from slamlab import plots
 
     rng = np.random.default_rng(1)
@@ -120,12 +120,12 @@ check_fuse = Check(
     fuse,
     "p",
     {
-        "without hints the prior stays": (0.2, []),
+        "without reports the prior stays": (0.2, []),
         "two hits make the map more certain than one": (0.5, [0.7, 0.7]),
         "hit and miss, with a prior of one half": (0.5, [0.7, 0.4, 0.4]),
         "a cell that is probably free": (0.2, [0.6, 0.6, 0.1]),
-        "hints that say nothing new change nothing": (0.3, [0.3, 0.3, 0.3, 0.3]),
-        "any prior, any hints": _some_hints,
+        "reports that say nothing new change nothing": (0.3, [0.3, 0.3, 0.3, 0.3]),
+        "any prior, any reports": _some_reports,
     },
     tolerance=1e-8,
     picture=_fuse_drawn,
@@ -133,42 +133,47 @@ check_fuse = Check(
 
 # %% tags=["mistakes"]
 check_fuse.mistakes = {
-    "the prior is in every hint: take it out of each, or it counts again and again": (
-        "(np.log(hints / (1 - hints)) - start) => (np.log(hints / (1 - hints)))"
+    "the prior is in every report: take it out of each, or it counts again and again": (
+        "(np.log(reports / (1 - reports)) - start) => (np.log(reports / (1 - reports)))"
     ),
-    "the prior was taken out once only: it is in every hint": (
-        "start + np.sum(np.log(hints / (1 - hints)) - start)"
-        " => np.sum(np.log(hints / (1 - hints)))"
+    "the prior was taken out once only: it is in every report": (
+        "start + np.sum(np.log(reports / (1 - reports)) - start)"
+        " => np.sum(np.log(reports / (1 - reports)))"
     ),
-    "the prior itself is missing: without any hint it is the answer": "start +  => ",
-    "the hints were averaged: agreeing hints must make the map more certain than each of them": (
+    "the prior itself is missing: without any report it is the answer": "start +  => ",
+    "the reports were averaged: agreeing reports must make the map more certain than each of them": (
         lambda p, h: np.mean([p, *h])
     ),
     "the log odds were averaged: evidence adds up": "start + np.sum( => start + np.mean(",
     "probabilities were multiplied: odds multiply": lambda p, h: p * np.prod(h),
-    "only the last hint counts here: the earlier ones are evidence too": (
+    "only the last report counts here: the earlier ones are evidence too": (
         lambda p, h: h[-1] if len(h) else p
     ),
-    "only the largest hint counts here: all are evidence": (lambda p, h: h.max() if len(h) else p),
+    "only the largest report counts here: all are evidence": (
+        lambda p, h: h.max() if len(h) else p
+    ),
     "these are log odds: return the probability": "1 / (1 + np.exp(-total)) => total",
     "these are odds: return the probability": "1 / (1 + np.exp(-total)) => np.exp(total)",
     "this is the probability that the cell is free": "np.exp(-total) => np.exp(total)",
-    "p / (1 + p) is no odds: p / (1 - p)": "hints / (1 - hints) => hints / (1 + hints)",
+    "p / (1 + p) is no odds: p / (1 - p)": "reports / (1 - reports) => reports / (1 + reports)",
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 1: hints about one cell
+# ## Solution 1: reports about one cell
 #
-# Odds multiply, so log odds add. Every hint contains the prior once; it is taken out of each, and
-# put in once at the start.
+# Odds multiply, so log odds add. Every report contains the prior once; it is taken out of each,
+# and put in once at the start.
+#
+# Four robots that all send 0.2, with the prior 0.2, say nothing new: 0.2 it stays. A sum
+# that leaves the prior in each report would say 0.001.
 
 # %% [markdown] tags=["solution"]
-# Leave the prior in, and four hints that say nothing new make a cell freer and freer. With the
+# Leave the prior in, and four reports that say nothing new make a cell freer and freer. With the
 # prior one half it does not show:
 
 # %% active="ipynb" tags=["solution"]
-# def prior_everywhere(prior, hints):
-#     total = np.log(prior / (1 - prior)) + np.sum(np.log(hints / (1 - hints)))
+# def prior_everywhere(prior, reports):
+#     total = np.log(prior / (1 - prior)) + np.sum(np.log(reports / (1 - reports)))
 #     return 1 / (1 + np.exp(-total))
 #
 # check_fuse(prior_everywhere)
@@ -355,7 +360,8 @@ check_beam_evidence.mistakes = {
 # and in one that is certain?
 #
 # The lesson kept log odds between limits. Here nobody did: maps come with log odds of 1000, and
-# your sum must not become NaN.
+# your sum must not become NaN. In its title the picture asks your function about the doors: behind
+# A 120 cells are half explored, behind B 60 cells were never seen. Which do you take?
 
 
 # %% tags=["exercise"]
@@ -395,12 +401,15 @@ def _entropy_drawn(ax: Any, function: Any) -> None:
     from slamlab import plots
 
     p = np.linspace(0.001, 0.999, 200)
-    ax.plot(p, -p * np.log2(p) - (1 - p) * np.log2(1 - p), **plots.line_style("truth"))
     log_odds = np.array([-800.0, *np.linspace(-4, 4, 23), 800.0])
     bits = [float(function(np.array([[one]]))) for one in log_odds]
+    ax.plot(p, -p * np.log2(p) - (1 - p) * np.log2(1 - p), **plots.line_style("truth"))
     found = 1 / (1 + np.exp(-np.clip(log_odds, -700, 700)))
     ax.plot(found, bits, "o", color=plots.COLOURS["estimate"], markersize=4)
     ax.set(xlabel="probability that the cell is occupied", ylabel="entropy (bits)")
+    half_known = np.random.default_rng(2).choice([-3.5, -0.4, 0.85, 3.5], (10, 12))
+    doors = float(function(half_known)), float(function(np.zeros((6, 10))))
+    ax.set_title(f"A: {doors[0]:.0f} bits, B: {doors[1]:.0f} bits")
 
 
 check_map_entropy = Check(
@@ -411,6 +420,7 @@ check_map_entropy = Check(
         "free and occupied count alike": ([[0.85, -0.85]],),
         "cells that are certain hold nothing": ([[800.0, -800.0, 0.0]],),
         "cells that are nearly certain": ([40.0, -40.0, 30.0],),
+        "cells that are almost certain": ([12.0, -13.0, 14.0],),
         "a row of cells": lambda rng: (np.round(rng.normal(0, 3, rng.integers(1, 20)), 2),),
         "a map": lambda rng: (np.round(rng.normal(0, 2, rng.integers(1, 6, 2)), 2),),
         "a block of cells": lambda rng: (np.round(rng.normal(0, 2, (2, 3, 2)), 2),),
@@ -460,6 +470,11 @@ check_map_entropy.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # ## Solution 3: what a map does not know
+#
+# Let $q$ be the probability of the less likely state, $q = e^{-|\ell|} / (1 + e^{-|\ell|})$. Then
+# $-\ln (1 - q) = \ln(1 + e^{-|\ell|})$ and $-\ln q = |\ell| + \ln(1 + e^{-|\ell|})$, so the
+# entropy is $\ln(1 + e^{-|\ell|}) + q\,|\ell|$ in natural units: nothing in it can overflow, and 0
+# times the logarithm of 0 never stands there. `scipy.special.xlogy` does it as well.
 
 # %% [markdown] tags=["solution"]
 # The formula as it is written in books gives NaN for a single cell that is certain, and with it
@@ -479,7 +494,8 @@ check_map_entropy.mistakes = {
 # A sensor reports hits on a cell, each with $p(m \mid z) = p_{\mathrm{hit}}$; the prior is $p_0$.
 # After how many hits in a row does the map believe the cell to be occupied with probability $g$
 # or more? Set up the sum of log odds on paper, solve it for the number, and round it the right
-# way.
+# way. (Without the lesson's limit: a map that keeps its probabilities below 0.97 never believes
+# more.)
 
 
 # %% tags=["exercise"]
@@ -600,7 +616,8 @@ check_hits_needed.mistakes = {
 # The picture runs your function on a real log: scans of MIT Killian Court
 # ([Bosse et al., 2004](../../book/bibliography.md#bosse2004simultaneous)), the beginning of the
 # drive, from dead reckoning that is still good there. Its lidar sees half of the circle: who
-# forgets that maps what the robot never saw.
+# forgets that maps what the robot never saw. And look at the specks of floor beyond the wall on
+# the right: which beams have made them, and what may stand there?
 
 
 # %% tags=["exercise"]
@@ -857,6 +874,26 @@ check_insert.mistakes = {
 # lost beam or none at all, needs no case of its own: no comparison with it holds.
 
 # %% [markdown] tags=["solution"]
+# The specks beyond the wall on the right: three of the scans have beams in that direction that
+# return from far behind the wall, or not at all:
+
+# %% active="ipynb" tags=["solution"]
+# court = killian()
+# poses, angles = court.dead_reckoned()[:60:4], court.log.scan.beam_angles
+# for k in (1, 3, 4):
+#     x, y, heading = poses[k] - [*(poses[:, :2].min(0) - 5.0), 0.0]
+#     ranges = court.log.ranges[4 * k].astype(float)
+#     east = x + np.minimum(ranges, 5.5) * np.cos(heading + angles)
+#     north = y + np.minimum(ranges, 5.5) * np.sin(heading + angles)
+#     far = ranges[(east > 26.5) & (north < 11) & (ranges > 5.5)]
+#     print(f"scan {k}: {len(far)} beams, nearest {far.min():.0f} m,",
+#           np.isinf(far).sum(), "inf")
+
+# %% [markdown] tags=["solution"]
+# They went through: an open door, or a pane of glass as in chapter 06. The map frees their way, and
+# is right about what the beams have seen.
+
+# %% [markdown] tags=["solution"]
 # Do not free what lies behind a wall: the walls of a corridor on the other side would vanish from
 # the map whenever the robot sees this one.
 
@@ -876,9 +913,7 @@ check_insert.mistakes = {
 # it points.
 
 # %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "An occupancy grid of a corridor of Killian Court: free floor light, walls dark on both sides, unknown grey."}}
-# court = killian()
-# log = court.log
-# poses = court.dead_reckoned()
+# log, poses = court.log, court.dead_reckoned()
 # rows = np.arange(0, 60, 3)
 # corner = poses[rows, :2].min(0) - 8.0
 # size = np.ceil((poses[rows, :2].max(0) + 8.0 - corner) / 0.25).astype(int)
@@ -892,6 +927,10 @@ check_insert.mistakes = {
 # plots.occupancy(ax, expit(grid), [0, 0.25 * size[0], 0, 0.25 * size[1]])
 # plots.floor(ax)
 # _ = ax.set_title("Killian Court, by a dozen lines of your own")
+
+# %% [markdown] tags=["solution"]
+# You have now a map that takes any scan of any lidar from a known pose. Where the pose comes from
+# is what part III is about.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 08](../solutions/08_occupancy_maps.ipynb).

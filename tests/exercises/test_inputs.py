@@ -23,7 +23,7 @@ budget gate gates gains limits v scan scans before after size cost field_of_view
 points stretch echo echoes expected sonar radius area speed lookahead k_v k_omega damping
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
-belief beliefs prior goal hints p p_hit p_right p_slip p_stay p_step chance share occupied cells
+belief beliefs prior goal hints reports p p_hit p_right p_slip p_stay p_step chance share occupied cells
 bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye nearest furthest step
 stride resolution cell threshold tolerance margin separation driven away home budget gate gates
 gains limits v scan scans before after size cost field_of_view x y points inside spread height
