@@ -10,26 +10,53 @@ from slamlab.geometry import wrap_angle
 from slamlab.mapping import fit_line, line_cov
 
 
-def by_eigenvectors(points):
-    centre = np.mean(points, axis=0)
-    normal = np.linalg.eigh(np.cov(np.transpose(points)))[1][:, 0]
+def by_eigenvectors(points, variances):
+    centre = np.average(points, axis=0, weights=1 / variances)
+    scatter = np.cov(np.transpose(points), aweights=1 / variances, ddof=0)
+    normal = np.linalg.eigh(scatter)[1][:, 0]
     if normal @ centre < 0:
         normal = -normal
     return float(normal @ centre), math.atan2(normal[1], normal[0])
 
 
-def by_normal_of_the_chord(points):
-    (x0, y0), (x1, y1) = points[0], points[-1]
-    off = [abs((x - x0) * (y1 - y0) - (y - y0) * (x1 - x0)) for x, y in points]
-    return off.index(max(off))
+def by_singular_vectors(points, variances):
+    root = 1 / np.sqrt(variances)[:, None]
+    centre = (root**2 * points).sum(0) / (root**2).sum()
+    normal = np.linalg.svd(root * (points - centre))[2][1]
+    normal = normal * np.sign(normal @ centre)
+    return [normal @ centre, np.arctan2(normal[1], normal[0])]
 
 
-def by_the_library(along, variances):
-    """A wall x = 10 with points at y = along, the noise across it."""
-    points = np.stack([np.full(len(along), 10.0), along], -1)
-    covs = np.zeros((len(along), 2, 2))
-    covs[:, 0, 0] = variances
-    return line_cov(points, covs).tolist()
+def by_cases(points):
+    """Return the farthest point; its distance by three cases, one point at a time."""
+    (a, b), best, index = (points[0], points[-1]), -1.0, 0
+    for k, p in enumerate(points):
+        ahead, back = (p - a) @ (b - a), (p - b) @ (a - b)
+        if ahead <= 0:
+            off = math.dist(p, a)
+        elif back <= 0:
+            off = math.dist(p, b)
+        else:
+            off = abs((b - a)[0] * (p - a)[1] - (b - a)[1] * (p - a)[0]) / math.dist(a, b)
+        if off > best:
+            best, index = off, k
+    return index
+
+
+def by_weighted_sums(along, variances):
+    """Return the lesson's two sums, with weights."""
+    w = 1 / variances
+    middle = np.average(along, weights=w)
+    row_alpha = -w * (along - middle) / (w @ (along - middle) ** 2)
+    J = np.stack([w / w.sum() + middle * row_alpha, row_alpha])
+    return (J * variances @ J.T).tolist()
+
+
+def point_by_point(along, variances):
+    information = np.zeros((2, 2))
+    for t, v in zip(along, variances, strict=True):
+        information += np.outer([1, -t], [1, -t]) / v
+    return np.linalg.solve(information, np.eye(2))
 
 
 def by_two_points(pose, P, wall, C):
@@ -54,34 +81,55 @@ def by_two_points(pose, P, wall, C):
     return moved(pose, wall).tolist(), J @ P @ J.T + G @ C @ G.T
 
 
-def by_a_stack(points, variance, threshold, fewest):
-    """Another right answer: no function calls itself."""
-    todo, lines, covs = [points], [], []
-    while todo:
-        piece = todo.pop()
-        if len(piece) < fewest:
-            continue
-        r, alpha = fit_line(piece)
-        if max(abs(x * np.cos(alpha) + y * np.sin(alpha) - r) for x, y in piece) <= threshold:
+def by_calling_itself(points, variances, gate, fewest):
+    """Return the walls; the split is a function that calls itself, a piece a pair of arrays."""
+
+    def straight(p, v):
+        r, alpha = by_eigenvectors(p, v)
+        off = p @ np.array([math.cos(alpha), math.sin(alpha)]) - r
+        return max(abs(off) / np.sqrt(v)) <= gate
+
+    def split(p, v):
+        if len(p) < 3 or straight(p, v):
+            return [(p, v)]
+        k = by_cases(p)
+        return split(p[:k], v[:k]) + split(p[k:], v[k:])
+
+    pieces = split(points, variances)
+    if len(pieces) > 1:
+        (p, v), (q, w) = pieces[-1], pieces[0]
+        joined = np.vstack([p, q]), np.concatenate([v, w])
+        if straight(*joined):
+            pieces = [joined] + pieces[1:-1]
+    lines, covs = [], []
+    for p, v in pieces:
+        if len(p) >= fewest:
+            r, alpha = by_singular_vectors(p, v)
             lines.append([r, alpha])
-            covs.append(line_cov(piece, np.tile(variance * np.eye(2), (len(piece), 1, 1))))
-        else:
-            cut = by_normal_of_the_chord(piece)
-            todo += [piece[cut:], piece[:cut]]
-    return lines, covs
+            covs.append(point_by_point(p @ [-np.sin(alpha), np.cos(alpha)], v))
+    return np.reshape(lines, (-1, 2)), np.reshape(covs, (-1, 2, 2))
 
 
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
         (ch.check_line, by_eigenvectors),
-        (ch.check_line, fit_line),
-        (ch.check_line, lambda points: fit_line(points).tolist()),
-        (ch.check_corner, by_normal_of_the_chord),
-        (ch.check_wall_cov, by_the_library),
+        (ch.check_line, by_singular_vectors),
+        (ch.check_corner, by_cases),
+        (ch.check_wall_cov, by_weighted_sums),
+        (ch.check_wall_cov, point_by_point),
         (ch.check_to_world, by_two_points),
-        (ch.check_walls, by_a_stack),
+        (ch.check_walls, by_calling_itself),
     ],
 )
 def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
+
+
+def test_with_equal_variances_it_is_the_fit_of_the_library():
+    points, even = ch._exact_scan(ch._BAY, 180)[1][:9] + [2.0, 1.0], np.full(9, 0.01)
+    covs = np.tile(0.01 * np.eye(2), (9, 1, 1))
+    r, alpha = ch.line(points, even)
+    along = points @ [-np.sin(alpha), np.cos(alpha)]
+    np.testing.assert_allclose([r, alpha], fit_line(points), atol=1e-9)
+    np.testing.assert_allclose(ch.wall_cov(along, even), line_cov(points, covs), rtol=1e-6)
