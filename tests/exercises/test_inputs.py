@@ -23,20 +23,20 @@ budget gate gates gains limits v scan scans before after size cost field_of_view
 points stretch echo echoes expected sonar radius area speed lookahead k_v k_omega damping
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
-belief beliefs prior goal hints reports p p_hit p_right p_slip p_stay p_step chance share occupied cells
-bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye nearest furthest step
-stride resolution cell threshold tolerance margin separation driven away home budget gate gates
-gains limits v scan scans before after size cost field_of_view x y points inside spread height
-radius stay memory field
+belief beliefs prior goal hints reports p p_hit p_right p_slip p_stay p_step chance share
+occupied cells bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye nearest
+furthest step stride resolution cell threshold tolerance margin separation driven away home
+budget gate gates gains limits v scan scans before after size cost field_of_view x y points
+inside spread height radius stay memory field
 """
 VARIANCES = """
 sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits measurements
 density wanted information alphas betas
 """
 COUNTS = """
-edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents chosen
-counts ended sent node nodes i index particles left right entries entry hits successes runs
-state way turn best second back degrees beams per_cell lost regions
+edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents
+chosen counts ended sent node nodes i index particles left right entries entry hits successes
+runs state way turn best second back degrees beams per_cell lost regions
 """
 ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 # Names that are signed in one exercise and not in another.
