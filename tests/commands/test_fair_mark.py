@@ -5,20 +5,25 @@ import pytest
 from slamlab.commands import _submission
 from slamlab.commands._submission import Mark, checks_of, marked
 
+HEAD = "def track(mean, cov, u, z, H, variances, dt, sigma):"
 START = "import numpy as np\n"
-WRONG = "def predict(mean, cov, F, Q):\n    return F @ mean, F @ cov @ F + Q\n"
-UPDATE = """def update(mean, cov, z, H, R):
-    K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
-    return mean + K @ (z - H @ mean), cov - K @ H @ cov
+WRONG = """def predict(mean, cov, u, dt, sigma):
+    F = np.array([[1.0, dt, -(dt**2) / 2], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
+    B = np.array([dt**2 / 2, dt, 0.0])
+    return F @ mean + B * u, F @ cov @ F + sigma**2 * np.outer(B, B)
 """
-TRACK = """def track(z, dt, q, r):
-    F, H = np.array([[1.0, dt], [0.0, 1.0]]), np.array([[1.0, 0.0]])
-    Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    mean, cov, means, covs = np.zeros(2), np.eye(2), [], []
-    for reading in z:
-        mean, cov = predict(mean, cov, F=F, Q=Q)
+UPDATE = """def update(mean, cov, z, H, variances):
+    for reading, h, variance in zip(z, H, variances):
         if np.isfinite(reading):
-            mean, cov = update(mean, cov, np.array([reading]), H, np.array([[r**2]]))
+            K = cov @ h / (h @ cov @ h + variance)
+            mean, cov = mean + K * (reading - h @ mean), cov - np.outer(K, h @ cov)
+    return mean, cov
+"""
+TRACK = """def track(mean, cov, u, z, H, variances, dt, sigma):
+    means, covs = [], []
+    for push, readings in zip(u, z):
+        mean, cov = predict(mean, cov, push, dt=dt, sigma=sigma)
+        mean, cov = update(mean, cov, readings, H, variances)
         means.append(mean)
         covs.append(cov)
     return np.array(means), np.array(covs)
@@ -41,7 +46,7 @@ def test_a_function_that_is_missing_does_not_count_again_either():
 
 
 def test_a_mistake_of_its_own_still_counts():
-    mark = judged(WRONG, UPDATE, TRACK.replace("dt**3 / 3", "dt**3"))
+    mark = judged(WRONG, UPDATE, TRACK.replace("readings, H", "0 * readings, H"))
     assert 0 < mark.share("track") < 1
 
 
@@ -55,20 +60,21 @@ def test_a_filter_that_is_right_is_judged_with_the_students_own_functions():
     "lines",
     [
         # The right function is asked for its own answer, by the way that `predict` is answered.
-        "    ask = predict.func\n    return ask('track', z, dt, q, r)",
-        "    while True:\n        predict(np.zeros(2), np.eye(2), np.eye(2), np.eye(2))",
-        "    return predict(np.zeros((3000, 3000)), np.eye(2), None, {})",
+        "    ask = predict.func\n"
+        "    return ask('track', mean, cov, u, z, H, variances, dt, sigma)",
+        "    while True:\n        predict(np.zeros(3), np.eye(3), 0.0, 1.0, 1.0)",
+        "    return predict(np.zeros((3000, 3000)), np.eye(2), None, {}, 1.0)",
         "    predict.args[0].__class__ = int",
     ],
 )
 def test_the_way_to_the_right_function_leads_no_further(lines):
-    mark = judged(WRONG, UPDATE, f"def track(z, dt, q, r):\n{lines}\n", seconds=2.0)
+    mark = judged(WRONG, UPDATE, f"{HEAD}\n{lines}\n", seconds=2.0)
     assert mark.share("track") == 0
     assert mark.share("update") == 1
 
 
 def test_the_students_own_function_is_back_after_each_call():
-    cells = "def update(mean, cov, z, H, R):\n    return predict\n"
+    cells = "def update(mean, cov, z, H, variances):\n    return predict\n"
     assert judged(WRONG, cells, TRACK).share("update") == 0
 
 

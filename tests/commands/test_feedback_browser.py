@@ -27,8 +27,8 @@ SEEN = """() => ({
 
 
 def page_of_a_mistake():
-    def wrong(mean, cov, F, Q):
-        return F @ mean, F @ np.diag(np.diag(cov)) @ F.T + Q
+    def wrong(mean, cov, u, dt, sigma):
+        return check_predict.reference(mean, np.diag(np.diag(cov)), u, dt, sigma)
 
     report = check_predict.judge(check_predict.observe(wrong))
     mark = Mark("a_very_long_name_that_a_file_may_have_02_kalman_filter", "02")

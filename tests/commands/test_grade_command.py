@@ -13,10 +13,17 @@ from slamlab.commands import _submission, main
 from slamlab.commands._copies import same_code
 
 SOLUTION = Path(__file__).resolve().parents[2] / "notebooks/solutions/02_kalman_filter.ipynb"
-PREDICT = "def predict(mean, cov, F, Q):\n    return F @ mean, F @ cov @ F.T + Q\n"
-UPDATE = """def update(mean, cov, z, H, R):
-    K = cov @ H.T @ np.linalg.inv(H @ cov @ H.T + R)
-    return mean + K @ (z - H @ mean), cov - K @ H @ cov
+PREDICT = """def predict(mean, cov, u, dt, sigma):
+    F = np.array([[1.0, dt, -(dt**2) / 2], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
+    B = np.array([dt**2 / 2, dt, 0.0])
+    return F @ mean + B * u, F @ cov @ F.T + sigma**2 * np.outer(B, B)
+"""
+UPDATE = """def update(mean, cov, z, H, variances):
+    for reading, h, variance in zip(z, H, variances):
+        if np.isfinite(reading):
+            K = cov @ h / (h @ cov @ h + variance)
+            mean, cov = mean + K * (reading - h @ mean), cov - np.outer(K, h @ cov)
+    return mean, cov
 """
 JOSEPH = """def joseph(cov, K, H, R):
     A = np.eye(len(cov)) - K @ H
@@ -30,7 +37,7 @@ KINDS = {
     "chatty": (START + "print('hello')\n" + RIGHT + "check_predict(predict)\n", 3, ""),
     "two_of_three": (START + PREDICT + JOSEPH, 2, ""),
     "empty": ("", 0, ""),
-    "stub": (START + "def predict(mean, cov, F, Q):\n    ...\n", 0, ""),
+    "stub": (START + "def predict(mean, cov, u, dt, sigma):\n    ...\n", 0, ""),
     "typo": (START + PREDICT + UPDATE + "def joseph(:\n", 0, "cell 1 raised SyntaxError"),
     "raises_at_once": (START + PREDICT + "1 / 0\n" + UPDATE, 1, "ZeroDivisionError"),
     "leaves": (START + PREDICT + "raise SystemExit\n", 1, "SystemExit"),
@@ -76,10 +83,10 @@ KINDS = {
     "digger": ("import gc\n" + RIGHT, 3, ""),
 }
 WRONG = {  # less than a point
-    "no_q": START + PREDICT.replace(" + Q", ""),
+    "no_q": START + PREDICT.replace(" + sigma**2 * np.outer(B, B)", ""),
     "no_transpose": START + PREDICT.replace("F.T", "F"),
-    "r_in_gain": START + UPDATE.replace("+ R)", "+ R) + R"),
-    "no_r": START + UPDATE.replace("+ R)", ")"),
+    "r_in_gain": START + UPDATE.replace("+ variance)", "+ variance) + variance"),
+    "no_r": START + UPDATE.replace(" + variance)", ")"),
     "short": START + JOSEPH.replace("A @ cov @ A.T + K @ R @ K.T", "A @ cov"),
 }
 
@@ -121,12 +128,12 @@ def test_sixty_submissions_are_survived_and_marked_rightly(tmp_path):
     for name in WRONG:
         assert 0 <= float(rows[f"wrong_{name}"]["points"]) < 1, name
         assert rows[f"wrong_{name}"]["points"] == rows[f"wrong_{name}_nb"]["points"]
-    assert all(float(rows[f"student{number}_02"]["points"]) == 5 for number in range(10))
+    assert all(float(rows[f"student{number}_02"]["points"]) == 6 for number in range(10))
     assert "cannot be read" in rows["broken"]["note"]
     assert "cannot be read" in rows["binary"]["note"]
     pages = tmp_path / "out" / "feedback"
     assert len(list(pages.glob("*.html"))) == 60
-    assert "R is missing in S" in (pages / "wrong_no_r.html").read_text()
+    assert "the variance is missing in S" in (pages / "wrong_no_r.html").read_text()
 
 
 def test_a_folder_without_submissions_and_an_unknown_chapter_are_said(tmp_path, capsys):
@@ -160,12 +167,13 @@ def test_a_handout_has_no_outputs_and_no_solutions(tmp_path, capsys):
 
 HONEST = {
     "a docstring about process noise": RIGHT.replace(
-        "def update(mean, cov, z, H, R):\n",
-        'def update(mean, cov, z, H, R):\n    """Q: motion/process noise; see solutions/02."""\n',
+        "def update(mean, cov, z, H, variances):\n",
+        "def update(mean, cov, z, H, variances):\n"
+        '    """Q: motion/process noise; see solutions/02."""\n',
     ),
     "a path in a string": RIGHT + "data = 'data/processed.npy'\n",
     "a line that begins with a percent sign": RIGHT.replace(
-        "    return F @ mean,", "    n = (7\n        % 4\n        - 2)\n    return n * F @ mean,"
+        "    A = np.eye", "    n = (7\n        % 4\n        - 2)\n    A = n * np.eye"
     ),
     "a magic, a question and a shell line": "%matplotlib inline\n!pip list\n"
     + RIGHT
@@ -304,22 +312,22 @@ def test_a_class_list_becomes_a_gradebook(tmp_path, capsys):
     assert list(ada)[:3] == ["Student", "ID number", "Email address"]
     assert tuple(list(ada.values())[3:5]) == ("", "3.00")
     assert tuple(list(ben.values())[3:5]) == ("0.00", "1.00")
-    assert (eve["slamlab 02 (of 5)"], eve["Feedback"]) == ("", "no file")
+    assert (eve["slamlab 02 (of 6)"], eve["Feedback"]) == ("", "no file")
     with table.open(encoding="utf-8") as file:
         rows = {row["student"]: row for row in csv.DictReader(file)}
     assert rows["ben_02"]["02.predict"] == "1.00"
     assert "which chapter?" in rows["ben"]["note"]
 
 
-TRACKER = """def track(z, dt, q, r):
+TRACKER = """def track({mean}, cov, u, z, H, variances, dt, sigma):
     # {comment}
-    F, H = np.array([[1.0, dt], [0.0, 1.0]]), np.array([[1.0, 0.0]])
-    Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    {mean}, cov, means, covs = np.zeros(2), np.eye(2), [], []
-    for reading in z:
-        {mean}, cov = predict({mean}, cov, F, Q)
-        if np.isfinite(reading):
-            {mean}, cov = update({mean}, cov, np.array([reading]), H, np.array([[r**2]]))
+    means, covs = [], []
+    for push, readings in zip(u, z):
+        {mean}, cov = predict({mean}, cov, push, dt, sigma)
+        for k in range(len(readings)):
+            if np.isfinite(readings[k]):
+                one = readings[k : k + 1], H[k : k + 1], variances[k : k + 1]
+                {mean}, cov = update({mean}, cov, *one)
         means.append({mean}.copy())
         covs.append(1.0 * cov)
     return np.array(means), np.array(covs)
@@ -329,10 +337,9 @@ TRACKER = """def track(z, dt, q, r):
 def test_copies_are_named_and_cost_nothing(tmp_path):
     folder = tmp_path / "in"
     folder.mkdir()
-    rest = "def predict(mean, cov, F, Q):\n    return F @ mean, F @ cov @ F.T + Q\n"
     for name, mean, q in (("ada", "mean", ""), ("ben", "state", ""), ("eve", "mean", "1.0 * ")):
-        code = TRACKER.format(mean=mean, comment=name).replace("q * np", f"{q}q * np")
-        (folder / f"{name}.py").write_text(START + rest + UPDATE + code)
+        code = TRACKER.format(mean=mean, comment=name).replace("push, dt", f"{q}push, dt")
+        (folder / f"{name}.py").write_text(START + PREDICT + UPDATE + code)
     rows = graded(folder, "--no-pictures")
     assert rows["ada"]["note"] == "same code as ben: track"
     assert rows["ben"]["note"] == "same code as ada: track"
@@ -436,9 +443,9 @@ def test_the_exports_of_moodle_and_canvas_come_back_with_points(name, tmp_path, 
     assert "1 of " in capsys.readouterr().out
     with (tmp_path / "marks-gradebook.csv").open(encoding="utf-8") as table:
         *own, ada, ben = csv.DictReader(table)
-    assert (ada["slamlab 02 (of 5)"], ben["slamlab 02 (of 5)"]) == ("3.00", "")
+    assert (ada["slamlab 02 (of 6)"], ben["slamlab 02 (of 6)"]) == ("3.00", "")
     assert ("Feedback" in ada) == (name != "Canvas")
-    assert [line["slamlab 02 (of 5)"] for line in own] == (["5"] if name == "Canvas" else [])
+    assert [line["slamlab 02 (of 6)"] for line in own] == (["6"] if name == "Canvas" else [])
 
 
 def test_a_word_that_two_lines_share_gives_no_points_to_either(tmp_path):
@@ -459,7 +466,8 @@ def test_no_points_come_without_a_reason_in_the_row(tmp_path):
     (folder / "eve.py").write_text("def predict(*a):\n    ...\n")
     (folder / "zoe.py").write_text("def predict(*a):\n    return 7, 7\n")
     rows = graded(folder, "--no-pictures")
-    assert rows["ada"]["note"] == "defines none of predict, update, joseph, track, tune"
+    names = "predict, update, joseph, tunnel, innovation_test, track"
+    assert rows["ada"]["note"] == f"defines none of {names}"
     assert rows["eve"]["note"].startswith("predict: nothing returned yet")
     assert rows["zoe"]["note"] == "predict: nothing holds"
     assert rows["ben"]["note"].startswith("predict: raised on every input, first NameError: ")

@@ -20,7 +20,7 @@ LENGTHS = """
 dt r lever half half_length half_width side width metres distance range ranges max_range reach
 nearest furthest step stride resolution cell threshold tolerance margin separation driven home
 budget gate gates gains limits v scan scans before after size cost field_of_view spread x y
-points stretch echo echoes expected sonar radius area speed lookahead k_v k_omega damping
+points stretch echo echoes expected sonar radius area times speed lookahead k_v k_omega damping
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
 belief beliefs prior goal hints reports p p_hit p_right p_slip p_stay p_step chance share
@@ -31,7 +31,7 @@ inside spread height radius stay memory field
 """
 VARIANCES = """
 sigma variance variances cov covs q w weight R alpha beta chi2 bits misfits measurements
-density wanted information alphas betas
+density wanted information alphas betas S
 """
 COUNTS = """
 edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents
@@ -41,7 +41,7 @@ runs state way turn best second back degrees beams per_cell lost regions
 ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 # Names that are signed in one exercise and not in another.
 SIGNED = {
-    ("ch02.check_update", "R"), ("ch04.check_localize", "beacons"), ("ch04.check_localize", "x"),
+    ("ch04.check_localize", "beacons"), ("ch04.check_localize", "x"),
     ("ch04.check_best_place", "x"), ("ch04.check_resample", "x"),
     ("ch11.check_joint", "y"), ("ch11.check_together", "R"), ("ch12.check_weight", "log weight"),
     ("ch13.check_line", "positions"),
