@@ -20,8 +20,8 @@ from slamlab.exercises._report import Array, Check, Ints
 __all__ = [
     "check_best_place",
     "check_localize",
-    "check_mean_pose",
     "check_particles_needed",
+    "check_renew",
     "check_resample",
     "check_sonar",
 ]
@@ -53,19 +53,24 @@ __all__ = [
 # distance from 0 to `reach`, each equally likely. With the likelihood of the lesson one such
 # reading may eliminate all particles round the robot.
 #
-# The density of a reading $z$, where $\hat z$ is expected, is the sum of two parts,
+# The density of a reading is the sum of two parts,
 #
 # $$
-# p(z) = p_\mathrm{hit}\, N(z;\, \hat z, \sigma^2) + (1 - p_\mathrm{hit})\, U(z) ,
+# p(z) = p_\mathrm{hit}\; p_\mathrm{good}(z) + (1 - p_\mathrm{hit})\; p_\mathrm{bad}(z) ,
 # $$
 #
-# $N$ the Gaussian density and $U$ the uniform one from 0 to `reach`. Write its logarithm, for all
-# particles at once. First decide with a pencil: the lesson left out the factor in front of the
-# Gaussian's exponential. May you, here?
+# a Gaussian about what is expected, and a constant. Write its logarithm, for all particles at
+# once.
+#
+# **On paper first.** Where $\hat z$ is expected, the lesson wrote
+# $e^{-(z - \hat z)^2 / 2 \sigma^2}$ for a Gaussian, without a factor in front. Why may it? May you?
+# Try a reading that fits and one that does not, with all lengths in metres, and once more in
+# centimetres.
 #
 # The picture lets sixty robots drive 4 m, each with two bad readings of ten, and draws where one
 # of them began, by your likelihood and by the lesson's. *Found* means that more than half
-# of the belief is within half a metre.
+# of the belief is within half a metre. It also says what one bad reading costs a particle: by
+# which factor its weight falls below that of a particle whose reading fits.
 
 
 # %% tags=["exercise"]
@@ -90,7 +95,7 @@ def sonar_log_likelihood(
     Returns
     -------
     ndarray, shape (M,)
-        Natural logarithm of the density (density in 1/m).
+        Natural logarithm of the density of the reading.
     """
     good = np.exp(-0.5 * ((echo - expected) / sigma) ** 2)
     good = good / (np.sqrt(2 * np.pi) * sigma)
@@ -163,7 +168,10 @@ def _sonar_drawn(ax: Any, function: Any) -> None:
     ax.plot(x, lessons, **plots.line_style("wrong"))
     ax.plot(x, ours, **plots.line_style("estimate"))
     ax.set(xlabel="begin (m); purple: lesson", ylabel="belief, largest 1")
-    ax.set_title(f"{found[0]} of 60 robots found\n(with the lesson's {found[1]})")
+    fits, not_at_all = np.asarray(function(2.0, np.array([2.0, 4.5]), *_SONAR.tolist()), float)
+    cost = np.exp(min(fits - not_at_all, 20.0))
+    cost_text = f"{cost:.0f}" if cost < 1e4 else "over 10 000"
+    ax.set_title(f"{found[0]} of 60 found (lesson's {found[1]})\nbad reading: factor {cost_text}")
 
 
 check_sonar = Check(
@@ -235,9 +243,9 @@ check_sonar.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Without the factor the top of the Gaussian is 0.8, whatever $\sigma$ is, and a bad reading costs
-# a factor of 21. In centimetres it costs 2001, for the same robot and the same reading: the
-# exponential has no unit, the uniform part has one. In the right form the unit makes no
-# difference:
+# a factor of 21; nearly as many robots are found, so that in metres the mistake hardly shows. In
+# centimetres it costs 2001, for the same robot and the same reading: the exponential has no unit,
+# the uniform part has one. In the right form the unit makes no difference:
 
 # %% active="ipynb" tags=["solution"]
 # def no_factor(echo, expected, sigma, p_hit, reach):
@@ -289,7 +297,7 @@ def particles_needed(chance: float, area: float, reach: float, turn: float) -> i
 
 
 # %% active="ipynb" tags=["try"]
-# particles_needed(0.99, 200.0, 1.5, 1.0)
+# particles_needed(0.9, 60.0, 1.0, 0.5)
 
 # %% [markdown] tags=["hint"]
 # Begin with one particle: with which probability is it near? It needs the right place and, apart
@@ -405,15 +413,21 @@ check_particles_needed.mistakes = {
 #
 # In the lesson's hall 8000 particles drive on to the end, though after 40 observations all of them
 # are within a metre of the robot: most are a waste, and a small robot cannot afford them. In the
-# corridor, too, hundreds are needed while the robot may be anywhere, and few later. Let the number
-# follow the belief:
+# corridor, too, hundreds are needed while the robot may be anywhere, and few later. So divide the
+# corridor into cells, the $i$-th from `i * cell` (included) to `(i + 1) * cell` (not included),
+# count those that the belief occupies, $k$, and go on with `n = per_cell * k` particles.
 #
-# 1. lay $M$ points $(j + u)/M$ over the weights as in the lesson, $j = 0 \dots M - 1$. The
-#    particles that they draw are survivors;
-# 2. divide the corridor into cells, the $i$-th from `i * cell` (included) to `(i + 1) * cell` (not
-#    included), and count those that hold at least one survivor: $k$;
-# 3. draw `n = per_cell * k` particles in place of $M$: lay $n$ points $(j + u)/n$, with the same
-#    $u$, over the same weights.
+# **But when is a cell occupied?** Answer on paper before you read on. In the picture 300 particles
+# are spread over 20 m, 40 cells, and two places explain the reading. If each cell counts that
+# holds a particle with a weight above zero, how many cells is that, and with `per_cell = 8`, do
+# fewer particles go on, or more? A smallest weight that counts would have to be chosen, and
+# changed with the number of particles. You know a tool that takes particles in proportion to their
+# weights.
+#
+# Here is the rule. Lay $M$ points $(j + u)/M$ over the weights as in the lesson, $j = 0 \dots M -
+# 1$. The particles that they draw are survivors, and the cells that hold at least one survivor
+# count. Then lay $n$ points $(j + u)/n$ over the same weights, with the same $u$, and return what
+# those draw.
 #
 # A point that falls exactly on the border of two particles draws the second. If rounding leaves
 # the sum of the weights below a point, it draws the last particle.
@@ -600,9 +614,8 @@ check_resample.mistakes = {
 # zero, where `int` would cut towards zero and make one cell of two.
 
 # %% [markdown] tags=["solution"]
-# Why count survivors? Nearly every particle has *some* weight. Of the 300 in the picture, spread
-# over 20 m, all have one above zero, and their cells would call for more particles than there
-# were:
+# Why survivors? Of the 300 in the picture all have a weight above zero, if only one of $10^{-67}$.
+# Their 40 cells would call for 320 particles, more than there were:
 
 # %% active="ipynb" tags=["solution"]
 # x = np.sort(np.random.default_rng(6).uniform(0, 20, 300))
@@ -619,167 +632,225 @@ check_resample.mistakes = {
 # number of Fox in its place, which asks for fewer particles per cell, the more cells there are.
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 4: a bug to find
+# ## Exercise 4: a bug to find, always at the door
 #
-# A robot of the lesson's hall asks its particles for one pose. On the way out the answer was good
-# for an hour. On the way back the robot was where it should be, and the answer faced the other
-# way: it drove off backwards. Draw the picture (dots with a line that points where each particle
-# faces, the answer in blue), run the check, find the bug and repair it.
+# One piece is missing before the robot can wake up: what becomes of the particles after a reading.
+# They are weighed by it, their effective number is compared with half of the particles that there
+# are, and if it is less, they are resampled. The program below does this; it calls your
+# `resample`, so do exercise 3 first. It was tested: particles that explain a reading badly have
+# small weights, those that explain it well have large ones, and what it returns sums to one.
+#
+# On the robot 200 particles are laid over the corridor, from the door at 0 m to the far end at
+# 28 m, in this order. Wherever the robot is switched on, it reports that it began at the door,
+# and is certain of it. The picture has forty robots: where each began, and where yours says that
+# it began. Find the bug and repair it; exercise 6 uses your repair.
 
 
 # %% tags=["exercise"]
-def mean_pose(poses: Array, weights: Array) -> Array:
-    """Mean of weighted poses that face about the same way.
+def renew(
+    x: Array, weights: Array, log_l: Array, cell: float, per_cell: int, u: float
+) -> tuple[Array, Array]:
+    """Weigh the particles by a reading; resample if fewer than half of them count.
 
     Parameters
     ----------
-    poses : ndarray, shape (M, 3)
-        x (m), y (m), heading (rad, in (-pi, pi]). All headings that have a weight are
-        within a quarter of a turn of one another.
+    x : ndarray, shape (M,)
+        Places of the particles (m).
     weights : ndarray, shape (M,)
-        They sum to one, some may be zero.
+        Their weights before the reading; they sum to one.
+    log_l : ndarray, shape (M,)
+        Logarithm of the likelihood of the reading, for each particle.
+    cell, per_cell, u : float, int, float
+        Width of a cell (m), particles for each, and offset: exercise 3.
 
     Returns
     -------
-    ndarray, shape (3,)
-        Weighted means of x and y; the direction in which the particles face on
-        average, in (-pi, pi]. It is compared to 0.001 rad.
+    x, weights : ndarray, shape (n,)
+        Places and weights after the reading. The weights sum to one; after
+        resampling they are equal.
     """
-    x, y = weights @ poses[:, :2]
-    c, s = weights @ np.cos(poses[:, 2]), weights @ np.sin(poses[:, 2])
-    return np.array([x, y, np.arctan2(s, c)])
+    log_w = np.log(weights) + log_l
+    weights = np.exp(log_w - log_w.max())
+    weights = weights / weights.sum()
+    if 1 / np.sum(weights**2) < len(x) / 2:
+        x = x[resample(x, weights, cell, per_cell, u)]
+        weights = np.full(len(x), 1 / len(x))
+    return x.copy(), weights
 
 
 # %% active="ipynb" tags=["stub"]
-#     return weights @ poses
+#     log_w = np.log(weights) + log_l
+#     weights = np.exp(log_w - log_w.max())     # products of many small numbers become 0
+#     if 1 / np.sum(weights**2) < len(x) / 2:
+#         x = x[resample(x, weights, cell, per_cell, u)]
+#         weights = np.ones(len(x))
+#     return x.copy(), weights / weights.sum()
 
 # %% active="ipynb" tags=["try"]
-# mean_pose(np.array([[0.0, 0, 3.1], [2, 0, -3.1]]), np.array([0.5, 0.5]))
+# renew(np.array([1.0, 5.0, 9.0]), np.full(3, 1 / 3), np.array([-3.0, 0.0, -0.2]),
+#       0.5, 2, 0.5)
 
 # %% [markdown] tags=["hint"]
-# The two particles of the call above: in which direction does each of them face? How far are
-# they apart, and where does the answer face?
+# In the call above two of three particles explain the reading about equally well. What should
+# their weights be, and how many particles count? Which of the three does the program keep?
 
 # %% [markdown] tags=["hint"]
-# Add a full turn to the heading of one of them. It is the same pose. Is it the same answer? What
-# could you average that does not change with a full turn?
+# Lay the particles of the picture from the far end to the door, and all robots report that they
+# began at the far end. So the order of the list decides, and not the reading. Which line of the
+# program knows an order? It lays points over weights. From where to where do the points go?
 
 # %% [markdown] tags=["hint"]
-# Draw each heading as an arrow of length one. Arrows can be added, each times its weight: where
-# does their sum point?
+# Two lines use the weights before the program returns them: the effective number and `resample`.
+# What do both of them rely on? Print it, in the line before.
 
 
 # %% tags=["cases"]
 @drawn
-def _cloud(rng: np.random.Generator, heading: float) -> Any:
-    """Draw a narrow cloud, in which all means of directions agree."""
-    n = int(rng.integers(3, 8))
-    poses = np.round(rng.normal(0, [2.0, 2.0, 0.0], (n, 3)), 2)
-    poses[:, 2] = np.round(rng.uniform(-0.1, 0.1, n) + heading, 3)
-    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
-    poses[1, 2] = np.round(rng.uniform(-3, 3), 2)  # excluded, wherever it faces
-    return poses, some_weights(rng, n, [1])
+def _read(rng: np.random.Generator, sharp: float, low: float = 0.0) -> Any:
+    n = int(rng.integers(8, 25))
+    x = np.round(rng.uniform(low, low + 12, n), 2)
+    log_l = np.round(rng.uniform(-2, 3) - sharp * (x - rng.choice(x)) ** 2, 3)
+    cell = float(rng.choice([0.25, 0.5, 1.0]))
+    u = float(np.round(rng.uniform(0.05, 0.95), 3))
+    return x, some_weights(rng, n), log_l, cell, int(rng.integers(2, 5)), u
 
 
-@drawn
-def _mirrored(rng: np.random.Generator, heading: float) -> Any:
-    """Draw pairs that face as far to the left as to the right of one direction."""
-    n, facing = int(rng.integers(1, 4)), heading + rng.uniform(-0.6, 0.6)
-    off, half = rng.uniform(0.1, 0.7, n), some_weights(rng, n) / 2
-    places = np.round(rng.normal(0, 2.0, (2 * n, 2)), 2)
-    headings = (facing + np.r_[off, -off] + np.pi) % (2 * np.pi) - np.pi
-    return np.column_stack([places, headings]), np.r_[half, half]
-
-
-def _mean_pose_drawn(ax: Any, function: Any) -> None:
-    """Draw thirty poses that face backwards, each as a dot with its heading, and their mean."""
+def _renew_drawn(ax: Any, function: Any) -> None:
+    """Draw where each of forty robots began, and where its particles say that it began."""
     from slamlab import plots
 
-    rng = np.random.default_rng(4)
-    poses = rng.normal([0, 0, np.pi], [0.8, 0.5, 0.3], (30, 3))
-    poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
-    mean = np.asarray(function(poses, np.full(30, 1 / 30)), float).reshape(3)
-    for pose, length, kind in (
-        *((pose, 0.3, "truth") for pose in poses),
-        (mean, 1.2, "estimate"),
-    ):
-        x, y, heading = pose
-        tip = [x + length * np.cos(heading)], [y + length * np.sin(heading)]
-        ax.plot([x, *tip[0]], [y, *tip[1]], **plots.line_style(kind))
-        ax.plot(x, y, "o", color=plots.COLOURS[kind], markersize=3 if kind == "truth" else 7)
-    ax.set_aspect("equal")
-    ax.set(xlabel="x (m)", ylabel="y (m)")
-    ax.set_title(f"the mean faces {np.rad2deg(mean[2]):.0f}°")
+    began, said = [], []
+    for seed in range(40):
+        place, (start, *drive), (beacons, sonar, cell, per_cell), u = _robot(seed)
+        x = np.linspace(0.0, 28.0, len(start))
+        weights = np.full(len(x), 1 / len(x))
+        for move, slip, echo, offset in zip(*drive, u, strict=True):
+            x = x + move + slip[: len(x)]
+            log_l = sonar_log_likelihood(float(echo), _nearest(x, beacons), *sonar.tolist())
+            after = function(x, weights, log_l, cell, per_cell, float(offset))
+            x, weights = (np.array(one, float) for one in after)
+        began.append(place[-1] - drive[0].sum())
+        said.append(best_place(x, weights, 0.5)[0] - drive[0].sum())
+    found = np.sum(np.abs(np.array(began) - said) < 0.5)
+    ax.plot([0, 16], [0, 16], **plots.line_style("truth"))
+    ax.plot(began, said, "o", color=plots.COLOURS["estimate"], markersize=5)
+    ax.set(xlabel="began at (m)", ylabel="says it began at (m)", xlim=(-1, 17), ylim=(-2, 28))
+    ax.set_title(f"{found} of 40 robots found")
 
 
-check_mean_pose = Check(
-    mean_pose,
-    "pose",
+check_renew = Check(
+    renew,
+    "x, weights",
     {
-        "one particle": ([[1.0, 2.0, -3.0]], [1.0]),
-        "two that face nearly the same way": ([[0, 0, 3.1], [2, 0, -3.0]], [0.5, 0.5]),
-        "a weight of zero counts nothing": ([[0, 0, 0.3], [9, 9, 2.0]], [1.0, 0.0]),
-        "on the way out: all face ahead": _cloud(0.0),
-        "on the way back: all face backwards": _cloud(np.pi),
-        "in the cross corridor": _cloud(-np.pi / 2),
-        "wide, and alike on both sides, ahead": _mirrored(0.0),
-        "wide, and alike on both sides, backwards": _mirrored(np.pi),
+        "the call below the stub": (
+            [1.0, 5.0, 9.0], [1 / 3] * 3, [-3.0, 0.0, -0.2], 0.5, 2, 0.5,
+        ),
+        "one particle": ([3.0], [1.0], [-2.0], 0.5, 3, 0.5),
+        "a reading that says nothing: all stay": (
+            [2.0, 4.0, 6.0, 8.0], [0.3, 0.2, 0.1, 0.4], [-1.0] * 4, 0.5, 2, 0.3,
+        ),
+        "only the last of the list explains it": (
+            [1.0, 2.0, 3.0, 4.0], [0.25] * 4, [-9.0, -9.0, -9.0, 0.0], 0.5, 3, 0.4,
+        ),
+        "only the first of the list explains it": (
+            [1.0, 2.0, 3.0, 4.0], [0.25] * 4, [0.0, -9.0, -9.0, -9.0], 0.5, 3, 0.4,
+        ),
+        "a reading that is most unlikely for all": (
+            [1.0, 2.0, 3.0, 4.0], [0.4, 0.3, 0.2, 0.1], [-900.0, -902.0, -901.0, -899.0], 1.0, 2,
+            0.6,
+        ),
+        "one particle had nearly all the weight before": (
+            [1.0, 2.0, 3.0, 7.0],
+            [0.02, 0.9, 0.05, 0.03],
+            [-0.5, -0.4, -0.2, -0.3],
+            0.5,
+            2,
+            0.5,
+        ),
+        "a particle of weight zero": (
+            [1.0, 2.0, 3.0], [0.5, 0.0, 0.5], [-1.0, 0, -1.2], 1.0, 2, 0.5,
+        ),
+        "readings that say little": _read(0.005),
+        "readings that say much": _read(0.5),
+        "the corridor begins below zero": _read(0.05, -9.0),
     },
-    tolerance=1e-3,
-    picture=_mean_pose_drawn,
+    picture=_renew_drawn,
     hunt=True,
-)
-
+)  # fmt: skip
 
 # %% tags=["mistakes"]
-check_mean_pose.mistakes = {
-    "headings were averaged as numbers: the mean of 3.1 and -3.1 is not 0": (
-        "np.arctan2(s, c) => weights @ poses[:, 2]"
+_SUM = "    weights = weights / weights.sum()\n"
+_EQUAL = "weights = np.full(len(x), 1 / len(x))"
+
+check_renew.mistakes = {
+    "the weights were divided by their sum only at the end: the effective number and the points "
+    "rely on it": (
+        f"{_SUM} => ",
+        "x.copy(), weights => x.copy(), weights / weights.sum()",
     ),
-    "the weights were not used": lambda poses, weights: mean_pose(
-        poses, np.full(len(poses), 1 / len(poses))
+    "the effective number was taken of weights that do not sum to one": (
+        f"{_SUM} => ",
+        "resample(x, weights, => resample(x, weights / weights.sum(),",
+        "x.copy(), weights => x.copy(), weights / weights.sum()",
     ),
-    "this is the heaviest particle: return the mean": lambda poses, weights: poses[
-        np.argmax(weights)
-    ].copy(),
-    "the headings were averaged without their weights": (
-        (
-            ("weights @ np.sin(poses[:, 2]) => np.sin(poses[:, 2]).sum()"),
-            ("weights @ np.cos(poses[:, 2]) => np.cos(poses[:, 2]).sum()"),
-        )
+    "the points were laid over weights that do not sum to one": (
+        f"{_SUM} => ",
+        "1 / np.sum(weights**2) => weights.sum() ** 2 / np.sum(weights**2)",
+        "x.copy(), weights => x.copy(), weights / weights.sum()",
     ),
-    "sine and cosine are exchanged in arctan2: the sine comes first": (
-        "np.arctan2(s, c) => np.arctan2(c, s)"
+    "the weights that are returned do not sum to one": (
+        f"{_SUM} => ",
+        "1 / np.sum(weights**2) => weights.sum() ** 2 / np.sum(weights**2)",
+        "resample(x, weights, => resample(x, weights / weights.sum(),",
     ),
-    "the quotient loses the quadrant: use arctan2 with two arguments": (
-        "np.arctan2(s, c) => np.arctan(s / c)"
+    "the old weights are forgotten at each reading": "np.log(weights) + log_l => log_l",
+    "resampled at every reading: only when fewer than half of the particles count": (
+        "1 / np.sum(weights**2) < len(x) / 2 => True"
     ),
-    "divided by the number of particles: the weights sum to one already": (
-        "weights @ poses[:, :2] => weights @ poses[:, :2] / len(poses)"
+    "never resampled: do so when fewer than half of the particles count": (
+        "1 / np.sum(weights**2) < len(x) / 2 => False"
     ),
-    "the headings are wrapped to [0, 2 pi) before they are averaged: that moves the trouble "
-    "to zero": ("np.arctan2(s, c) => weights @ (poses[:, 2] % (2 * np.pi))"),
+    "resampled when the weights are good: the comparison is the wrong way round": (
+        "< len(x) / 2 => > len(x) / 2"
+    ),
+    "the copies took the old weights along: those count twice now": (
+        f"x = x[resample(x, weights, cell, per_cell, u)]\n        {_EQUAL} => "
+        "rows = resample(x, weights, cell, per_cell, u)\n        "
+        "x = x[rows]; weights = weights[rows] / weights[rows].sum()"
+    ),
+    "the likelihood is given as a logarithm: it is added to that of the weight": (
+        "np.log(weights) + log_l => weights * log_l"
+    ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 4: a mean of directions
+# ## Solution 4: weights are shares only after they are divided by their sum
 #
-# A heading is a direction, and $\pi$ and $-\pi$ are the same one. Cosine and sine do not change
-# with a full turn: average them, and ask `arctan2` for the direction of the mean arrow.
+# Less the largest logarithm, the largest weight is 1, and the sum is anything from 1 to $M$. What
+# is returned was divided by it, so every test of the result passes. But two lines use the weights
+# before. $1/\sum w^2$ is at most 1 then: the program resamples at every reading. And the points go
+# from 0 to 1, and cover the first particles of the list only. Of a hundred robots none
+# has a particle that began beyond 6 m after the first reading, nor after five readings one that
+# began half a metre or more from the door. The division belongs above the first use.
 
 # %% [markdown] tags=["solution"]
-# Wrapping first does not help: it only moves the trouble from half a turn to zero.
+# The points are the worse of the two. With the effective number alone taken wrongly, the particles
+# are resampled at every reading, and nearly all robots are found:
 
-# %% active="ipynb" tags=["solution"]
-# def from_zero_to_a_turn(poses, weights):
-#     return weights @ np.column_stack([poses[:, :2], poses[:, 2] % (2 * np.pi)])
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: where forty robots began and where they say that they began; in both nearly all dots are on the diagonal."}}
+# def too_often(x, weights, log_l, cell, per_cell, u):
+#     log_w = np.log(weights) + log_l
+#     weights = np.exp(log_w - log_w.max())
+#     if 1 / np.sum(weights**2) < len(x) / 2:       # at most 1: always
+#         x = x[resample(x, weights / weights.sum(), cell, per_cell, u)]
+#         weights = np.ones(len(x))
+#     return x.copy(), weights / weights.sum()
 #
-# poses = np.array([[0.0, 0, 0.1], [0, 0, -0.1], [0, 0, 3.1], [0, 0, -3.1]])
-# half, means = np.array([0.5, 0.5]), {"numbers": lambda p, w: w @ p}
-# means |= {"0 to a turn": from_zero_to_a_turn, "arrows": mean_pose}
-# for name, f in means.items():
-#     ahead, back = np.rad2deg([f(poses[:2], half)[2], f(poses[2:], half)[2]])
-#     print(f"{name:12s} ahead {ahead:4.0f}°, backwards {back:4.0f}°")
+# check_renew.draw(too_often)
+
+# %% [markdown] tags=["solution"]
+# That is how this bug stays in a program: with a `resample` that divides by the sum itself nothing
+# shows, but for copies that were not needed.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: one place, not the mean
@@ -976,10 +1047,12 @@ check_best_place.mistakes = {
 # 1. every particle makes the commanded move plus a slip of its own. The slips are given, so that
 #    the check can compare: `noise[k]` has more numbers than there are particles; the i-th particle
 #    takes the i-th of them;
-# 2. its old weight is multiplied by the likelihood of the reading, and the weights are divided by
-#    their sum;
-# 3. if $N_\mathrm{eff}$ is less than half the number of particles *that there are now*, resample,
-#    with the offset `u[k]`, and make the weights equal.
+# 2. it expects the distance to the beacon that is nearest to it, and your sonar gives the
+#    logarithm of the likelihood;
+# 3. `renew`, which you repaired, does the rest, with the offset `u[k]`.
+#
+# The number of particles changes on the way. Which slips are then left over, and where else in
+# these three steps does the number count?
 #
 # Then draw the picture. It shows one robot that wakes up: the black line is where it was, dots are
 # your particles after every second step, dotted lines are beacons. And fifty robots drive 12 m
@@ -1030,12 +1103,8 @@ def localize(
     for move, slip, echo, offset in zip(moves, noise, echoes, u, strict=True):
         x = x + move + slip[: len(x)]
         expected = np.abs(x[:, None] - beacons).min(axis=1)
-        log_w = np.log(weights) + sonar_log_likelihood(echo, expected, *sonar)
-        weights = np.exp(log_w - log_w.max())
-        weights = weights / weights.sum()
-        if 1 / np.sum(weights**2) < len(x) / 2:
-            x = x[resample(x, weights, cell, per_cell, offset)]
-            weights = np.full(len(x), 1 / len(x))
+        log_l = sonar_log_likelihood(echo, expected, *sonar)
+        x, weights = renew(x, weights, log_l, cell, per_cell, offset)
     return x, weights
 
 
@@ -1044,16 +1113,16 @@ def localize(
 #          np.array([1.0, 5.0]), np.array([0.2, 0.8, 5.0]), 0.5, 2, np.array([0.5]))
 
 # %% [markdown] tags=["hint"]
-# The loop of the lesson is the ladder. Which of its lines rely on a number of particles that never
-# changes?
+# The loop of the lesson is the ladder: move, weigh, resample. All that it does with a likelihood
+# is one call here. How many slips of `noise[k]` do you need?
 
 # %% [markdown] tags=["hint"]
 # `np.abs(x[:, None] - beacons)` holds the distance of every particle to every beacon. Over which
 # axis is the nearest one?
 
 # %% [markdown] tags=["hint"]
-# Three lengths follow `len(x)` of the moment: the slips that are used, the threshold, and the
-# equal weights after resampling.
+# `renew` returns places and weights, and there may be more or fewer than before. The next step
+# begins with both.
 
 
 # %% tags=["cases"]
@@ -1131,7 +1200,7 @@ check_localize = Check(
         "one step": _walk(6, 1, 0.5),
         "readings so inexact that there is no resampling": _walk(6, 4, 20.0),
         "a drive": _walk(12, 8),
-        "a longer drive, more particles": _walk(30, 15, 0.2),
+        "a longer drive, and more particles": _walk(30, 15, 0.2),
         "a drive backwards, left of the origin": _walk(12, 8, back=True),
     },
     tolerance=1e-8,
@@ -1139,33 +1208,42 @@ check_localize = Check(
 )
 
 # %% tags=["mistakes"]
+_MOVED = "x + move + slip[: len(x)]"
+_CALL = "x, weights = renew(x, weights, log_l, cell, per_cell, offset)"
+
+
+def _written_out(
+    half: str = "len(x) / 2", weigh: str = "weights * np.exp(log_l)", after: str = "1 / len(x)"
+) -> str:
+    """Write the call of `renew` out as a student would who does not use it, with one change."""
+    return (
+        f"{_CALL} => weights = {weigh}\n"
+        "        weights = weights / weights.sum()\n"
+        f"        if 1 / np.sum(weights**2) < {half}:\n"
+        "            rows = resample(x, weights, cell, per_cell, offset)\n"
+        f"            x = x[rows]; weights = np.full(len(x), {after})\n"
+        "            weights = weights / weights.sum()"
+    )
+
+
 check_localize.mistakes = {
     "the copies took the old weights along: those count twice now": (
-        "            weights = np.full(len(x), 1 / len(x)) =>             "
-        "weights = weights[resample(y, weights, cell, per_cell, offset)]"
-        "; weights = weights / weights.sum()",
-        "            x = x[resample =>             y = x; x = x[resample",
+        _written_out(after="weights[rows]")
     ),
     "resampled at every step: only when fewer than half of the particles count": (
-        "1 / np.sum(weights**2) < len(x) / 2 => True"
+        _written_out(half="np.inf")
     ),
-    "never resampled: do so when fewer than half of the particles count": (
-        "1 / np.sum(weights**2) < len(x) / 2 => False"
-    ),
-    "resampled when the weights are good: the comparison is the wrong way round": (
-        "< len(x) / 2 => > len(x) / 2"
-    ),
+    "never resampled: do so when fewer than half of the particles count": _written_out(half="0"),
     "the threshold is half of the first number of particles: take half of the present one": (
-        "weights = np.full(len(x), 1 / len(x))\n    for => "
-        "weights = np.full(len(x), 1 / len(x)); first = len(x)\n    for",
-        "< len(x) / 2 => < first / 2",
+        f"{_EQUAL} => {_EQUAL}; n = len(x)",
+        _written_out(half="n / 2"),
     ),
     "one slip for all: every particle slips on its own": "slip[: len(x)] => slip[0]",
-    "the slip was forgotten: copies stay copies": "x + move + slip[: len(x)] => x + move",
+    "the slip was forgotten: copies stay copies": f"{_MOVED} => x + move",
     "the last slips were taken: the i-th particle takes the i-th": (
         "slip[: len(x)] => slip[-len(x) :]"
     ),
-    "the old weights are forgotten at each reading": "np.log(weights) +  => ",
+    "the old weights are forgotten at each reading": "(x, weights, log_l => (x, 0 * x + 1, log_l",
     "the first beacon is not the nearest: take the smallest distance": ".min(axis=1) => [:, 0]",
     "this is the distance to the farthest beacon": ".min(axis=1) => .max(axis=1)",
     "the minimum was taken over the particles: each has a nearest beacon of its own": (
@@ -1174,18 +1252,22 @@ check_localize.mistakes = {
     "it measured before it moved: the reading is taken after the move": (
         "np.abs(x[:, None] - beacons) => np.abs((x - move - slip[: len(x)])[:, None] - beacons)"
     ),
-    "the weights are not divided by their sum": (
-        "weights = weights / weights.sum() => pass",
-        "1 / np.sum(weights**2) => np.sum(weights) ** 2 / np.sum(weights**2)",
+    "`renew` takes the logarithm of the likelihood: this is the likelihood": (
+        "log_l = sonar_log_likelihood(echo, expected, *sonar)"
+        " => log_l = np.exp(sonar_log_likelihood(echo, expected, *sonar))"
+    ),
+    "the weights are not those that `renew` returned: the next step begins with them": (
+        "x, weights = renew => x, last = renew",
+        "return x, weights => return x, last",
     ),
 }
 
 # %% [markdown] tags=["solution"]
 # ## Solution 6: wake up in the corridor
 #
-# The lesson's loop with your likelihood and your resampling. After resampling the weights are
-# equal, since what they said is now said by the number of copies, and there are as many as there
-# are particles *now*.
+# The lesson's loop with your likelihood and your resampling. The number of particles is in it
+# twice: in the slips, and in `renew`, whose threshold is half of the particles that there are
+# *now*.
 
 # %% [markdown] tags=["solution"]
 # How much does each part give? The same hundred robots each time, the picture's fifty among them.
@@ -1275,6 +1357,29 @@ check_localize.mistakes = {
 #           f"best place for {right[1]}")
 
 # %% [markdown] tags=["solution"]
+# Who writes the whole loop may take the threshold once, before it: half of the *first* number. As
+# soon as fewer than 100 of 200 particles are left, it resamples at every reading, also where all
+# of them count. With 20 particles for each cell that costs nothing. With few, every resampling
+# that was not needed costs copies:
+
+# %% active="ipynb" tags=["solution"]
+# def first_number(x, moves, noise, echoes, beacons, sonar, cell, per_cell, u):
+#     weights, half = np.full(len(x), 1 / len(x)), len(x) / 2
+#     for move, slip, echo, offset in zip(moves, noise, echoes, u, strict=True):
+#         x = x + move + slip[: len(x)]
+#         expected = np.abs(x[:, None] - beacons).min(axis=1)
+#         weights = weights * np.exp(sonar_log_likelihood(echo, expected, *sonar))
+#         weights = weights / weights.sum()
+#         if 1 / np.sum(weights**2) < half:
+#             x = x[resample(x, weights, cell, per_cell, offset)]
+#             weights = np.full(len(x), 1 / len(x))
+#     return x, weights
+#
+# for per_cell in (20, 5, 2):
+#     print(f"{per_cell:2d} for each cell, half of the first: "
+#           f"{tried(per_cell=per_cell, localize=first_number)}")
+
+# %% [markdown] tags=["solution"]
 # One wrong line, and its price: one slip for all particles. Copies stay copies, and few different
 # places are left.
 
@@ -1284,11 +1389,8 @@ check_localize.mistakes = {
 #     for move, slip, echo, offset in zip(moves, noise, echoes, u, strict=True):
 #         x = x + move + slip[0]
 #         expected = np.abs(x[:, None] - beacons).min(axis=1)
-#         weights = weights * np.exp(sonar_log_likelihood(echo, expected, *sonar))
-#         weights = weights / weights.sum()
-#         if 1 / np.sum(weights**2) < len(x) / 2:
-#             x = x[resample(x, weights, cell, per_cell, offset)]
-#             weights = np.full(len(x), 1 / len(x))
+#         log_l = sonar_log_likelihood(echo, expected, *sonar)
+#         x, weights = renew(x, weights, log_l, cell, per_cell, offset)
 #     return x, weights
 #
 # print("one slip for all:", tried(localize=one_slip))
