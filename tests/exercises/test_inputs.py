@@ -21,6 +21,7 @@ dt r lever half half_length half_width side width metres distance range ranges m
 nearest furthest step stride resolution cell threshold tolerance margin separation driven home
 budget gate gates gains limits v scan scans before after size cost field_of_view spread x y
 points stretch echo echoes expected sonar radius area times speed lookahead k_v k_omega damping
+stored marks
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
 belief beliefs prior goal hints reports p p_hit p_right p_slip p_stay p_step chance share
@@ -37,6 +38,7 @@ COUNTS = """
 edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents
 chosen counts ended sent node nodes i index particles left right entries entry hits successes
 runs state way turn best second back degrees beams per_cell lost regions
+rows
 """
 ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 # Names that are signed in one exercise and not in another.
