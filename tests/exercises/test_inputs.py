@@ -45,7 +45,7 @@ ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 SIGNED = {
     ("ch04.check_localize", "beacons"), ("ch04.check_localize", "x"),
     ("ch04.check_best_place", "x"), ("ch04.check_resample", "x"),
-    ("ch11.check_joint", "y"), ("ch11.check_together", "R"), ("ch12.check_weight", "log weight"),
+    ("ch11.check_together", "R"), ("ch12.check_weight", "log weight"),
     ("ch13.check_line", "positions"),
 }  # fmt: skip
 ALWAYS_NEGATIVE = {"miss"}  # the evidence of a beam that went through
