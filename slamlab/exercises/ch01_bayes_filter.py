@@ -363,8 +363,8 @@ check_update.mistakes = {
 # The robot stands still, and the corridor has a single door. Before the first measurement the
 # robot believes with $p_0$ that it stands at the door. Now its eye says *door*, again and again;
 # wherever it looks, it is right with probability $p$, whatever it said before. After how many
-# measurements is the belief in the door at least $g$? On paper: what happens to the *odds* $b / (1
-# - b)$ in one measurement?
+# measurements is the belief in the door at least $g$? On paper: what happens in one measurement to
+# the *odds*, to $b / (1 - b)$?
 
 
 # %% tags=["exercise"]

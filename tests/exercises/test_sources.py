@@ -32,6 +32,18 @@ def test_every_cell_of_a_source_has_one_kind(source):
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_no_formula_is_torn(source):
+    """A line of the source that begins with a minus makes a list, and tears what it is in."""
+    for cells in tool.notebooks(source):
+        for cell in cells:
+            if cell.cell_type == "markdown":
+                blocks = cell.source.split("$$")
+                assert len(blocks) % 2 == 1, cell.source
+                for line in "\n".join(blocks[::2]).split("\n"):
+                    assert line.count("$") % 2 == 0, line
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
 def test_a_program_with_a_bug_is_not_told_which(source):
     """Its report recognises the mistake, and shows a line that names none."""
     module = importlib.import_module(f"slamlab.exercises.{source.stem}")
