@@ -71,6 +71,7 @@ def side_by_side(picture: Picture, student: Function, reference: Function) -> An
             0.5, 0.5, "\n".join(textwrap.wrap(message, 36)), transform=left.transAxes,
             ha="center", va="center", fontsize=9, bbox={"facecolor": "white", "edgecolor": "0.5"},
         )  # fmt: skip
+    figure.draw_without_rendering()  # titles of three lines and equal axes need a second layout
     return figure
 
 
