@@ -399,6 +399,14 @@ check_direction_of_move.mistakes = {
         " => return -R.T @ (t if (depth > 0).mean() > 0.5 else -t)"
     ),
     "the smallest sum of squares has the last singular vector, not the first": "[2][-1] => [2][0]",
+    "two trees are two rows, and a thin SVD cuts off what both leave open: full_matrices=True": (
+        "np.linalg.svd(np.cross(turned, b))"
+        " => np.linalg.svd(np.cross(turned, b), full_matrices=False)"
+    ),
+    "two trees leave a direction open, and a thin SVD cuts it off: full_matrices=True": (
+        "np.linalg.svd(np.cross(turned, b))"
+        " => np.linalg.svd(np.cross(b, turned), full_matrices=False)"
+    ),
     "all trees count, not the first two alone": lambda a, b, R: direction_of_move(a[:2], b[:2], R),
     "length 1 is expected": "return t if => t = 2 * t\n    return t if",
 }
@@ -615,12 +623,12 @@ check_next_range.mistakes = {
 # ## Solution 3: a range that remembers
 #
 # The pencil: 10 trees on $300\pi$ square metres; a circle with five has half the area, $r =
-# \sqrt{150} = 12.2$ m. $\pi$ and the density drop out.
+# \sqrt{150} = 12.2$ m. $\pi$ drops out.
 
 # %% [markdown] tags=["solution"]
 # What does memory buy, and what does it cost? Two hundred flights along a lane, wood, clearing and
-# wood, five trees wanted: how much the range swings in the first wood, and how many trees are seen
-# in the first three steps of the clearing.
+# wood, five trees wanted: by how many trees $n$ misses the five, in the first wood and in the
+# first three steps of the clearing.
 
 # %% active="ipynb" tags=["solution"]
 # def lane(rng, memory):
@@ -630,18 +638,22 @@ check_next_range.mistakes = {
 #         seen.append(rng.poisson(density * np.pi * ranges[-1] ** 2))
 #         last = np.array(ranges[-10:]), np.array(seen[-10:])
 #         ranges.append(next_range(*last, memory, 5.0, 4.0, 40.0))
-#     return np.std(ranges[6:26]), np.mean(seen[25:28])
+#     off = np.abs(np.array(seen) - 5)
+#     return off[6:25].mean(), *off[25:28], 100 * (ranges[26] == 40.0)
 #
+# print("mean |n - 5|   wood | clearing, step 1    2    3 | at 40 m in step 2")
 # for memory in (0.0, 0.5, 0.7, 0.9):
 #     lanes = [lane(np.random.default_rng(seed), memory) for seed in range(200)]
-#     swing, seen = np.mean(lanes, axis=0)
-#     print(f"memory {memory}: range +- {swing:.1f} m in the wood; "
-#           f"at the clearing's edge {seen:.1f} trees are seen")
+#     wood, one, two, three, stop = np.mean(lanes, axis=0)
+#     print(f"memory {memory}     {wood:4.1f} | {one:16.1f} {two:4.1f} {three:4.1f} | "
+#           f"{stop:.0f} % of the flights")
 
 # %% [markdown] tags=["solution"]
-# A long memory is steady over the wood, and late at the edge: it sees fewer trees than wanted
-# until it has forgotten the wood. Without memory the range is there in a step, and swings
-# everywhere.
+# The first step of the clearing is much the same for all: the range is still the wood's. Then the
+# law without memory overshoots: where that step saw no tree, it goes to the 40 m stop and sees far
+# too many. Half a memory misses by half as much there, is as good a step later, and misses by half
+# as much in the wood. A long memory gains little more in the wood, and is late at the edge: it
+# must forget the wood first.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: two bugs, one in the region, one outside
@@ -1009,8 +1021,9 @@ def leave(
 
 # %% [markdown] tags=["hint"]
 # So the formulas of $b$ hold for *all* rows of the state at the entry, those of the region too:
-# with `P_a0 = P[entries]`, the rows of $a_0$ with all columns, $x + \vartheta^\top P_{a_0}$ and $P
-# - P_{a_0}^\top \Psi P_{a_0}$. The photograph is then three of these rows.
+# with `P_a0 = P[entries]`, the rows of $a_0$ with all columns, the state becomes
+# $x + \vartheta^\top P_{a_0}$ and the covariance
+# $P - P_{a_0}^\top \Psi P_{a_0}$. The photograph is then three of these rows.
 
 # %% [markdown] tags=["hint"]
 # After that the region moves on from its entry to now: its rows and columns are replaced. Those
@@ -1028,9 +1041,9 @@ def _a_region(rng: np.random.Generator, n_trees: int, chosen: Any, heading: floa
     x, theta = np.round(3 * rng.normal(size=N), 2), np.round(0.5 * rng.normal(size=n), 2)
     P, P_a = a_covariance(rng, N), a_covariance(rng, n, 0.3)
     x[2], x_a = heading or an_angle(rng), np.round(3 * rng.normal(size=n), 2)
-    x_a[2] = an_angle(rng)
     if heading:
         theta = np.sign(heading) * np.eye(n)[2] / P[2, 2]
+    x_a[2] = np.round(rng.uniform(-3, 3), 2)
     Phi = np.round(rng.normal(size=(n, n)), 2)
     return x, P, entries, x_a, P_a, Phi, a_covariance(rng, n, 0.2), theta
 
@@ -1193,9 +1206,10 @@ check_leave.mistakes = {
 # region's trees. After the last step, leave once more. This enters a region; its rows are the
 # pose and all trees that are nearer than the radius.
 #
-# In the picture the old map is grey, yours blue, and the circles are some of your regions.
-# *Numbers written* counts what is written into covariances; the full filter writes all of $P$ in
-# each step, 100 %.
+# In the picture crosses are the true trees; a line leads each tree from the old map to yours,
+# blue. The circles are some of your regions, and the title has the mean error of the trees before
+# and after. *Numbers written* counts what is written into covariances; the full filter writes all
+# of $P$ in each step, 100 %.
 
 
 # %% tags=["statement"]
@@ -1349,20 +1363,23 @@ def _fly_drawn(ax: Any, function: Any) -> None:
     gap = max(_apart(x[3:], full[0][3:]), _apart(path[:, :2], full[2][:, :2]))
     steps = np.diff(np.append(regions[:, 0], T))
     written = (steps @ regions[:, 1] ** 2 + len(regions) * N**2) / (T * N**2)
-    plots.landmarks(ax, trees)
-    ax.plot(*given[0][3:].reshape(-1, 2).T, ".", ms=3, color="0.6")
-    plots.landmarks(ax, x[3:].reshape(-1, 2), estimated=True)
+    moved = np.stack([given[0][3:], x[3:]]).reshape(2, -1, 2)
     plots.path(ax, truth, "truth")
     plots.path(ax, path)
+    ax.plot(*moved.transpose(2, 0, 1), color="0.5", lw=0.8)
+    ax.plot(*trees.T, "+", ms=5, mew=0.9, color=plots.COLOURS["truth"])
+    ax.plot(*moved[1].T, "o", ms=2, color=plots.COLOURS["estimate"])
     angle = np.linspace(0, 2 * np.pi, 60)
     ring = 40 * np.column_stack([np.cos(angle), np.sin(angle)])
     for k in regions[3:30:8, 0].astype(int):
-        ax.plot(*(path[k, :2] + ring).T, color="0.4", lw=0.8)
+        ax.plot(*(path[k, :2] + ring).T, color="0.6", lw=0.6)
     ax.set_aspect("equal")
-    ax.set(xlim=(-15, 105), ylim=(-15, 105), xlabel="x (m)", ylabel="y (m)")
+    ax.set(xlim=(-8, 102), ylim=(-8, 102))
     exact = gap < 1e-8 and np.abs(P - full[1]).max() < 1e-8
     same = "as the full filter" if exact else f"{_m(gap)} from the full filter"
-    ax.set_title(f"{same}\nnumbers written: {100 * written:.0f} %")
+    before, after = (_m(metres_off(one, trees).mean()) for one in (given[0], x))
+    ax.set(xlabel=f"x (m); numbers written: {100 * written:.0f} %", ylabel="y (m)")
+    ax.set_title(f"trees {before} off, then {after}\n{same}")
 
 
 check_fly = Check(
@@ -1385,7 +1402,22 @@ check_fly = Check(
 )
 
 # %% tags=["mistakes"]
+_SLOPE = "slope = d / expected[:, None] => slope = d / np.hypot(*d.T)[:, None]"
+_SEEN = "seen = H @ Phi => seen = H"
+_with_slope = check_range_update.mistaken(_SLOPE)
+_with_seen = check_range_update.mistaken(_SEEN)
+_with_both = check_range_update.mistaken((_SLOPE, _SEEN))
+
 check_fly.mistakes = {
+    "your `range_update` still has a bug of exercise 4, the one in the region": (
+        "range_update(*region => _with_slope(*region"
+    ),
+    "your `range_update` still has a bug of exercise 4, the one that shows outside": (
+        "range_update(*region => _with_seen(*region"
+    ),
+    "your `range_update` still has the two bugs of exercise 4": (
+        "range_update(*region => _with_both(*region"
+    ),
     "Phi was not predicted: (A), F Phi": "G @ V @ G.T, F @ Phi, => G @ V @ G.T, Phi,",
     "F is the identity here: the heading's uncertainty becomes one of the position": (
         "F[:2, 2] = -v * s, v * c => pass"
