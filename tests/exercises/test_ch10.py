@@ -55,7 +55,7 @@ def by_information(mean, P, first, z, i, R):
 def by_whole_matrices(P0, u, dt, V, z, ids, R):
     """Another right answer: every step is one product of matrices as large as the state."""
     mean, first, P, names = np.zeros(3), np.zeros(3), np.array(P0), []
-    for (v, omega), seen, name in zip(u, z, ids.tolist(), strict=True):
+    for (v, omega), seen, ids_now in zip(u, z, ids.tolist(), strict=True):
         n, heading = len(mean), mean[2]
         new = mean.copy()
         new[:3] += dt * np.array([v * np.cos(heading), v * np.sin(heading), omega])
@@ -65,17 +65,20 @@ def by_whole_matrices(P0, u, dt, V, z, ids, R):
         G[:3] = dt * np.array([[np.cos(heading), 0], [np.sin(heading), 0], [0, 1]])
         mean, P = new, F @ P @ F.T + G @ V @ G.T
         first = np.concatenate([new[:3], first[3:]])
-        if name in names:
-            mean, P = map(np.array, by_information(mean, P, first, seen, names.index(name), R))
-        elif name >= 0:
-            sensor = RangeBearing(1.0, 1.0)
-            G_pose, G_z = sensor.locate_jacobians(mean[:3], seen)
+        fresh = [k for k, name in enumerate(ids_now) if name >= 0 and name not in names]
+        known = [k for k, name in enumerate(ids_now) if name in names]
+        for k in fresh:
+            sensor, n = RangeBearing(1.0, 1.0), len(mean)
+            G_pose, G_z = sensor.locate_jacobians(mean[:3], seen[k])
             J = np.vstack([np.eye(n), np.hstack([G_pose, np.zeros((2, n - 3))])])
-            point = sensor.locate(mean[:3], seen)
+            point = sensor.locate(mean[:3], seen[k])
             P = J @ P @ J.T
             P[n:, n:] += G_z @ R @ G_z.T
             mean, first = np.append(mean, point), np.append(first, point)
-            names.append(name)
+            names.append(ids_now[k])
+        for k in known:
+            i = names.index(ids_now[k])
+            mean, P = map(np.array, by_information(mean, P, first, seen[k], i, R))
     return mean, P
 
 
@@ -92,3 +95,12 @@ def by_whole_matrices(P0, u, dt, V, z, ids, R):
 )
 def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
+
+
+def test_each_bug_of_the_hunt_shows_in_its_picture():
+    """The one in H in the heading's sigma, the one in the innovation after four posts."""
+    updates = ch.update, ch._with_leak, ch._with_old_pose
+    right, leak, old = (ch._four_posts(update) for update in updates)
+    assert right < 0.2
+    assert leak == right
+    assert old > 1.0
