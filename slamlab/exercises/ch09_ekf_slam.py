@@ -67,8 +67,9 @@ __all__ = ["check_add_landmark", "check_jacobian", "check_slam", "check_update",
 # x_j, y_j$. Which of the lesson's columns stay as they are? And with a pencil: the robot drives
 # straight on. Can the filter tell an error in $a$ from one in $x$?
 #
-# The picture is a drive through a room whose landmarks are not known either, with your
-# derivative in the filter. Does it find the mount?
+# In the picture your derivative is in the filter of a robot that drives through a room whose
+# landmarks are not known either. It shows the place of the scanner, in the robot's frame. Does the
+# filter find it?
 
 
 # %% tags=["exercise"]
@@ -170,7 +171,7 @@ _MOUNT = np.array([0.4, -0.2])
 
 
 def _jacobian_drawn(ax: Any, function: Any) -> None:
-    """Draw the mount that a drive finds, step by step, and its 95 % ellipse."""
+    """Draw the mount: first guess (orange), estimate by step, 95 % ellipse (blue), truth (star)."""
     from slamlab import plots
 
     found, cov = _mount_found(function, 1)
@@ -586,6 +587,9 @@ check_add_landmark.mistakes = {
 # on the other side. With a pencil: a wall at $x=3$ m, a robot at $x=5$ m that looks along the $x$
 # axis, $L=0.3$ m. What does the scanner measure? Write it for both sides. A scanner exactly on
 # the line does not occur.
+#
+# With the observation a robot can draw what it has seen: in the picture each dot is the nearest
+# point of a wall, placed from the scanner by your two numbers.
 
 
 # %% tags=["exercise"]
@@ -635,29 +639,37 @@ def _walled(rng: np.random.Generator) -> Any:
 
 
 def _observe_wall_drawn(ax: Any, function: Any) -> None:
-    """Draw four walls, a path, and the closest point of each wall where it is observed."""
+    """Draw where a robot (black) places the walls it sees on a lap (green); blue: now."""
     from slamlab import plots
 
     L, sides = 0.3, (0, np.pi / 2, np.pi, -np.pi / 2)
     outer = [[r, side] for r, side in zip((3, 2, 3, 2), sides, strict=True)]
     inner = [[r, side] for r, side in zip((0.7, 0.4, 0.7, 0.4), sides, strict=True)]
-    for corner in ([3, 2], [0.7, 0.4]):
-        corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * corner
-        plots.walls(ax, np.stack([corners, np.roll(corners, -1, 0)], 1))
     turn = np.linspace(0, 2 * np.pi, 25)
     poses = np.column_stack([1.8 * np.cos(turn), np.sin(turn), wrap_angle(turn + np.pi / 2)])
-    plots.path(ax, poses, "truth")
-    points = []
-    for pose in poses:
+    points, rays, off = [], [], []
+    for k, pose in enumerate(poses):
         scanner = pose[:2] + L * np.array([np.cos(pose[2]), np.sin(pose[2])])
         side, along = np.abs(scanner) / [0.7, 0.4] > 1  # beside which walls of the box it is
         near = [w for w in inner if (side != along) and scanner @ _normal(w) > w[0]]
-        for wall in outer + near:
+        clear = [w for w in outer if all(_normal(w) @ _normal(n) > -0.5 for n in near)]
+        for wall in clear + near:
             distance, direction = function(pose, np.array(wall, float), L)
             angle = direction + pose[2]
             points.append(scanner + distance * np.array([np.cos(angle), np.sin(angle)]))
+            off.append(abs(points[-1] @ _normal(wall) - wall[0]))
+            if k == 5:
+                rays.append(np.array([scanner, points[-1]], float))
+    for corner in ([3, 2], [0.7, 0.4]):
+        corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * corner
+        plots.walls(ax, np.stack([corners, np.roll(corners, -1, 0)], 1))
+    plots.path(ax, poses, "truth", linewidth=0.8)
     plots.lidar_points(ax, np.array(points, float), s=4)
+    for ray in rays:
+        ax.plot(*ray.T, color=plots.COLOURS["estimate"], lw=1)
+    _looking(ax, poses[5], "truth")
     ax.set_aspect("equal")
+    ax.set_title(f"points off their walls by {np.mean(off):.1f} m")
     ax.set(xlabel="x (m)", ylabel="y (m)")
 
 
@@ -820,14 +832,15 @@ def _in_a_map(rng: np.random.Generator, landmarks: int, i: int, across: bool = F
     if across:
         mean[:3], mean[3 + 2 * i : 5 + 2 * i] = [0, 0, 3.0], [-5.0, -0.4]
     d = mean[3 + 2 * i : 5 + 2 * i] - mean[:2]
-    z = [np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - mean[2])] + rng.normal(0, 0.1, 2)
+    z = [np.hypot(*d), np.arctan2(d[1], d[0]) - mean[2]] + rng.normal(0, 0.1, 2)
     if across:
-        z[1] = wrap_angle(np.arctan2(d[1], d[0]) - mean[2]) - 0.2
+        z[1] = np.arctan2(d[1], d[0]) - mean[2] - 0.2
+    z[1] = wrap_angle(z[1])
     return mean, a_covariance(rng, len(mean), 0.05), z, i, a_covariance(rng, 2, 0.02)
 
 
 def _update_drawn(ax: Any, function: Any) -> None:
-    """Draw a map of three landmarks, too far off at first, after thirty updates."""
+    """Draw a map (blue) after thirty updates; true robot (black, looks left), true landmarks."""
     from slamlab import plots
     from slamlab.sensors import RangeBearing
 
@@ -835,21 +848,33 @@ def _update_drawn(ax: Any, function: Any) -> None:
     pose, stars = np.array([0.0, 0.0, 2.9]), np.array([[-3.0, 0.8], [1.0, 2.0], [-1.5, -1.6]])
     P = np.diag([0.01, 0.01, 0.01, *[0.3] * 6]) ** 2
     mean = np.concatenate([pose, (stars + rng.normal(0, 0.3, (3, 2))).ravel()])
-    plots.landmarks(ax, stars)
     for k in range(30):
         z = sensor.observe(pose, stars[k % 3]) + rng.standard_normal(2) * [0.05, 0.03]
         z[1] = wrap_angle(z[1])
         mean, P = function(mean, P, z, k % 3, sensor.cov)
+    plots.landmarks(ax, stars)
+    _looking(ax, pose, "truth", 7)
     _map_drawn(ax, np.asarray(mean, float), np.asarray(P, float))
     off = np.asarray(mean, float)[3:].reshape(3, 2) - stars
     ax.set_title(f"landmarks off by {100 * np.sqrt((off**2).sum(1).mean()):.0f} cm")
+    ax.set(xlim=(-4.4, 2.4), ylim=(-2.9, 3.3))
+
+
+def _looking(ax: Any, pose: Any, kind: str, size: float = 5) -> None:
+    """Draw a robot as a dot, and a line of 0.8 m where it looks."""
+    from slamlab import plots
+
+    x, y, theta = pose
+    colour = plots.COLOURS[kind]
+    ax.plot(x, y, "o", color=colour, markersize=size)
+    ax.plot([x, x + 0.8 * np.cos(theta)], [y, y + 0.8 * np.sin(theta)], color=colour, lw=size / 3)
 
 
 def _map_drawn(ax: Any, mean: Array, P: Array) -> None:
     """Draw pose and landmarks with their 95 % ellipses."""
     from slamlab import plots
 
-    ax.plot(*mean[:2], "o", color=plots.COLOURS["estimate"], markersize=5)
+    _looking(ax, mean[:3], "estimate")
     for k in (0, *range(3, len(mean), 2)):
         plots.ellipse(ax, mean[k : k + 2], P[k : k + 2, k : k + 2])
     plots.landmarks(ax, mean[3:].reshape(-1, 2), estimated=True)
@@ -880,14 +905,14 @@ check_update = Check(
             0.01 * np.eye(2),
         ),
         "a landmark ahead, its direction across half a turn": _in_a_map(2, 1, across=True),
-        "an innovation across half a turn, both bearings in (-pi, pi]": (
+        "a robot that looks the other way": (
             [0.0, 0.0, 0.0, -5.0, 0.2],
             np.diag([0.01, 0.01, 0.01, 0.05, 0.05]),
             [5.1, -3.1],
             0,
             0.01 * np.eye(2),
         ),
-        "a range that is off by more than pi": (
+        "a far-off first guess": (
             [0.0, 0.0, 0.0, 9.0, 1.0],
             np.diag([1.0, 1.0, 0.01, 4.0, 4.0]),
             [5.2, 0.2],
@@ -985,7 +1010,8 @@ check_update.mistakes = {
 # `update`. A new one makes the state longer, and its observation is then used up.
 #
 # The picture lets your filter make the map of one room 200 times, on 200 drives with other noise.
-# Dots: where it puts the eight landmarks. Ellipses: what it reports, 95 %, round the true places.
+# Dots: where it puts the eight landmarks. Ellipses: what it reports, 95 %, round the true places,
+# from the mean of its 200 covariances $P$.
 # Both are drawn four times as large. Above it are the mean error and the mean NEES of the last
 # pose; in 99 of 100 such sets the NEES of a consistent filter is in the band. Before you draw:
 # which landmarks are the least certain, and in which direction?
@@ -1085,7 +1111,7 @@ def _two_hundred(seed: int = 6) -> tuple[Any, ...]:
 
 
 def _slam_drawn(ax: Any, function: Any) -> None:
-    """Draw where 200 drives put eight landmarks, and the 95 % ellipses that are reported."""
+    """Draw where 200 drives put eight landmarks, and the 95 % ellipses of the mean P reported."""
     from slamlab import plots
     from slamlab.evaluation import chi2_band
 
@@ -1214,7 +1240,8 @@ check_slam.mistakes = {
 # ## Solution 5: EKF-SLAM, on 200 drives
 #
 # Three functions and a list of names. What to notice: the two lines that move the blocks beside
-# the pose, and the new landmark, for which no derivative had to be written.
+# the pose, and the new landmark, for which no derivative had to be written. With `observe_wall` and
+# its derivatives in place of range and bearing, the same loop maps the walls of exercise 3.
 #
 # The ellipses grow with the distance from the start, and they are long across the direction in
 # which the start is: most of the error is one turn of the whole map, as in the lesson. The dots

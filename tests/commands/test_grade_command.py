@@ -368,24 +368,26 @@ def test_the_published_solution_is_nobodys_copy(tmp_path):
     assert {row["note"] for row in graded(folder, "--no-pictures").values()} == {""}
 
 
-def test_one_wrong_entry_of_six_is_not_nothing(tmp_path):
-    """The derivative by the heading of the range, E, has the wrong sign everywhere."""
+def test_one_wrong_entry_of_fourteen_is_not_nothing(tmp_path):
+    """The derivative of the range by the heading is wrong everywhere."""
     folder = tmp_path / "in"
     folder.mkdir()
     source = SOLUTION.with_name("09_ekf_slam.ipynb").read_text(encoding="utf-8")
     cells = [c for c in json.loads(source)["cells"] if c["cell_type"] == "code"]
     (code,) = ("".join(c["source"]) for c in cells if "def jacobian(" in "".join(c["source"]))
-    right = "import numpy as np\n" + code.split("\n\ncheck_")[0] + "\n"
+    right = "import numpy as np\n\n\n" + code.split("\n\ncheck_")[0] + "\n"
+    own = right.replace("def jacobian(", "def own(")
+    wrong = "\n\ndef jacobian(*given):\n    H = own(*given)\n    H[{at}] += 1\n    return H\n"
     (folder / "right.py").write_text(right)
-    (folder / "one.py").write_text(right.replace("[[A, B, E]", "[[A, B, E + 1]"))
-    (folder / "all.py").write_text(right.replace("return np.array(", "return 1 + np.array("))
+    (folder / "one.py").write_text(own + wrong.format(at="0, 2"))
+    (folder / "all.py").write_text(own + wrong.format(at=":"))
     rows = graded(folder, "--chapter", "09")
     share = {name: float(row["jacobian"]) for name, row in rows.items()}
     assert share["right"] == 1
-    assert 0.35 < share["one"] < 0.5, "five of six numbers, counted half"
+    assert 0.35 < share["one"] < 0.5, "thirteen of fourteen numbers, counted half"
     assert share["all"] == 0
     page = (tmp_path / "out" / "feedback" / "one.html").read_text(encoding="utf-8")
-    assert "83 % of the numbers are right everywhere" in page
+    assert "93 % of the numbers are right everywhere" in page
     assert page.count("data:image/png") == 1
 
 
