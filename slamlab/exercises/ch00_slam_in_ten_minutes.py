@@ -338,7 +338,15 @@ check_edge_error.mistakes = {
 # ## Solution 2: the error of one edge
 #
 # Pose j seen from pose i is the prediction; the error is the prediction seen from the
-# measurement. Both are the same operation, used twice.
+# measurement. Both are the same operation, used twice. So two lines do as well, and their
+# rotations and wraps are those of `between`:
+
+# %% active="ipynb" tags=["solution"]
+# def by_between(pose_i, pose_j, z):
+#     predicted = between(pose_i, pose_j)
+#     return between(z, predicted)
+#
+# check_edge_error(by_between)
 
 # %% [markdown] tags=["solution"]
 # Forgetting to wrap fails where $\theta_j - \theta_i - \theta_z$ is more than half a turn as a
@@ -517,8 +525,8 @@ check_lamp_jacobian.mistakes = {
 # One step of Gauss-Newton: every edge adds its $A^\top \Omega A$ to $H$ and its $A^\top \Omega\,
 # e$ to $b$, in the rows of its two poses; then $H\,\delta = -b$ is solved, with the first pose
 # held fixed. (The lesson's $b$ has the minus already; both are in use.) Started from dead
-# reckoning, on a drive that has no closure and never faces west, this program stays where it
-# should. In a building it does not. Run the check, find the two bugs, repair them.
+# reckoning, on its test drive this program stays where it should. In a building it does not. Run
+# the check, find the two bugs, repair them.
 
 
 # %% tags=["exercise"]
@@ -657,7 +665,7 @@ check_relax = Check(
         "one motion measured twice, well and badly": _two_readings,
         "a chain of four": _graph(4, 0),
         "a chain with closures, some of them read backwards": _graph(5, 3),
-        "across half a turn": (
+        "three poses, a closure": (
             [[0.0, 0.0, 3.0], [-1.0, 0.1, -3.1], [-2.0, 0.2, -2.9]],
             [(0, 1), (1, 2), (2, 0)],
             [[1.0, 0.0, 0.2], [1.0, 0.0, 0.1], [-2.0, 0.0, -0.35]],
@@ -717,7 +725,8 @@ check_relax.mistakes = {
 # one overwrites what the first one wanted. A chain whose edges contradict nothing does not
 # notice, for there all that is written is zero.
 # The second bug: the turn between two headings is not wrapped. Started from dead reckoning, the
-# first hides until a robot closes a loop, the second until it faces west.
+# first hides until a robot closes a loop, the second until it faces west. The test drive had no
+# closure and never faced west.
 
 # %% [markdown] tags=["solution"]
 # A mistake of another kind: an $H$ without the information of its edges. The place where its
@@ -748,8 +757,8 @@ check_relax.mistakes = {
 # edges; steps of `relax` follow until nothing moves any more; and $\chi^2 = \sum e^\top \Omega\,
 # e$ over *all* edges says how much contradiction is left. Use your functions from above.
 #
-# The picture drives one round of a ring that does not close by odometry, and lets your program
-# close it: how far is the path off in the mean, before and after?
+# The picture gives your program a small town: 120 poses, one metre apart, and 41 closures. How far
+# is the path off in the mean, before and after?
 
 
 # %% tags=["exercise"]
@@ -826,20 +835,30 @@ def _ride(rng: np.random.Generator, n: int, closures: int) -> Any:
     return truth[0], odometry, omega, np.reshape(pairs, (closures, 2)), z, omega_closure
 
 
+def _town() -> tuple[Any, ...]:
+    """Return a drive through a small town: truth, then the six arguments of `slam`."""
+    from slamlab.datasets import manhattan_graph
+
+    town, truth = manhattan_graph(120, 160, np.random.default_rng(19), sigma_heading=0.03)
+    n, omega = len(truth) - 1, town.information
+    z, pairs = town.measurements, np.array(town.edges[n:])
+    return truth, truth[0], np.array(z[:n]), omega[0], pairs, np.array(z[n:]), omega[-1]
+
+
 def _slam_drawn(ax: Any, function: Any) -> None:
-    """Draw a ring by odometry and as the map has it."""
+    """Draw a drive through a town: truth (black), dead reckoning (orange), after SLAM (blue)."""
     from slamlab import plots
 
-    truth, odometry, pairs, z = _loop()
-    omega = np.diag([100.0, 100.0, 400.0])
-    poses, _ = function(np.zeros(3), odometry, omega, pairs, z, 1e4 * np.eye(3))
-    found, before = np.asarray(poses, float).reshape(17, 3), dead_reckoning(np.zeros(3), odometry)
-    plots.path(ax, truth, "truth")
-    plots.path(ax, before, "dead_reckoning")
-    plots.path(ax, found, marker="o", markersize=3)
+    truth, *given = _town()
+    poses, _ = function(*given)
+    found = np.asarray(poses, float).reshape(truth.shape)
+    before = dead_reckoning(given[0], given[1])
+    plots.path(ax, truth, "truth", linewidth=2.5)
+    plots.path(ax, before, "dead_reckoning", linewidth=1)
+    plots.path(ax, found, linewidth=1.2)
     plots.floor(ax)
     off = [np.hypot(*(path - truth)[:, :2].T).mean() for path in (before, found)]
-    ax.set_title(f"off by {off[0]:.2f} m, then {off[1]:.2f} m")
+    ax.set_title(f"off by {off[0]:.1f} m,\nafter SLAM by {off[1]:.1f} m")
 
 
 check_slam = Check(
@@ -857,7 +876,23 @@ check_slam = Check(
 )
 
 # %% tags=["mistakes"]
+_ADDED = "b[rows] += A.T => b[rows] = A.T"
+_WRAPPED = (
+    "wrap_angle(poses[j, 2] - poses[i, 2] - measured[2])"
+    " => (poses[j, 2] - poses[i, 2] - measured[2])"
+)
+
+
+def _slam_with(steps: int, *bugs: str) -> Function:
+    """Return the solution with some steps of a `relax` that has bugs."""
+    wrong = check_relax.mistaken(bugs)
+    own: Function = check_slam.mistaken(f"range(15) => range({steps})")
+    own.__globals__["relax"] = wrong
+    return own
+
+
 check_slam.mistakes = {
+    "not converged: take more steps": "range(15) => range(3)",
     "two steps are not enough: the edges bend while the poses turn": "range(15) => range(2)",
     "the closures were not used: they are edges like the others": (
         ("np.vstack([motions, closures]), np.vstack([odometry, z]) => motions, odometry"),
@@ -890,7 +925,13 @@ check_slam.mistakes = {
     ),
     "chi2 is that of the last edge: add them all up": "chi2 +=  => chi2 = ",
     "chi2 has no one half in this book": "return poses, chi2 => return poses, chi2 / 2",
+    "your `relax` still has a bug of exercise 4: run its check": _slam_with(15, _WRAPPED),
 }
+for _steps in (10, 15, 20):
+    for _what, _bugs in (("a bug", [_ADDED]), ("the bugs", [_ADDED, _WRAPPED])):
+        check_slam.mistakes[
+            f"your `relax` still has {_what} of exercise 4: run its check ({_steps} steps)"
+        ] = _slam_with(_steps, *_bugs)
 
 # %% [markdown] tags=["solution"]
 # ## Solution 5: SLAM in ten minutes, yours
@@ -941,4 +982,8 @@ check_slam.mistakes = {
 # It does not tell of every mistake: the missing lever of chapter 00 hardly raises it.
 
 # %% [markdown] tags=["statement"]
+# *What you have now*: a SLAM whose every line is yours, from the first motion to the map, and a
+# number, $\chi^2$, that says how much its measurements contradict each other. Any sensor that
+# sees one pose from another, or a lamp, may add its edges to it.
+#
 # The solutions are in [Solutions 00](../solutions/00_slam_in_ten_minutes.ipynb).

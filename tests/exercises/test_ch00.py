@@ -99,3 +99,23 @@ def by_the_library(start, odometry, omega, closures, z, omega_closure):
 )
 def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
+
+
+@pytest.mark.parametrize("bugs", [[ch._ADDED], [ch._WRAPPED], [ch._ADDED, ch._WRAPPED]])
+def test_a_bug_that_is_left_in_relax_is_named(bugs):
+    report = ch.check_slam.judge(ch.check_slam.observe(ch._slam_with(15, *bugs)))
+    assert report.messages[0].startswith("your `relax` still has")
+
+
+def test_the_town_is_mapped_in_fifteen_steps():
+    truth, *given = ch._town()
+    poses, _ = ch.slam(*given)
+    again = ch.relax(
+        poses,
+        np.vstack([np.column_stack([np.arange(119), np.arange(119) + 1]), given[3]]),
+        np.vstack([given[1], given[4]]),
+        np.array([given[2]] * 119 + [given[5]] * 41),
+    )
+    assert len(given[3]) == 41
+    np.testing.assert_allclose(poses, again, atol=1e-9)
+    assert np.hypot(*(poses - truth)[:, :2].T).mean() < 0.2
