@@ -94,9 +94,10 @@ def remember_by_runs(points, heading, tolerance):
     return [*cubics, fit(np.array(run), slope)]
 
 
-def home_by_interpolation(points, heading, pose, move):
+def home_by_interpolation(points, heading, turn_back):
     """Another right answer: a way with a point each 5 mm, start last."""
     cubics = np.array(remember_by_runs(points, heading, 0.05))
+    pose, move = turn_back(cubics.tolist())
     fine = np.linspace(0, 1, 200)[:, None] ** np.arange(4) @ cubics
     way = fine.reshape(-1, 2)
     s = polygon(way)
@@ -131,3 +132,28 @@ def home_by_interpolation(points, heading, pose, move):
 )
 def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
+
+
+def test_a_copy_of_the_points_is_no_memory():
+    """The robot keeps cubics, and drives along its points all the same."""
+
+    def copied(points, heading, turn_back):
+        cubics, points = ch.remember(points, heading, 0.05), points.copy()
+        return ch.come_home(points, heading, lambda _: turn_back(cubics))
+
+    def along_the_points(points, heading, turn_back):
+        copy = points.copy()
+        pose, move = turn_back(ch.remember(points, heading, 0.05))
+        s, near, believed = polygon(copy), len(copy) - 1, [pose]
+        while s[near] > 0.03:
+            low = np.searchsorted(s, s[near] - 0.3)
+            near = low + np.hypot(*(copy[low : near + 1] - believed[-1][:2]).T).argmin()
+            ahead = copy[np.searchsorted(s, s[near] - 0.15)]
+            law = ch.gains(0.2, 0.15, 1.0), (0.2, 1.5)
+            believed.append(ch.compose(believed[-1], move(*ch.steer(believed[-1], ahead, *law))))
+        return np.array(believed)
+
+    assert ch.check_come_home(copied).passed
+    report = ch.check_come_home(along_the_points)
+    assert not report.passed
+    assert "not the way of the cubics" in report.text

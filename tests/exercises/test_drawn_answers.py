@@ -193,7 +193,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch17.check_steer, lambda pose, *a: ch17.steer(pose * [1, 1, -1], *a)),
         (ch17.check_gains, lambda v, ahead, zeta: (v / ahead, 2.0)),
         (ch17.check_remember, lambda p, h, tolerance: ch17.remember(p, h, 10 * tolerance)),
-        (ch17.check_come_home, lambda p, h, pose, move: ch17.come_home(p[::-1], h, pose, move)),
+        (ch17.check_come_home, lambda p, h, back: ch17.come_home(p[::-1].copy(), h, back)),
         (ch18.check_free_turn, lambda p, half: ch18.free_turn(p, half)[::-1]),
         (ch18.check_swept, lambda p, half, step: np.hypot(*p.T) < step),
         (ch18.check_quarter_beams, lambda r, d, back: ch18.quarter_beams(r, d, back - 180)),
