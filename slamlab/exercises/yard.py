@@ -12,17 +12,11 @@ from numpy.typing import NDArray
 from slamlab._checks import Array
 from slamlab.geometry import compose, wrap_angle
 
-__all__ = ["Robot", "expedition"]
+__all__ = ["HEDGES", "Robot", "expedition"]
 
 _NOISE = np.array([0.012, 0.012, 0.012])  # of one motion (m, m, rad)
 _SLAM = np.array([0.003, 0.003, 0.002])  # of a pose that SLAM gives (m, m, rad)
 _STEPS = 8  # motions from one node of the graph to the next
-_AHEAD, _LEFT, _RIGHT = [0.5, 0.0, 0.0], [0.5, 0.0, np.pi / 6], [0.5, 0.0, -np.pi / 6]
-# Eleven metres ahead, once round a shed, and on.
-_TOUR = np.array(
-    [*[_AHEAD] * 22, *([*[_AHEAD] * 9, *[_LEFT] * 3, *[_AHEAD] * 7, *[_LEFT] * 3] * 2)]
-    + [*[_AHEAD] * 14, *[_RIGHT] * 3, *[_AHEAD] * 5, *[_LEFT] * 3, *[_AHEAD] * 12]
-)
 
 
 def _moved(twist: Array) -> Array:
@@ -42,6 +36,29 @@ def _twist(motion: Array) -> Array:
     c, s = np.cos(half) / chord, np.sin(half) / chord
     x, y = motion[..., 0], motion[..., 1]
     return np.stack([c * x + s * y, c * y - s * x, turn], -1)
+
+
+_AHEAD, _LEFT = [0.5, 0.0, 0.0], [0.5, 0.0, np.pi / 6]
+_ARC = _moved(np.array([2.0, 0.0, -np.pi / 2])).tolist()  # two metres of a bend to the right
+# Eleven metres ahead, once round a shed, and on.
+_TOUR = np.array(
+    [*[_AHEAD] * 22, *([*[_AHEAD] * 9, *[_LEFT] * 3, *[_AHEAD] * 7, *[_LEFT] * 3] * 2)]
+    + [*[_AHEAD] * 14, _ARC, *[_AHEAD] * 5, *[_LEFT] * 3, *[_AHEAD] * 12]
+)
+
+
+def _true_way() -> Array:
+    """Return the true poses of the way out, ten for each motion."""
+    poses = [np.zeros(3)]
+    for twist in _twist(_TOUR):
+        begin = poses[-1]
+        poses += [compose(begin, _moved(part * twist)) for part in np.linspace(0.1, 1.0, 10)]
+    return np.array(poses)
+
+
+_WAY = _true_way()
+# The last six metres lead between two of them: x, y (m) of their ends.
+HEDGES = _WAY[-1, :2] + np.array([[[-5.5, y], [0.5, y]] for y in (-1.0, 1.0)])
 
 
 class Robot:
@@ -81,6 +98,12 @@ class Robot:
     def off(self) -> float:
         """Metres from the marker."""
         return float(np.hypot(*self.truth[-1][:2]))
+
+    @property
+    def beside(self) -> float:
+        """Largest distance from the way out, until now (m)."""
+        gaps = np.array(self.truth)[:, None, :2] - _WAY[None, :, :2]
+        return float(np.hypot(gaps[..., 0], gaps[..., 1]).min(1).max())
 
     def drive(self, motion: Array) -> None:
         """Drive a motion: dx, dy (m) and turn (rad), in the frame of the robot before it.

@@ -58,8 +58,8 @@ def home_after_a_look(robot, steps, memory, way):
     if way == "wheels":
         for step in steps[::-1]:
             robot.drive(inverse(step).tolist())
-    if way == "map":
-        for goal in path[-2::-1]:
+    if way in ("map", "noted"):
+        for goal in (memory[0] if way == "noted" else path)[-2::-1]:
             robot.drive(between(robot.pose(), goal))
     if way == "mixed":
         for goal in reversed(path):
@@ -91,13 +91,25 @@ def test_another_right_answer_passes(check, answer):
 @pytest.mark.parametrize("wear", [(1.02, 0.0017), (0.98, 0.0017), (1.01, -0.001)])
 def test_worn_wheels_undo_themselves_and_the_map_and_a_mixture_does_not(wear):
     off = {}
-    for way in ("wheels", "map", "mixed"):
+    beside = {}
+    for way in ("wheels", "noted", "map", "mixed"):
         robot, steps, memory = expedition(*wear)
         ch.come_home(robot, steps, memory, way)
-        off[way] = robot.off
+        off[way], beside[way] = robot.off, robot.beside
     assert off["wheels"] < 1e-9
     assert off["map"] < 0.03
+    assert off["noted"] < 0.03
     assert off["mixed"] > 0.2
+    assert beside["wheels"] < 1e-9
+    assert beside["map"] < 0.15
+    assert beside["noted"] > 0.3
+
+
+def test_plain_minus_signs_cost_metres_in_the_yard():
+    robot, steps, _ = expedition()
+    for motion in -steps[::-1]:
+        robot.drive(motion)
+    assert robot.off > 1.5
 
 
 def test_a_robot_of_the_yard_with_good_wheels_drives_what_is_commanded():
