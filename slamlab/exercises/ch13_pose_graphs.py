@@ -25,16 +25,16 @@ __all__ = [
     "check_line",
     "check_map",
     "check_narrowest",
+    "check_one_width",
     "check_range_edge",
-    "check_widths",
 ]
 
 
 # %% [markdown] tags=["chapter"]
 # # Exercises 13: pose graphs
 #
-# Six exercises on robots that come back: a loop with a pencil, two robots with a radio, a bug in
-# a frame, a kernel read backwards, a kernel to tune, and a town in which six closures are false.
+# Six exercises on robots that come back: a loop with a pencil, two robots with a radio, a bug to
+# find, a kernel read backwards, a kernel to tune, and a town in which six closures are false.
 # There wheels alone are 5.8 m off and all closures together 10 m; the function that you write
 # last makes half a metre of it. The chapter is [Pose graphs](../13_pose_graphs.ipynb). Replace
 # each `...` and run the check below it as often as you like; then draw what you built beside what
@@ -49,7 +49,7 @@ __all__ = [
 # %% active="ipynb" tags=["imports"]
 # import numpy as np
 #
-# from slamlab.datasets import town_with_false_closures
+# from slamlab.exercises.ch13_pose_graphs import laser_town
 # from slamlab.geometry import compose, rotation
 # from slamlab.slam import PoseGraph
 
@@ -57,6 +57,8 @@ __all__ = [
 # import numpy as np
 #
 # from slamlab.datasets import manhattan_graph, town_with_false_closures
+# from slamlab.evaluation import ate
+# from slamlab.exercises.ch13_pose_graphs import laser_town
 # from slamlab.geometry import between, compose, rotation
 # from slamlab.slam import PoseGraph
 
@@ -114,14 +116,14 @@ def line(z: Array, variances: Array, before: int, after: int, closure: float, R:
 # than their own? What is their best $d_k$?
 
 # %% [markdown] tags=["hint"]
-# The derivative by a pose inside the loop has two terms: $d_{k-1} / s_{k-1} = d_k / s_k$. So
-# $d_k / s_k$ is one number $\lambda$ for the whole loop: each step gives way in proportion to its
-# variance, like springs in a row under one force.
+# Set the derivative by a pose inside the loop to zero: it has two terms. What do they say of two
+# neighbouring steps? Then the derivative by pose $b$: its terms are of the last step and of the
+# closure. (Think of springs in a row. What is the same in all of them?)
 
 # %% [markdown] tags=["hint"]
-# At pose $b$ the force of the closure balances that of the last step: the closure's own error is
-# $-\lambda R$. All $d_k$ of the loop and $\lambda R$ together make up what is missing. Poses
-# beyond $b$ move along.
+# Inside the loop $d_{k-1} / s_{k-1} = d_k / s_k$: one number $\lambda$ for the whole loop. At pose
+# $b$ the closure balances the last step, so its own error is $-\lambda R$. All $d_k$ of the loop
+# and $\lambda R$ together make up what is missing. Poses beyond $b$ move along.
 
 
 # %% tags=["cases"]
@@ -142,7 +144,7 @@ def _line_drawn(ax: Any, function: Any) -> None:
 
     s = np.full(9, 0.01)
     s[4] = 0.09
-    x = np.asarray(function(np.ones(9), s, 1, 8, 7.6, 0.01), float)
+    x = np.asarray(function(np.ones(9), s, 1, 8, 7.6, 0.01), float).reshape(10)
     moved = x - np.arange(10.0)
     ax.axvspan(4, 5, color="0.88")
     ax.plot(moved, "o-", color=plots.COLOURS["estimate"])
@@ -506,10 +508,10 @@ check_range_edge.mistakes = {
 # ## Exercise 3: a bug to find
 #
 # A robot matches each scan against the map of its town, so the matcher reports covariances in the
-# frame of the *world*: long along the street, short across. The function below makes information
-# matrices of them. Edges along a street are right. Round a corner they are stiff where they should
-# be soft. Over straight and turned edges together, $\mathbf e^\top \Omega\, \mathbf e$ is 6 on
-# average; of three numbers it should be 3. Run the check, find the bug, repair it.
+# frame of the *world*: long along the street, short across. The function below makes the
+# information matrix of the error (A) from one of them. Its author tried it on one long street,
+# where the mean of $\mathbf e^\top \Omega\, \mathbf e$ was 3, as it should be for three numbers.
+# In the whole town it is 6. Run the check, find the bug, repair it.
 
 
 # %% tags=["exercise"]
@@ -528,7 +530,7 @@ def information(cov: Array, theta_i: float, z: Array) -> Array:
     Returns
     -------
     ndarray, shape (3, 3)
-        Omega in the frame of the error.
+        Omega, with which the error of the edge is weighted.
     """
     turn = np.eye(3)
     turn[:2, :2] = rotation(theta_i + z[2]).T
@@ -808,20 +810,23 @@ check_narrowest.mistakes = {
 # move the map, and then the far ones fit better. How narrow may it be? That is tried, not
 # computed.
 #
-# Three robots drive through towns; in each, six closures of 67 are false. Their steps are equally
-# long, but their headings are not equally good: 0.6, 2.9 and 5.7 degrees of noise for each step.
-# You give *one* width to all of them. A closure counts as rejected where it weighs less than 0.1
-# at the end. (`graph, false = town_with_false_closures(3)` is a town of the second robot, if you
-# want to try something yourself.)
+# Three robots drive through towns; in each, six closures of 67 are false. Their steps have 5 cm of
+# noise, and their headings are not equally good: 0.6, 2.9 and 5.7 degrees for each step. In the
+# lesson the closures were as exact as the steps, and $k = 7$ was right in all twenty towns. These
+# robots close their loops with a laser, to 1 cm and 0.6 degrees, and $\Omega$ says so. A closure
+# counts as rejected where it weighs less than 0.1 at the end.
 #
-# **Write down first**: what goes wrong with a kernel that is too narrow, what with one that is too
-# wide, and which robot shows it? Then find a width, or several that are run one after the other,
-# with which no true closure is rejected and no false one believed, in all six towns.
+# **Write down first**: must the kernel be wider for closures that are more exact, or may it be
+# narrower? What goes wrong with one that is too narrow, what with one that is too wide, and which
+# robot shows it? Then find *one* width with which no true closure is rejected and no false one
+# believed, in all six towns. (`graph, false, true = laser_town(8, 0.1)` is a town of the third
+# robot, if you want to try something yourself: the graph from dead reckoning, which of its edges
+# are false, the true poses.)
 
 
 # %% tags=["exercise"]
-def widths(sigma_heading: float) -> tuple[float, ...]:
-    """Widths of the kernel, each run from where the one before ended.
+def one_width(sigma_heading: float) -> float:
+    """Width of the DCS kernel for robots that close their loops with a laser.
 
     Parameters
     ----------
@@ -830,32 +835,60 @@ def widths(sigma_heading: float) -> tuple[float, ...]:
 
     Returns
     -------
-    sequence of float
-        Also one number.
+    float
+        The width k.
     """
-    return (6.0,)
+    return 15.0
 
 
 # %% active="ipynb" tags=["try"]
-# widths(0.05)
+# one_width(0.05)
 
 # %% [markdown] tags=["hint"]
-# Return `(1.5,)` and `(30.0,)` and compare what the check counts: first the true closures
-# that were rejected, then the false ones that were believed.
+# Return 1.5 and then 100, and compare what the check counts: first the true closures that were
+# rejected, then the false ones that were believed.
 
 # %% [markdown] tags=["hint"]
 # Which robot fails first when you make the kernel narrower, which when you make it wider? The
-# third robot leaves the least room. One width is enough.
-
-# %% [markdown] tags=["hint"]
-# Compare the rows of the lesson's last table: the usual 3, the narrowing 30, 10, 3, and a width in
-# between.
+# third robot leaves the least room. In towns 3 and 5 you see both ends of it.
 
 
 # %% tags=["cases"]
+def laser_town(town: int, sigma_heading: float) -> tuple[PoseGraph, Mask, Array]:
+    """Town with six false closures among 61 true ones, all measured to 1 cm and 0.01 rad.
+
+    Parameters
+    ----------
+    town : int
+        Seed of the town, at least 0.
+    sigma_heading : float
+        Noise of the robot's heading for each step (rad); that of its position is 5 cm.
+
+    Returns
+    -------
+    graph : PoseGraph
+        200 poses as dead reckoning has them, 199 steps and 67 closures.
+    false : ndarray of bool, shape (266,)
+        Which of its edges are false.
+    true : ndarray, shape (200, 3)
+        True poses.
+    """
+    rng = np.random.default_rng(town)
+    base, true = manhattan_graph(200, 260, rng, sigma_heading=sigma_heading)
+    pairs = np.array([np.sort(rng.choice(200, 2, replace=False)) for _ in range(6)])
+    wrong = np.column_stack([rng.uniform(-1, 1, (6, 2)), rng.uniform(-3, 3, 6)])
+    i, j = base.edges[199:].T
+    closures = between(true[i], true[j]) + 0.01 * rng.standard_normal((61, 3))
+    z = np.vstack([base.measurements[:199], closures, wrong])
+    exact = np.tile(np.diag(np.full(3, 0.01**-2)), (67, 1, 1))
+    Omega = np.concatenate([base.information[:199], exact])
+    graph = PoseGraph(base.poses, np.vstack([base.edges, pairs]), z, Omega)
+    return graph, np.arange(266) >= 260, true
+
+
 def _outcome(function: Function, town: int, sigma_heading: float) -> Any:
     """Count the true closures that were rejected and the false ones that were believed."""
-    graph, false, _ = _town(town, sigma_heading)
+    graph, false, _ = laser_town(town, sigma_heading)
     width = np.atleast_1d(np.asarray(function(sigma_heading), dtype=float)).tolist()
     result = graph.optimize(kernel="dcs", kernel_width=width, max_iterations=60)
     rejected = result.weights < 0.1
@@ -864,12 +897,12 @@ def _outcome(function: Function, town: int, sigma_heading: float) -> Any:
     return said if lost or believed else ""
 
 
-def _widths_drawn(ax: Any, function: Any) -> None:
-    """Draw the map of the third robot with these widths; rejected closures are dotted."""
+def _one_width_drawn(ax: Any, function: Any) -> None:
+    """Draw the map of the third robot with this width; rejected closures are dotted."""
     from slamlab import plots
 
     width = np.atleast_1d(np.asarray(function(0.1), dtype=float)).tolist()
-    graph, false, true = _town(9, 0.1)
+    graph, false, true = laser_town(8, 0.1)
     result = graph.optimize(kernel="dcs", kernel_width=width, max_iterations=60)
     rejected = result.weights < 0.1
     plots.path(ax, true, "truth")
@@ -883,69 +916,68 @@ def _widths_drawn(ax: Any, function: Any) -> None:
     ax.set_title(f"{off:.1f} m off\n{lost} true out, {believed} false in")
 
 
-check_widths = Check(
-    widths,
+check_one_width = Check(
+    one_width,
     "closures",
     {
         "the first robot, 0.6 degrees a step: town 10": (10, 0.01),
         "the second robot, 2.9 degrees a step: town 3": (3, 0.05),
-        "the second robot: town 8": (8, 0.05),
+        "the second robot: town 10": (10, 0.05),
         "the third robot, 5.7 degrees a step: town 3": (3, 0.1),
-        "the third robot: town 4": (4, 0.1),
-        "the third robot: town 9": (9, 0.1),
+        "the third robot: town 5": (5, 0.1),
+        "the third robot: town 8": (8, 0.1),
     },
     use=_outcome,
-    picture=_widths_drawn,
+    picture=_one_width_drawn,
 )
 
 # %% tags=["mistakes"]
-check_widths.mistakes = {
-    "far too narrow: even the first robot's true closures look false": lambda sigma_heading: (
-        1.5,
-    ),
+check_one_width.mistakes = {
+    "far too narrow: even the first robot's true closures look false": lambda sigma_heading: 1.0,
     "the usual width of 2.8 is too narrow for a start that has drifted": (
-        lambda sigma_heading: (2.7955,)
+        lambda sigma_heading: 2.7955
     ),
-    "a width of 3 is enough for the first robot: the others have drifted further": (
-        lambda sigma_heading: (3.0,)
+    "a width of 3 is too narrow for a start that has drifted": lambda sigma_heading: 3.0,
+    "7 was for closures as exact as the steps: the same drift is more sigmas now": (
+        lambda sigma_heading: 7.0
     ),
-    "a width of 10 is too wide for the third robot: false closures are believed": (
-        lambda sigma_heading: (10.0,)
+    "a width of 10 is enough for two robots: the third has drifted further": (
+        lambda sigma_heading: 10.0
     ),
-    "a width of 30 lets false closures in in every one of these towns": (
-        lambda sigma_heading: (30.0,)
+    "a width of 30 is too wide: a false closure is believed": lambda sigma_heading: 30.0,
+    "a width of 43, that of exercise 4, is too wide: false closures are believed": (
+        lambda sigma_heading: 43.0
+    ),
+    "a width of 100 lets false closures in in every one of these towns": (
+        lambda sigma_heading: 100.0
     ),
     "a kernel that wide is no kernel: every false closure is believed": (
-        lambda sigma_heading: (1000.0,)
+        lambda sigma_heading: 10000.0
     ),
     "narrowing step by step keeps what the first, wide kernel has let in": (
-        lambda sigma_heading: (30.0, 10.0, 3.0)
+        lambda sigma_heading: (100.0, 30.0, 10.0)
     ),
     "too wide at the start: false closures bend the map before they are down-weighted": (
         lambda sigma_heading: (300.0, 100.0, 30.0, 10.0, 3.0)
     ),
-    "too narrow at the end: ordinary noise is rejected": lambda sigma_heading: (30.0, 1.0),
 }
 
 # %% [markdown] tags=["solution"]
 # ## Solution 5: one kernel for three robots
 #
 # Too narrow a kernel rejects true closures, and more the further the map has drifted; too wide a
-# kernel believes false ones. How much room is between both? Eight towns for each robot, of which
-# some are not in the check:
+# kernel believes false ones. A drift of a metre is 20 standard deviations of a closure of 5 cm,
+# and 100 of one of 1 cm: so the kernel must be wider than the lesson's 7. And it may be, as the
+# false closures are more standard deviations off as well. How much room is between both? Eight
+# towns for each robot, of which some are not in the check:
 
 # %% active="ipynb" tags=["solution"]
 # def is_right(town, sigma_heading, k):
-#     rng = np.random.default_rng(town)
-#     base = manhattan_graph(200, 260, rng, sigma_heading=sigma_heading).graph
-#     pairs = np.array([np.sort(rng.choice(200, 2, replace=False)) for _ in range(6)])
-#     wrong = np.column_stack([rng.uniform(-1, 1, (6, 2)), rng.uniform(-3, 3, 6)])
-#     graph = PoseGraph(base.poses, np.vstack([base.edges, pairs]),
-#                       np.vstack([base.measurements, wrong]), base.information[0])
+#     graph, false, _ = laser_town(town, sigma_heading)
 #     result = graph.optimize(kernel="dcs", kernel_width=k, max_iterations=60)
-#     return np.array_equal(result.weights < 0.1, np.arange(266) >= 260)
+#     return np.array_equal(result.weights < 0.1, false)
 #
-# ks = (3, 4, 6, 8, 10, 14, 20)
+# ks = (7, 10, 15, 20, 30, 40)
 # print("towns of eight that are right, k =", ks)
 # for degrees, sigma_heading in ((0.6, 0.01), (2.9, 0.05), (5.7, 0.1)):
 #     right = [sum(is_right(town, sigma_heading, k) for town in range(8)) for k in ks]
@@ -956,18 +988,18 @@ check_widths.mistakes = {
 # wide kernel has let in, the narrow one keeps.
 
 # %% active="ipynb" tags=["solution"]
-# check_widths(lambda sigma_heading: (30, 10, 3))
+# check_one_width(lambda sigma_heading: (100, 30, 10))
 
 # %% [markdown] tags=["solution"]
-# And 6 is far less than the 43 of exercise 4. In town 3 of the second robot most true closures
-# weigh less than 0.1 at the start, and none at the end:
+# And the lesson's 7 is far less than the 43 of exercise 4. In the lesson's town 3 most true
+# closures weigh less than 0.1 at the start, and none at the end:
 
 # %% active="ipynb" tags=["solution"]
 # graph, false = town_with_false_closures(3)
 # e, true = graph.residuals(), graph.closures & ~false
 # x = np.einsum("mi,mij,mj->m", e, graph.information, e)[true]
-# at_start = np.minimum(1, 2 * 36 / (36 + x)) ** 2
-# at_end = graph.optimize(kernel="dcs", kernel_width=6).weights[true]
+# at_start = np.minimum(1, 2 * 49 / (49 + x)) ** 2
+# at_end = graph.optimize(kernel="dcs", kernel_width=7).weights[true]
 # print(f"true closures below 0.1: {(at_start < 0.1).sum()} of {true.sum()} at first,",
 #       f"{(at_end < 0.1).sum()} at the end")
 
@@ -979,8 +1011,9 @@ check_widths.mistakes = {
 # of the wheels alone. Assemble the chapter, in three stages:
 #
 # 1. **Start and decide.** Chain the motions to a start at $(0, 0, 0)$, make the graph of motions
-#    and closures, and optimise it from there with your kernel of exercise 5. A closure is
-#    *believed* if its weight at the end is more than 0.1.
+#    and closures, and optimise it from there with the kernel. Here the closures are as exact as
+#    the steps, so the lesson's $k = 7$ serves. A closure is *believed* if its weight at the end is
+#    more than 0.1.
 # 2. **Headings first.** Make the graph anew from the motions and the believed closures alone, with
 #    dead reckoning as its poses, and give it the linear start.
 # 3. **Optimise** without a kernel. Now every edge that is left counts in full, and the map does
@@ -1024,7 +1057,7 @@ def map_of(odometry: Array, closures: Array, sigma: Array) -> tuple[Array, Mask]
     z = np.vstack([odometry, closures[:, 2:]])
     Omega = np.diag(sigma**-2.0)
     graph = PoseGraph(start, edges, z, Omega)
-    believed = graph.optimize(kernel="dcs", kernel_width=6).weights[n:] > 0.1
+    believed = graph.optimize(kernel="dcs", kernel_width=7).weights[n:] > 0.1
     kept = np.r_[np.full(n, True), believed]
     clean = PoseGraph(start, edges[kept], z[kept], Omega)
     return clean.chordal_initialisation().optimize().poses, believed
@@ -1149,17 +1182,33 @@ check_map.mistakes = {
     ),
     "a local minimum: the last stage needs headings first, not the kernel's map": (
         "believed = graph => found = graph",
-        "kernel_width=6).weights[n:] > 0.1 => kernel_width=6)\n"
+        "kernel_width=7).weights[n:] > 0.1 => kernel_width=7)\n"
         "    believed, start = found.weights[n:] > 0.1, found.poses",
         "clean.chordal_initialisation() => clean",
     ),
     "headings first before the decision: the false closures have bent that start": (
         "graph.optimize => graph.chordal_initialisation().optimize"
     ),
-    "the usual kernel of 2.8 is too narrow for a start that has drifted": (
-        "kernel_width=6 => kernel_width=2.7955"
+    "headings first before the decision: a narrow kernel does not make up for that": (
+        "graph.optimize => graph.chordal_initialisation().optimize",
+        "kernel_width=7 => kernel_width=3",
     ),
-    "so wide a kernel believes false closures": "kernel_width=6 => kernel_width=30",
+    "headings first before the decision: with no width is that start unbent": (
+        "graph.optimize => graph.chordal_initialisation().optimize",
+        "kernel_width=7 => kernel_width=5",
+    ),
+    "headings first before the decision: a wider kernel believes more false closures yet": (
+        "graph.optimize => graph.chordal_initialisation().optimize",
+        "kernel_width=7 => kernel_width=10",
+    ),
+    "headings first before the decision: narrowing keeps what that start has let in": (
+        "graph.optimize => graph.chordal_initialisation().optimize",
+        "kernel_width=7 => kernel_width=(30, 10, 3)",
+    ),
+    "the usual kernel of 2.8 is too narrow for a start that has drifted": (
+        "kernel_width=7 => kernel_width=2.7955"
+    ),
+    "so wide a kernel believes false closures": "kernel_width=7 => kernel_width=30",
     "the closures were ignored: this is dead reckoning": lambda odometry, closures, sigma: (
         map_of(odometry, closures[:0], sigma)[0],
         np.full(len(closures), False),
@@ -1187,7 +1236,8 @@ check_map.mistakes = {
 # closure has touched; headings first and Gauss-Newton draw the map of what is left.
 
 # %% [markdown] tags=["solution"]
-# One town is one town. Twelve of them, RMS error of a position in metres:
+# One town is one town. Twelve of them, RMS error of a position in metres (pose 0 held, as the
+# robot has it), and that of the map when it is laid over the truth as well as it can be:
 
 # %% active="ipynb" tags=["solution"]
 # def rms(poses, truth):
@@ -1202,22 +1252,27 @@ check_map.mistakes = {
 #     closures = np.column_stack([graph.edges, graph.measurements])[199:]
 #     poses, believed = map_of(graph.measurements[:199], closures, 0.05 * np.ones(3))
 #     print(f"town {town:2}: wheels {rms(wheels, truth):4.1f}, all closures "
-#           f"{rms(every, truth):4.1f}, the map {rms(poses, truth):4.1f};",
-#           f"decided right: {np.array_equal(believed, ~false[199:])}")
+#           f"{rms(every, truth):4.1f}, the map {rms(poses, truth):4.1f}, aligned "
+#           f"{ate(poses, truth).rmse:.1f}; decided right: {np.array_equal(believed, ~false[199:])}")
 
 # %% [markdown] tags=["solution"]
-# With headings first *before* the decision the same kernel keeps three false closures, and the map
-# of town 3 is further off than by all closures:
+# Every town is decided right, and yet the maps of towns 5 and 10 are 3 m off or more. No false
+# closure is left in them: this is noise of the steps and closures. A part of it is a heading turned
+# at pose 0, which swings the whole map round; laid over the truth they are 2.1 and 1.2 m off.
+
+# %% [markdown] tags=["solution"]
+# With headings first *before* the decision the same kernel keeps four of six false closures, and
+# the map of town 3 is as far off as by all of them:
 
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two maps of the town: with headings first before the decision it is folded, 12.7 m off; as it should be it covers the true blocks, 0.6 m off."}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two maps of the town: with headings first before the decision it is folded, 10.1 m off; as it should be it covers the true blocks, 0.6 m off."}}
 # def bent_first(odometry, closures, sigma):
 #     n = len(odometry)
 #     chain = np.column_stack([np.arange(n), np.arange(1, n + 1)])
 #     edges = np.vstack([chain, closures[:, :2].astype(int)])
 #     z = np.vstack([odometry, closures[:, 2:]])
 #     graph = PoseGraph(np.zeros((n + 1, 3)), edges, z, np.diag(sigma**-2.0))
-#     result = graph.chordal_initialisation().optimize(kernel="dcs", kernel_width=6)
+#     result = graph.chordal_initialisation().optimize(kernel="dcs", kernel_width=7)
 #     return result.poses, result.weights[n:] > 0.1
 #
 # check_map.draw(bent_first)

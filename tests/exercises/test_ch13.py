@@ -85,7 +85,7 @@ def reweighted(odometry, closures, sigma, width=7.0):
 
 
 def of_width(width):
-    return ch.check_map.mistaken(f"kernel_width=6 => kernel_width={width}")
+    return ch.check_map.mistaken(f"kernel_width=7 => kernel_width={width}")
 
 
 @pytest.mark.parametrize(
@@ -96,9 +96,9 @@ def of_width(width):
         (ch.check_range_edge, by_differences),
         (ch.check_range_edge, by_angles),
         (ch.check_narrowest, by_bisection),
-        (ch.check_widths, lambda sigma_heading: 7.0),
-        (ch.check_widths, lambda sigma_heading: [8.0, 6.0]),
-        (ch.check_widths, lambda sigma_heading: 4.0 if sigma_heading < 0.02 else 6.5),
+        (ch.check_one_width, lambda sigma_heading: 13),
+        (ch.check_one_width, lambda sigma_heading: [18.0, 14.0]),
+        (ch.check_one_width, lambda sigma_heading: 7.0 if sigma_heading < 0.02 else 15.0),
         (ch.check_map, reweighted),
         (ch.check_map, of_width(5)),
         (ch.check_map, of_width(8)),
