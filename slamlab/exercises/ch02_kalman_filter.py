@@ -1161,7 +1161,7 @@ _PREDICTED = "mean, cov = predict(mean, cov, push, dt, sigma)"
 _UPDATED = "mean, cov = update(mean, cov, readings, H, variances)"
 
 check_track.mistakes = {
-    "the readings came before the step: predict first": (
+    "the readings were taken before the step: predict first": (
         f"{_PREDICTED} => mean, cov = update(mean, cov, readings, H, variances) ",
         "update(mean, cov, readings, H, variances)\n => predict(mean, cov, push, dt, sigma)\n",
     ),

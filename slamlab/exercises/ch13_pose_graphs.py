@@ -1251,9 +1251,10 @@ check_map.mistakes = {
 #     every = between(graph.poses[0], graph.optimize().poses)
 #     closures = np.column_stack([graph.edges, graph.measurements])[199:]
 #     poses, believed = map_of(graph.measurements[:199], closures, 0.05 * np.ones(3))
+#     right = np.array_equal(believed, ~false[199:])
 #     print(f"town {town:2}: wheels {rms(wheels, truth):4.1f}, all closures "
 #           f"{rms(every, truth):4.1f}, the map {rms(poses, truth):4.1f}, aligned "
-#           f"{ate(poses, truth).rmse:.1f}; decided right: {np.array_equal(believed, ~false[199:])}")
+#           f"{ate(poses, truth).rmse:.1f}; decided right: {right}")
 
 # %% [markdown] tags=["solution"]
 # Every town is decided right, and yet the maps of towns 5 and 10 are 3 m off or more. No false

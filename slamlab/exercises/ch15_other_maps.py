@@ -563,10 +563,10 @@ check_from_behind = Check(
 
 # %% tags=["mistakes"]
 check_from_behind.mistakes = {
-    "divide by the beams that came to the cell, not by all that were sent": (
+    "divide by the beams that reached the cell, not by all that were sent": (
         "sent - np.cumsum(ended) + ended => sent"
     ),
-    "beams that end in a cell came to it: they count among those that came": (
+    "beams that end in a cell reached it: they count among those that did": (
         "np.cumsum(ended) + ended => np.cumsum(ended)"
     ),
     "this is what A sees: for B the last cell is the first": (
@@ -589,7 +589,7 @@ check_from_behind.mistakes = {
     "a chance does not grow with the way: 1 - e^(-x), not x": (
         "(1 - ended / came) ** stretch => 1 - np.minimum(stretch * ended / came, 1)"
     ),
-    "A's beams that flew through all came to every cell too": (
+    "A's beams that flew through all reached every cell too": (
         "sent - np.cumsum(ended) + ended => ended.sum() - np.cumsum(ended) + ended"
     ),
     "expected chances as they are: what is left flies through": (

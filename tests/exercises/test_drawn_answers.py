@@ -65,6 +65,8 @@ def drawn(axes):
     parts = [np.asarray(line.get_xydata(), float).ravel() for line in axes.lines]
     parts += [np.asarray(patch.get_path().vertices, float).ravel() for patch in axes.patches]
     parts += [np.ma.filled(image.get_array(), np.nan).ravel() for image in axes.images]
+    bars = [one.get_segments() for one in axes.collections if hasattr(one, "get_segments")]
+    parts += [np.ravel(segment) for segments in bars for segment in segments]
     return np.concatenate(parts)
 
 
