@@ -63,7 +63,8 @@ PICTURES = [
 def drawn(axes):
     """All that was drawn into axes, as numbers."""
     parts = [np.asarray(line.get_xydata(), float).ravel() for line in axes.lines]
-    parts += [np.asarray(patch.get_path().vertices, float).ravel() for patch in axes.patches]
+    placed = [p.get_patch_transform().transform(p.get_path().vertices) for p in axes.patches]
+    parts += [np.ravel(vertices) for vertices in placed]
     parts += [np.ma.filled(image.get_array(), np.nan).ravel() for image in axes.images]
     bars = [one.get_segments() for one in axes.collections if hasattr(one, "get_segments")]
     parts += [np.ravel(segment) for segments in bars for segment in segments]
