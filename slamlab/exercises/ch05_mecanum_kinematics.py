@@ -550,7 +550,7 @@ def _slip_drawn(ax: Any, function: Any) -> None:
 
 @drawn
 def _drive(rng: np.random.Generator, length: int, n: int) -> Any:
-    return np.round(rng.uniform(-9, 9, (length, 4)), 1), 0.4, n
+    return np.round(rng.uniform(-9, 9, (length, 4)), 1), 0.43, n
 
 
 check_slip = Check(
@@ -775,7 +775,7 @@ check_odometry = Check(
             0.2,
             0.05,
             0.38,
-            [0.2, 0.2, 0.2, 0.2],
+            [0.2, 0.3, 0.15, 0.25],
         ),
     },
     tolerance=1e-8,
