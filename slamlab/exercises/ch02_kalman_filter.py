@@ -813,8 +813,8 @@ def innovation_test(nu: Array, S: Array) -> tuple[int, int]:
     Returns
     -------
     level : int
-        1 if Q and R must both be raised, -1 if both must be lowered, 0 if the NIS is
-        in its band.
+        1 if the NIS asks for larger noises, Q and R alike, -1 for smaller ones, 0 if it
+        is in its band. (Only with `ratio` is it an advice for each of the two.)
     ratio : int
         1 if Q must be raised with respect to R, -1 if it must be lowered, 0 if c is
         in its band. The very end of a band is not tried.
@@ -997,8 +997,8 @@ check_innovation_test.mistakes = {
 # the right $R$: the innovations tell the noise of the sensor better than the pushes.
 
 # %% [markdown] tags=["solution"]
-# `np.corrcoef` is nearly the same number. It subtracts the mean, and so it overlooks innovations
-# that are all on one side, as those of a shuttle whose cable always pulls one way:
+# `np.corrcoef` is nearly the same number. It subtracts the mean, and so it says something else of
+# innovations that are all on one side, as those of a shuttle whose cable always pulls one way:
 
 # %% active="ipynb" tags=["solution"]
 # def by_corrcoef(nu, S):

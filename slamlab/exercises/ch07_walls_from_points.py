@@ -261,8 +261,8 @@ check_line.mistakes = {
 #     print(f"{name:18s} direction off by {min(runs):.2f}° to {max(runs):.2f}°")
 
 # %% [markdown] tags=["solution"]
-# The same points, four to five times as good. And the school's fit, with the same weights? For a
-# wall along y it has no slope to give:
+# The same points, more than three times as good. And the school's fit, with the same weights? For
+# a wall along y it has no slope to give:
 
 # %% active="ipynb" tags=["solution"]
 # def by_slope(points, variances):
@@ -278,10 +278,10 @@ check_line.mistakes = {
 # The vacuum cleaner's successor stands in the middle of a room. Its lidar is precise, 3 mm, and
 # gives whole centimetres. Split-and-merge begins: no single line fits, so cut at the point
 # farthest from the chord. But this scan goes all the way round. Its first and its last point are
-# neighbours on one wall, the chord between them is a few centimetres long, and the line through it
-# runs along that wall. *All* points of the opposite wall are about equally far from this line, and
-# a rounding error decides where it is cut: in about seven of ten scans somewhere in the middle of
-# a straight wall.
+# neighbours on one wall, the chord between them is a small part of the wall, and the line through
+# it runs along that wall. *All* points of the opposite wall are about equally far from this line,
+# and a rounding error decides where it is cut: in about seven of ten scans somewhere in the middle
+# of a straight wall.
 #
 # So let the chord end where the points end: find the point that is farthest from the
 # **segment** between the first and the last point. The distance of a point from a segment is its

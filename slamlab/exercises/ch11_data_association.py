@@ -874,7 +874,8 @@ check_clear_pairs.mistakes = {
 # check_clear_pairs.draw(crossed_out)
 
 # %% [markdown] tags=["statement"]
-# This is the lesson's row *nearest, margin 4.6*: few pairs, and nearly all of them right. The next
+# This is close to the lesson's row *nearest, margin 4.6* (which does not count a landmark outside
+# the gate): few pairs, and nearly all of them right. The next
 # two exercises go the other way and make as many pairs as fit.
 #
 # ## Exercise 5: a bug to find
@@ -882,9 +883,10 @@ check_clear_pairs.mistakes = {
 # A drone with satellite positioning knows its place to a centimetre, so its pairs share no error
 # and can be judged by a table of distances. It wants as many pairs as possible, and has a search
 # that tries every landmark for every measurement, and none. It was tested in a wood where each
-# measurement had one landmark in its gate, and passed. In a nursery it leaves out trees that it
-# could have paired, and takes others for their neighbours; *which* ones depends on the order of
-# the measurements. Run the call below the program: both measurements could get a tree.
+# measurement had a landmark of its own in its gate and no other, and passed. In a
+# nursery it leaves out trees that it could have paired, and takes others for their neighbours;
+# *which* ones depends on the order of the measurements. Run the call below the program: both
+# measurements could get a tree.
 
 
 # %% tags=["exercise"]

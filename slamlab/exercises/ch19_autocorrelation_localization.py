@@ -343,7 +343,7 @@ check_lost_beam.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # $R[0]$ does as well, $x = \sqrt{119 - 103}$, and so does every other $\tau$. That they agree says
-# that nothing else is damaged: with one more number wrong they would not.
+# for nothing else being damaged: with one more number wrong they agree by accident only.
 
 # %% active="ipynb" tags=["solution"]
 # def from_squares(scan, R):
