@@ -1365,7 +1365,8 @@ check_locate.mistakes = {
 #         right = np.linalg.norm(found[:, :2] - pose[:2], axis=1) < 0.2
 #         best, any_of = best + right[0], any_of + right.any()
 #         answers += len(found)
-# print(f"the best is right in fewer than 4 of 10: {best < 80}")  # twins decide by rounding
+# # Which twin is the best is decided by rounding: other machines count others.
+# print(f"the best is right in fewer than 4 of 10: {best < 80}")
 # print(f"one of those reported is right in more than 95 of 100: {any_of > 190}")
 # print(f"reported: {answers / 200:.1f} in the mean")
 
