@@ -565,8 +565,8 @@ check_joseph.mistakes = {
 # at moments that are not evenly spaced. This program follows it. On the open rail it passed every
 # test. But in one place the rail runs through a tunnel where dust hides the shuttle, and the
 # readings of several seconds are lost. Behind the tunnel the program believes for a while that the
-# shuttle has nearly stopped. The picture has the speed along one drive, and the NEES at the first
-# reading behind the tunnel, of 100 drives; it should be 2.
+# shuttle stands, or rolls back a little. The picture has the speed along one drive, and the NEES
+# at the first reading behind the tunnel, of 100 drives; it should be 2.
 #
 # The state is position and speed. Pushes act all the time, not once per step as in the lesson, so
 # the $Q$ of a time $dt$ is another one:
@@ -992,9 +992,7 @@ check_innovation_test.mistakes = {
 # tells the *level* of the noises. The gain depends on their ratio only, and a wrong gain leaves
 # something in one innovation that the next repeats: $c$ tells the *ratio*. Too small a gain is
 # late, so the next innovation has the same sign; too large a gain overshoots, and it has the
-# opposite one. In the picture the arrows lead to the truth from all sides. On 12 other drives a
-# walk from each corner ended within a factor of 2 of the right $Q$, and within a factor of 1.2 of
-# the right $R$: the innovations tell the noise of the sensor better than the pushes.
+# opposite one. In the picture the arrows lead to the truth from all sides.
 
 # %% [markdown] tags=["solution"]
 # `np.corrcoef` is nearly the same number. It subtracts the mean, and so it says something else of

@@ -1313,7 +1313,7 @@ check_walls.mistakes = {
 # %% [markdown] tags=["solution"]
 # From gate 4 to 6 a scan has its five walls. At gate 2 the noise cuts straight walls; at gate 20
 # a line reaches round a corner, and its covariance holds nothing of that: NEES near 2000. One
-# variance for all points, which is a threshold in metres, gives a NEES of 3.6.
+# variance for all points, in the gate, in the fit and in what it reports, gives a NEES of 3.6.
 #
 # What remains at gate 4 is a NEES of 2.4 where 2 is expected. The row below says where it comes
 # from: given which point belongs to which wall, the same fit and the same covariance lie within

@@ -6,8 +6,6 @@ experiment needs.
 
 # mypy: disable-error-code="var-annotated"
 # A solution is written as a student writes it, without types inside.
-# ruff: noqa: E501
-# The alt text of a picture is one line.
 
 from __future__ import annotations
 
@@ -1240,13 +1238,12 @@ check_slam.mistakes = {
 # ## Solution 5: EKF-SLAM, on 200 drives
 #
 # Three functions and a list of names. What to notice: the two lines that move the blocks beside
-# the pose, and the new landmark, for which no derivative had to be written. With `observe_wall` and
-# its derivatives in place of range and bearing, the same loop maps the walls of exercise 3.
+# the pose, and the new landmark, for which no derivative had to be written. With `observe_wall`
+# and its derivatives in place of range and bearing, the same loop maps the walls of exercise 3.
 #
 # The ellipses grow with the distance from the start, and they are long across the direction in
 # which the start is: most of the error is one turn of the whole map, as in the lesson. The dots
-# fill the ellipses, and the mean NEES is in its band; with twelve other seeds, 200 drives each, it
-# was in its band as well.
+# fill the ellipses, and the mean NEES is in its band.
 
 # %% [markdown] tags=["solution"]
 # Now the same filter with new landmarks that come in without their cross-covariances, as

@@ -400,7 +400,7 @@ check_nearest.mistakes = {
 # as expected*. Then the robot has driven as far as it believes, its bearing must be right too, and
 # true pairs are outside the gate:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Fewer right pairs, more refused"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: to which tree a measurement goes: a bearing alone (ray) or a range alone (arc); on the left fewer right pairs and more that are refused."}}
 # def with_zero(y, S, gates):
 #     met = ~np.isnan(y).any(axis=0)
 #     if len(y) == 0 or not met.any():
@@ -636,7 +636,7 @@ def _too_late(y: Array, H: Array, P: Array, R: Array) -> Array:
 # Without the correction these are the single distances. All are inside the gate, and the wrong set
 # has the smaller sum:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "The wrong pair is also in a gate"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: the distance of each of six pairs: all right (blue), the fourth wrong (purple); on the left the wrong pair is inside a gate of its own as well."}}
 # def singles(y, H, P, R):
 #     S = H @ P @ H.transpose(0, 2, 1) + R
 #     return np.einsum("ni,nij,nj->n", y, np.linalg.inv(S), y)
@@ -860,7 +860,7 @@ check_clear_pairs.mistakes = {
 # judged. Then a pair seems clear because its second-best match is gone. It makes more pairs, and
 # more wrong ones; compare the numbers:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "More pairs, more of them wrong"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: how many pairs of forty scans with six trees are right and wrong, by the margin; on the left more pairs, and more of them wrong."}}
 # def crossed_out(distance, gate, margin):
 #     left, rows = distance.copy(), np.full(len(distance), -1)
 #     while left.min(initial=np.inf) < gate:
@@ -1083,6 +1083,7 @@ check_most_pairs.mistakes = {
 # of pairs, each tree at most once, which stays inside the gates as it grows: put its pairs
 # in the order of the measurements; the joint distance of the first is below `gates[0]`, that of
 # the first two below `gates[1]`, and so on to the whole set. No other part of the set is tried.
+# (The lesson's `jointly` is another rule: there each single pair must be in the gate of one, too.)
 # Return the largest allowed set, of equally large ones the one with the smallest joint distance.
 # Measurements that are left over get -1.
 #
@@ -1414,7 +1415,7 @@ check_together.mistakes = {
 # The short way is the nearest neighbour: the best pair first, then the best of what is left. A
 # robot that takes it is little better off than before:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Many squares, far from the cross"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: how far off each of 24 robots is, before (circle) and after; purple: a wrong pair; on the left many returns with a wrong pair, which end far from the cross."}}
 # def nearest_neighbour(y, H, P, R, gates):
 #     S = H @ P @ H.transpose(0, 2, 1) + R
 #     left = np.einsum("kni,nij,knj->kn", y, np.linalg.inv(S), y)
@@ -1431,7 +1432,7 @@ check_together.mistakes = {
 # The joint distance helps little if the first pair is never given back: right or
 # wrong, all others are then measured against it.
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Few pairs, the ends are far off"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: how far off each of 24 robots is, before (circle) and after; purple: a wrong pair; on the left few pairs, and the ends are far off."}}
 # def greedy(y, H, P, R, gates):
 #     S = H @ P @ H.transpose(0, 2, 1) + R
 #     distance = np.einsum("kni,nij,knj->kn", y, np.linalg.inv(S), y)
@@ -1451,8 +1452,10 @@ check_together.mistakes = {
 
 # %% [markdown] tags=["statement"]
 # You have now an association that finds a robot's place by the pattern of its trees, with no name
-# given and a passer-by in the scan. Give it to the EKF-SLAM of [chapter 09](../09_ekf_slam.ipynb)
-# in place of the known names, and no one has to tell the filter which tree is which.
+# given and a passer-by in the scan. Before you put it into the EKF-SLAM of [chapter
+# 09](../09_ekf_slam.ipynb) in place of the known names, one thing is left to decide: a measurement
+# with -1 may be a new tree, or a passer-by that should not enter the map (the lesson's `NEW` and
+# `IGNORED`).
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 11](../solutions/11_data_association.ipynb).

@@ -5,8 +5,6 @@ Formulas (A), (C), (E) and (F) of the lesson; Grisetti et al. 2010, Agarwal et a
 
 # mypy: disable-error-code="return-value"
 # A solution is written as a student writes it, without types inside.
-# ruff: noqa: E501
-# The alt text of a picture is one line.
 
 from __future__ import annotations
 

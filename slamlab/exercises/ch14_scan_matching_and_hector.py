@@ -855,7 +855,7 @@ check_block_bounds.mistakes = {
 #
 # check_block_bounds(shrunken)
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Yours stops far from the star."}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: the scores of 32 x 32 shifts, dark is high; framed: the blocks that were opened; on the left the search stops far from the star."}}
 # check_block_bounds.draw(shrunken)
 
 # %% [markdown] tags=["statement"]

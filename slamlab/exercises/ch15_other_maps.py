@@ -209,7 +209,7 @@ check_merged.mistakes = {
 # The sum of the maps counts March four times. Its roughness is nearly as good, but it is
 # overconfident, and fewer bars hold the truth:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Many of the bars miss the truth"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: how rough the merged map says that forty cells are, and how rough they are; on the left many of the bars miss the truth."}}
 # def summed(alphas, betas, alpha, beta):
 #     return alphas.sum(axis=0), betas.sum(axis=0)
 #
@@ -608,7 +608,7 @@ check_from_behind.mistakes = {
 # beams in the denominator the fence in the shadow of the hedge seems thin, and most of B's beams
 # are expected in the hedge:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Beams of B expected in the hedge"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: where B's beams will end, where 2000 of them end, and A's own shares; on the left beams of B are expected deep in the hedge."}}
 # def by_all(ended, sent, stretch):
 #     free = (1 - ended / sent) ** stretch
 #     before = np.cumprod(np.append(1.0, free[::-1]))[:-1]
@@ -937,7 +937,7 @@ check_survivors.mistakes = {
 # most $2M - 1$ nodes. Of sixteen particles that is 31, after an hour or a year; it is less where
 # a node has three branches. Counting dead children keeps forks that are none:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Forks with dead children remain"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: the tree of an hour, in grey, and on it the nodes that stay, in blue; on the left forks with dead children remain."}}
 # def with_the_dead(parents, particles):
 #     left = np.bincount(parents[1:], minlength=len(parents)) >= 2
 #     left[particles] = True
@@ -1306,7 +1306,7 @@ def _noted_late(*given: Any) -> Any:
 #
 # And a wrong way with its price: no resampling. The thirty particles go on as they began:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Without resampling: off the way"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: the map, the true way, the odometry, and the tracks and particles that are found; on the left without resampling the track leaves the way."}}
 # def never_resampled(poses, moves, points, heights, maps, march, u, power):
 #     alpha, beta = merged(*maps, *march)
 #     M, columns = len(poses), alpha.shape[1]

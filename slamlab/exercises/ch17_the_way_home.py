@@ -6,8 +6,6 @@ front or tail first).
 
 # mypy: disable-error-code="arg-type"
 # A solution is written as a student writes it, without types inside.
-# ruff: noqa: E501
-# The alt text of a picture is one line.
 
 from __future__ import annotations
 

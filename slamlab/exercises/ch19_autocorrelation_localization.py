@@ -355,7 +355,7 @@ check_lost_beam.mistakes = {
 # Closing the gap by the mean of the two neighbours is right on a wall, and wrong where a beam
 # jumps from one obstacle to the next:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Crosses miss where a beam jumps"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: a scan (circles), and each beam as it is found when it alone is lost (crosses); on the left the crosses miss where the range jumps from beam to beam."}}
 # def mean_of_neighbours(scan, R):
 #     lost = np.flatnonzero(np.isnan(scan))[0]
 #     return (scan[lost - 1] + scan[(lost + 1) % len(scan)]) / 2
@@ -595,7 +595,7 @@ check_slide.mistakes = {
 # %% [markdown] tags=["solution"]
 # The product in the picture:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "The product turns the scan wrong"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: a ring of the map, and the cheap lidar's scan turned to the least misfit (crosses); on the left the product turns the scan to a wrong heading."}}
 # check_slide.draw(lambda stored, scan: np.array(product(stored, scan)))
 
 # %% [markdown] tags=["statement"]
@@ -604,9 +604,9 @@ check_slide.mistakes = {
 # `slide` gives a ring of misfits, and its least value a heading in whole beams. Near that value
 # the ring falls and rises like a V with two equally steep sides. Put through the least value and
 # its two neighbours, the V has its tip *between* two beams, and the heading is no longer a whole
-# number of beams. The program was tested with robots that had turned by up to 150° to either side,
-# and passed. Then a robot turned round to back into its dock, and stood there at a slant. Find the
-# bug; the picture has turns from 150° to 210°.
+# number of beams. The program was tested with 120 beams and robots that had turned by up to 150°
+# to either side, and passed. Then a robot turned round to back into its dock, and stood there at a
+# slant. Find the bug; the picture has turns from 150° to 210°.
 
 
 # %% tags=["exercise"]
@@ -1377,7 +1377,7 @@ check_locate.mistakes = {
 # %% [markdown] tags=["solution"]
 # A gap taken for 0 m is a deep notch in the scan, and its amplitudes propose other places:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Dotted lines lead to the misses"}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: forty robots (circles), their best answers (crosses), misses orange, windows green; on the left dotted lines lead from robots to wrong places."}}
 # check_locate.draw(gaps_as_zero)
 
 # %% [markdown] tags=["statement"]

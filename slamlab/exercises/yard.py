@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slamlab._checks import Array
 from slamlab.geometry import compose, wrap_angle
+from slamlab.robots import YOUBOT
 
 __all__ = ["HEDGES", "Robot", "expedition"]
 
@@ -21,18 +22,14 @@ _STEPS = 8  # motions from one node of the graph to the next
 
 def _moved(twist: Array) -> Array:
     """Return the motion (..., 3) of a velocity that is held for one unit of time."""
-    half = 0.5 * twist[..., 2]
-    chord = np.sinc(half / np.pi)  # sin(half) / half
-    c, s = chord * np.cos(half), chord * np.sin(half)
-    x, y = twist[..., 0], twist[..., 1]
-    return np.stack([c * x - s * y, s * x + c * y, twist[..., 2]], -1)
+    return YOUBOT.step(np.zeros(3), twist, 1.0)
 
 
 def _twist(motion: Array) -> Array:
     """Return the velocity that gives a motion (..., 3) in one unit of time."""
     turn = wrap_angle(motion[..., 2])
     half = 0.5 * turn
-    chord = np.sinc(half / np.pi)
+    chord = np.sinc(half / np.pi)  # sin(half) / half
     c, s = np.cos(half) / chord, np.sin(half) / chord
     x, y = motion[..., 0], motion[..., 1]
     return np.stack([c * x + s * y, c * y - s * x, turn], -1)
