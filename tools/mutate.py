@@ -14,6 +14,7 @@ reason.
 from __future__ import annotations
 
 import ast
+import contextlib
 import copy
 import importlib
 import inspect
@@ -33,8 +34,9 @@ from slamlab.exercises import Check
 ROOT = Path(__file__).resolve().parents[1]
 EQUIVALENT = Path(__file__).with_name("equivalent_mutants.txt")
 # A mutant never ends whose `while` loops turn more often in all inputs together (no solution's
-# turn 500 times), or that runs longer, in seconds of the processor.
-TURNS, SECONDS = 5000, 1.0
+# turn 500 times), or that runs longer, in seconds of the processor. It gets this much memory, in
+# bytes, on top of what is in use: a shape that is changed can ask for more than a machine has.
+TURNS, SECONDS, MEMORY = 5000, 1.0, 2 << 30
 OPERATORS: dict[type, tuple[type, ...]] = {
     ast.Add: (ast.Sub,),
     ast.Sub: (ast.Add,),
@@ -375,7 +377,7 @@ def _set(node: Any, **fields: Any) -> Any:
 
 
 def refused(check: Check, function: Callable[..., Any]) -> bool:
-    """Say whether a check refuses a function, be it for never ending."""
+    """Say whether a check refuses a function, be it for never ending or for its memory."""
 
     def ring(*_: Any) -> None:
         raise TimeoutError("it did not end")
@@ -383,12 +385,34 @@ def refused(check: Check, function: Callable[..., Any]) -> bool:
     old = signal.signal(signal.SIGVTALRM, ring)
     signal.setitimer(signal.ITIMER_VIRTUAL, SECONDS)
     try:
-        return not check.passes(function)
+        with _little_memory():
+            return not check.passes(function)
     except TimeoutError:
         return True
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
         signal.signal(signal.SIGVTALRM, old)
+
+
+@contextlib.contextmanager
+def _little_memory() -> Iterator[None]:
+    """Let NumPy raise MemoryError early, where the system keeps such a limit (Linux)."""
+    try:
+        import resource
+
+        in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    except (ImportError, OSError):
+        yield
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    limit = in_use + MEMORY
+    if soft != resource.RLIM_INFINITY:
+        limit = min(limit, soft)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def equivalent() -> dict[str, str]:

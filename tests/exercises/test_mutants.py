@@ -7,6 +7,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,3 +53,17 @@ def test_a_check_that_tests_nothing_lets_mutants_pass():
     weak = type(check)(check.reference, "mean, cov", properties, check.mistakes)
     weak_solution = type(solution)("02", weak, solution.before, solution.tree)
     assert len(mutate.try_all(weak_solution)[1]) > 20
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux keeps a limit of memory")
+def test_a_mutant_that_asks_for_more_memory_than_it_gets_is_refused():
+    """Else one that tiles by the wrong shape takes the machine down with it."""
+    check = SOLUTIONS["02.update"].check
+
+    def hungry(*given):
+        np.zeros(2 * mutate.MEMORY, dtype=np.uint8)
+        return check.reference(*given)
+
+    assert check.passes(hungry)
+    assert mutate.refused(check, hungry)
+    assert check.passes(hungry)  # the limit is gone again
