@@ -605,8 +605,8 @@ class PoseGraph:
         if rejected > 0.5 * closures.sum():
             warnings.warn(
                 f"the kernel rejected {rejected} of {closures.sum()} closures: from a drifted "
-                "start true ones look false; try chordal_initialisation(), or "
-                "kernel_width=(30, 10, 3)",
+                "start true ones look false; a wider kernel_width rejects fewer of them and may "
+                "believe false ones, chordal_initialisation() helps where no closure is false",
                 stacklevel=3,
             )
         if rejected:
