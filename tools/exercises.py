@@ -15,6 +15,7 @@ most editors know as cells. A cell's tag says what it is:
     statement   what is asked: a text, or code that stands in the exercise notebook only
     exercise    the function: its docstring is the student's, its body the solution's. It is the
                 reference of the check, too. Where the check has a picture, it is drawn below it
+    predict     with `exercise`: its picture is to be guessed first, and folded until clicked
     stub        what is handed out in place of `...`: the body with bugs, or with a beginning
     try         the call below the stub
     hint        one folded hint
@@ -52,7 +53,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ROOT / "slamlab" / "exercises"
 TAGS = {
     "chapter", "imports", "statement", "exercise", "stub", "try", "hint", "cases", "mistakes",
-    "solution", "private",
+    "solution", "private", "predict",
 }  # fmt: skip
 WIDTH = 88  # of a line of code on a page
 # A line that begins something of its own, and one that the next does not continue.
@@ -141,7 +142,8 @@ def notebooks(source: Path, year: int | None = None) -> tuple[list[Cell], list[C
                 shown = {"mystnb": {"image": {"alt": drawn[function.name]}}}
                 for of in (tasks, pending):
                     of.append(_code(f"{checks[function.name]}.draw({function.name})"))
-                    of[-1].metadata = nbformat.from_dict(shown)
+                    folded = {"tags": ["hide-output"]} if of is tasks and "predict" in tags else {}
+                    of[-1].metadata = nbformat.from_dict(shown | folded)
         elif "stub" in tags:
             stub.source = stub.source.removesuffix("    ...") + cell.source
         elif "try" in tags:
@@ -179,7 +181,7 @@ def with_other_bugs(cells: list[Cell], source: Path, year: int) -> list[Cell]:
         tags = set(cell.metadata.tags) & TAGS
         if tags == {"statement"} and cell.cell_type == "markdown":
             statement, bugs = cell, ()
-        elif tags == {"exercise"}:
+        elif "exercise" in tags:
             function = cell
         elif tags == {"stub"} and "bug" in statement.source:
             check = checks[_function(function.source).name]
