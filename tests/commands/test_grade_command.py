@@ -25,29 +25,33 @@ UPDATE = """def update(mean, cov, z, H, variances):
             mean, cov = mean + K * (reading - h @ mean), cov - np.outer(K, h @ cov)
     return mean, cov
 """
-JOSEPH = """def joseph(cov, K, H, R):
+AFTER = """def cov_after_update(cov, K, H, R):
     A = np.eye(len(cov)) - K @ H
     return A @ cov @ A.T + K @ R @ K.T
 """
 START = "import numpy as np\n\nfrom slamlab.exercises.ch02_kalman_filter import check_predict\n\n"
-RIGHT = START + PREDICT + UPDATE + JOSEPH
+RIGHT = START + PREDICT + UPDATE + AFTER
 # Text of the submission; points of three; a piece of the note.
 KINDS = {
     "right": (RIGHT, 3, ""),
     "chatty": (START + "print('hello')\n" + RIGHT + "check_predict(predict)\n", 3, ""),
-    "two_of_three": (START + PREDICT + JOSEPH, 2, ""),
+    "two_of_three": (START + PREDICT + AFTER, 2, ""),
     "empty": ("", 0, ""),
     "stub": (START + "def predict(mean, cov, u, dt, sigma):\n    ...\n", 0, ""),
-    "typo": (START + PREDICT + UPDATE + "def joseph(:\n", 0, "cell 1 raised SyntaxError"),
+    "typo": (
+        START + PREDICT + UPDATE + "def cov_after_update(:\n",
+        0,
+        "cell 1 raised SyntaxError",
+    ),
     "raises_at_once": (START + PREDICT + "1 / 0\n" + UPDATE, 1, "ZeroDivisionError"),
     "leaves": (START + PREDICT + "raise SystemExit\n", 1, "SystemExit"),
     "dies": (
-        START + "import os\n" + PREDICT + "def update(*a):\n    os._exit(0)\n" + JOSEPH,
+        START + "import os\n" + PREDICT + "def update(*a):\n    os._exit(0)\n" + AFTER,
         2,
         "its process ended early",
     ),
     "endless_function": (
-        START + PREDICT + "def update(*a):\n    while True:\n        pass\n" + JOSEPH,
+        START + PREDICT + "def update(*a):\n    while True:\n        pass\n" + AFTER,
         2,
         "update: it did not end within",
     ),
@@ -87,7 +91,7 @@ WRONG = {  # less than a point
     "no_transpose": START + PREDICT.replace("F.T", "F"),
     "r_in_gain": START + UPDATE.replace("+ variance)", "+ variance) + variance"),
     "no_r": START + UPDATE.replace(" + variance)", ")"),
-    "short": START + JOSEPH.replace("A @ cov @ A.T + K @ R @ K.T", "A @ cov"),
+    "short": START + AFTER.replace("A @ cov @ A.T + K @ R @ K.T", "A @ cov"),
 }
 
 
@@ -468,7 +472,7 @@ def test_no_points_come_without_a_reason_in_the_row(tmp_path):
     (folder / "eve.py").write_text("def predict(*a):\n    ...\n")
     (folder / "zoe.py").write_text("def predict(*a):\n    return 7, 7\n")
     rows = graded(folder, "--no-pictures")
-    names = "predict, update, joseph, tunnel, innovation_test, track"
+    names = "predict, update, cov_after_update, tunnel, innovation_test, track"
     assert rows["ada"]["note"] == f"defines none of {names}"
     assert rows["eve"]["note"].startswith("predict: nothing returned yet")
     assert rows["zoe"]["note"] == "predict: nothing holds"

@@ -77,7 +77,7 @@ RIGHT = {
     "ch00.check_dead_reckoning": [by_matrices],
     "ch02.check_predict": [in_ten_parts],
     "ch02.check_update": [all_at_once],
-    "ch02.check_joseph": [
+    "ch02.check_cov_after_update": [
         lambda P, K, H, R: P - K @ H @ P - P @ H.T @ K.T + K @ (H @ P @ H.T + R) @ K.T
     ],
     "ch03.check_innovation": [by_tangent],
@@ -125,7 +125,7 @@ WRONG = [
     ),
     ("ch02.check_update", lambda m, P, z, H, r: (m, np.linalg.inv(P)), ""),
     ("ch02.check_update", answer("ch02.check_update", "+ variance => + variance / 2"), "twice"),
-    ("ch02.check_joseph", lambda P, K, H, R: np.linalg.inv(P), ""),
+    ("ch02.check_cov_after_update", lambda P, K, H, R: np.linalg.inv(P), ""),
     ("ch03.check_readings", lambda p, m, b: [1, 2, 3, 4], "shape"),
     ("ch03.check_innovation", lambda z, p: z + p, ""),
     ("ch03.check_jacobian", lambda p, m, b: forward_jacobian(p, m, b, 1e-3), "almost right"),

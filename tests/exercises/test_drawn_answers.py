@@ -110,7 +110,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch01.check_wander, lambda b, d, w, s, seen, p: ch01.wander(b, d, w, s, abs(seen), p)),
         (ch02.check_predict, lambda m, P, u, dt, sigma: ch02.predict(m, P, -u, dt, sigma)),
         (ch02.check_update, lambda m, P, z, H, variances: (m, P)),
-        (ch02.check_joseph, lambda P, K, H, R: ch02.joseph(P, K, H, 0 * R)),
+        (ch02.check_cov_after_update, lambda P, K, H, R: ch02.cov_after_update(P, K, H, 0 * R)),
         (ch02.check_tunnel, lambda t, z, q, r: ch02.tunnel(t, np.nan_to_num(z), q, r)),
         (ch02.check_innovation_test, lambda nu, S: ch02.innovation_test(nu, np.ones(len(S)))),
         (ch02.check_track, lambda m, P, u, *rest: ch02.track(m, P, 0 * u, *rest)),
