@@ -1,4 +1,4 @@
-"""Exercises, chapter 05: omni wheels, exact step, process noise, a worn wheel, odometry.
+"""Exercises, chapter 05: omni wheels, exact step, noise of a curve, a worn wheel, odometry.
 
 P1 (10), (14) and (17) with its dt, and the wheel map (9a) that P1 leaves out.
 """
@@ -20,7 +20,7 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 # # Exercises 05: mecanum kinematics
 #
 # Five exercises: a robot on other wheels, a step along an arc, an ellipse with two bugs, a worn
-# wheel, and an odometry whose ellipse you put to the test. The chapter is [Mecanum kinematics and
+# wheel, and an odometry whose ellipses you put to the test. The chapter is [Mecanum kinematics and
 # odometry](../05_mecanum_kinematics.ipynb). Replace each `...` and run the check below it as often
 # as you like; then draw what you built beside what is expected.
 
@@ -47,10 +47,18 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 # Every axle points to the centre of the robot. A wheel sits at the distance $d$ from the centre,
 # in the direction $\beta$ (0 ahead, $\pi/2$ to the left).
 #
+# ![Left, one omni wheel from above: its axle points to the centre of the robot, at the distance d
+# and the angle beta from ahead to the left; along the axle it slides freely, across the axle it
+# grips. Right, a robot on three wheels at 60, 180 and 300 degrees with the directions in which
+# positive spins drive their hubs, counterclockwise round the
+# centre.](../../book/static/drawings/05_omni_wheel.svg)
+#
 # The lesson's derivation works here as well: take one wheel, write down the velocity of its hub
 # and of its lowest point, and say in which direction nothing may move. A wheel that spins with
 # positive speed drives its hub *counterclockwise* round the centre: the wheel at $\beta = 0$
-# drives to the left. Robots with any number of wheels shall use your function.
+# drives to the left. Your function shall serve robots with any number of wheels. The picture
+# drives one with three up to a table and once round it, facing it all the time; no car can do
+# that.
 
 
 # %% tags=["exercise"]
@@ -79,16 +87,17 @@ def wheel_speeds(u: Array, r: float, distance: float, beta: Array) -> Array:
 # wheel_speeds(np.array([0.4, 0.0, 0.0]), 0.05, 0.2, three)
 
 # %% [markdown] tags=["hint"]
-# Where is the hub of the wheel, and how fast does it move if the body moves with $(V_1, V_2)$ and
-# turns with $\omega$? A hub at $(x, y)$ moves with $(V_1 - \omega y,\ V_2 + \omega x)$.
+# Where is the hub of the wheel? As in the lesson, a hub at $(x, y)$ moves with $(V_1 - \omega y,\
+# V_2 + \omega x)$.
 
 # %% [markdown] tags=["hint"]
 # Only the part across the axle makes the wheel spin. The axle points along $(\cos\beta,
 # \sin\beta)$; which unit vector stands across it, counterclockwise?
 
 # %% [markdown] tags=["hint"]
-# Multiply the hub's velocity by $(-\sin\beta, \cos\beta)$. The turn contributes $d\,\omega$
-# whatever $\beta$ is.
+# Test your unit vector: at $\beta = 0$ it points to the left, at $\pi/2$ backward. The hub's speed
+# along it is what the spinning wheel rolls. Check with a turn on the spot: each hub runs round a
+# circle of radius $d$, wherever the wheel sits.
 
 
 # %% tags=["cases"]
@@ -102,20 +111,35 @@ _KIWI = (0.05, 0.2, np.deg2rad([60.0, 180.0, 300.0]))
 
 
 def _wheels_drawn(ax: Any, function: Any) -> None:
-    """Draw the path that a robot is to drive (black), and the one that its wheels make (blue)."""
+    """Draw a robot that drives to a table and round it: grey as wished, blue as its wheels go."""
     from slamlab import plots
 
     r, d, beta = _KIWI
-    t = np.linspace(0, 8, 161)
-    wished = np.column_stack([0.5 + 0 * t, 0.3 * np.sin(0.8 * t), 0.7 * np.cos(0.5 * t)])
+    wished = np.repeat([[0.5, 0.0, 0.0], [0.0, -0.5, 0.5]], [32, 252], axis=0)
     wheels = np.array([np.asarray(function(u, r, d, beta), float) for u in wished])
     J = np.column_stack([-np.sin(beta), np.cos(beta), np.full(3, d)]) / r
-    for velocities, kind in ((wished, "truth"), (wheels @ np.linalg.inv(J).T, "estimate")):
-        pose, path = np.zeros(3), [np.zeros(3)]
+    paths = []
+    for velocities in (wished, wheels @ np.linalg.inv(J).T):
+        driven = [np.array([-1.8, 0.0, 0.0])]
         for u in velocities:
-            pose = exact_step(pose, u, 0.05)
-            path.append(pose)
-        plots.path(ax, np.array(path), kind)
+            driven.append(exact_step(driven[-1], u, 0.05))
+        paths.append(np.array(driven))
+    around = np.linspace(0, 2 * np.pi, 60)
+    circle = np.array([np.cos(around), np.sin(around)])
+    gap = np.full((2, 1), np.nan)
+    robot = [0.8 * d * circle, gap, np.array([[0.0, 0.3], [0.0, 0.0]])]
+    for c, s in zip(np.cos(beta), np.sin(beta), strict=True):
+        robot += [gap, d * np.array([[c, c], [s, s]]) + 0.08 * np.array([[s, -s], [-c, c]])]
+    along, left = np.hstack(robot)
+    ax.fill(*(0.4 * circle), color="0.85")
+    for poses, kind, lw, alpha in zip(
+        paths, ("truth", "estimate"), (6, 1.5), (0.2, 1.0), strict=True
+    ):
+        style: Any = {"color": plots.COLOURS[kind], "lw": lw, "alpha": alpha}
+        ax.plot(*poses[:, :2].T, **style)
+        for x, y, theta in poses[[0, 95, 158, 221]]:
+            c, s = np.cos(theta), np.sin(theta)
+            ax.plot(x + c * along - s * left, y + s * along + c * left, **style)
     plots.floor(ax)
 
 
@@ -198,13 +222,15 @@ check_wheels.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: the exact step
 #
-# A robot that drives in a circle and reads its encoders twice per second finds itself outside the
-# circle: the lesson's step, P1 (10), moves along the heading at the *start* of the interval, along
-# a tangent. In truth the heading turns from $\theta$ to $\theta + \omega\,dt$ while the robot
-# moves, and the velocity turns with it. Where does the robot end?
+# A robot drives in a circle and reads its encoders twice per second. The lesson's step, P1 (10),
+# moves it along the heading at the *start* of each interval, along a tangent; so the computed
+# circle is beside the driven one, by half a step (dashed in the picture). In truth the heading
+# turns from $\theta$ to $\theta + \omega\,dt$ while the robot moves, and the velocity turns with
+# it. Where does the robot end?
 #
-# Give the exact answer. It must hold for a turn rate of 0, too, and for one of $10^{-12}$ rad/s,
-# where a difference of two sines has no digits left.
+# Give the exact answer, for every turn rate. At 0 the robot drives straight on. From four wheels
+# that are nearly alike comes a rate of $10^{-12}$ rad/s: there a difference of two sines has only
+# three or four digits left.
 
 
 # %% tags=["exercise"]
@@ -237,16 +263,18 @@ def exact_step(pose: Array, u: Array, dt: float) -> Array:
 # exact_step(np.zeros(3), np.array([1.0, 0.0, np.pi / 2]), 1.0)
 
 # %% [markdown] tags=["hint"]
-# The mean direction of the velocity is that of the middle of the step, theta + h with h = omega
-# dt / 2.
+# In the world, the velocity at the time $t$ of the step is $(V_1, V_2)$ rotated by $\theta +
+# \omega t$. The way is its integral from 0 to $dt$.
 
 # %% [markdown] tags=["hint"]
-# The mean of a unit vector that turns evenly from -h to h has length sin(h)/h. `np.sinc(h /
-# np.pi)` is this number, 1 at h = 0 included.
+# $V_1$ and $V_2$ are constant, so what is wanted is the mean of a unit vector that turns evenly,
+# from $-h$ to $+h$ about its middle direction; $h = \omega\,dt/2$. Draw it: which way does the
+# mean point? The parts across that direction cancel. What is the mean of the parts along it?
 
 # %% [markdown] tags=["hint"]
-# Rotate `(u[0], u[1])` by `pose[2] + h`, multiply by `dt * np.sinc(h / np.pi)`, add. Then the
-# heading; `slamlab.geometry.wrap_angle` wraps it.
+# The mean along it is that of the cosine from $-h$ to $h$, which is $\sin(h)/h$. This is 0/0 at $h
+# = 0$, and 1 in the limit. NumPy has such a function that knows the limit; mind in its help by
+# which number the argument is multiplied.
 
 
 # %% tags=["cases"]
@@ -255,7 +283,7 @@ def _driven(rng: np.random.Generator) -> Any:
 
 
 def _step_drawn(ax: Any, function: Any) -> None:
-    """Draw a drive in nine long steps as poses, and in 1800 short ones as a line."""
+    """Draw a circle as driven (line), in nine exact steps (blue) and in the lesson's (dashed)."""
     from slamlab import plots
 
     u, pose = np.array([0.8, 0.3, 0.9]), np.array([0.5, 0.2, 2.0])
@@ -263,11 +291,14 @@ def _step_drawn(ax: Any, function: Any) -> None:
     c, s = np.cos(turned), np.sin(turned)
     speeds = np.hstack([c * u[0] - s * u[1], s * u[0] + c * u[1]])
     plots.path(ax, pose[:2] + np.cumsum(0.0035 * speeds, axis=0), "truth")
+    lesson = [pose]
     for _ in range(9):
+        lesson.append(euler(lesson[-1], u, 0.7))
         pose = np.asarray(function(pose, u, 0.7), float)
         nose = pose[:2] + 0.25 * np.array([[0, 0], [np.cos(pose[2]), np.sin(pose[2])]])
         plots.path(ax, nose)
         ax.plot(pose[0], pose[1], "o", color=plots.COLOURS["estimate"], markersize=5)
+    plots.path(ax, np.array(lesson), "dead_reckoning")
     plots.floor(ax)
 
 
@@ -278,7 +309,10 @@ check_step = Check(
         "straight ahead": ([1.0, 2.0, 0.0], [0.5, 0.0, 0.0], 0.4),
         "a diagonal at another heading": ([1.0, 2.0, 0.9], [0.5, -0.3, 0.0], 0.4),
         "a quarter circle": ([0.0, 0.0, 0.3], [1.0, 0.0, np.pi / 2], 1.0),
-        "a turn that is almost none": ([1.0, 2.0, 0.9], [0.5, -0.3, 1e-12], 0.4),
+        # Powers of two: what a difference of sines leaves is the same in every order of terms.
+        "a turn that is almost none": ([1.0, 2.0, 0.9], [0.5, -0.25, 2.0**-40], 0.5),
+        "a very slow turn": ([1.0, 2.0, 0.9], [0.5, -0.3, 5e-4], 0.4),
+        "a slow turn": ([1.0, 2.0, 0.9], [0.5, -0.3, 0.05], 0.4),
         "a full circle comes back": ([1.0, 2.0, 0.5], [0.7, 0.2, 2 * np.pi], 1.0),
         "no time, no motion": ([1.0, 2.0, 0.5], [0.7, 0.2, 1.0], 0.0),
         "the heading passes pi": ([0.0, 0.0, 3.0], [0.3, 0.1, 1.0], 0.5),
@@ -288,8 +322,30 @@ check_step = Check(
     picture=_step_drawn,
 )
 
+
 # %% tags=["mistakes"]
+def _by_sines(pose: Array, u: Array, dt: float, straight: float = 0.0) -> Array:
+    """Integrate to a difference of sines; at or below a turn rate take Euler's step."""
+    if abs(u[2]) <= straight:
+        return euler(pose, u, dt)
+    end = pose[2] + u[2] * dt
+    s, c = (np.sin(end) - np.sin(pose[2])) / u[2], (np.cos(end) - np.cos(pose[2])) / u[2]
+    x, y = pose[0] + s * u[0] + c * u[1], pose[1] - c * u[0] + s * u[1]
+    return np.array([x, y, wrap_angle(end)])
+
+
 check_step.mistakes = {
+    "a difference of two sines, divided by a tiny omega, has lost its digits: `omega == 0` is not "
+    "the only case to care for": _by_sines,
+    "0/0 without a turn, and a difference of two sines that loses its digits next to it": (
+        lambda pose, u, dt: _by_sines(pose, u, dt, -1.0)
+    ),
+    "below some turn rate this is Euler's step: a slow turn is a turn, at 0.05 rad/s too": (
+        lambda pose, u, dt: _by_sines(pose, u, dt, 0.1)
+    ),
+    "below some turn rate this is Euler's step: a very slow turn is a turn, too": (
+        lambda pose, u, dt: _by_sines(pose, u, dt, 0.01)
+    ),
     "this is Euler's step: the velocity turns with the robot during dt": (
         "pose[2] + h, dt * np.sinc(h / np.pi) => pose[2], dt"
     ),
@@ -337,7 +393,10 @@ check_step.mistakes = {
 # its arc.
 
 # %% [markdown] tags=["solution"]
-# Euler's step, P1 (10), passes where nothing turns, and where no time passes:
+# Integrating gives $(\sin(\theta + \omega\,dt) - \sin\theta)/\omega$, which is right on paper. A
+# product instead of the difference keeps all digits: $\sin a - \sin b = 2 \cos\frac{a+b}2
+# \sin\frac{a-b}2$, and this is the form above. Euler's step, P1 (10), passes where nothing turns,
+# and where no time passes:
 
 # %% active="ipynb" tags=["solution"]
 # def euler(pose, u, dt):
@@ -348,86 +407,137 @@ check_step.mistakes = {
 #
 # check_step(euler)
 
+# %% [markdown] tags=["solution"]
+# What it costs: on a circle with a radius of 0.5 m, at 0.3 m/s and two readings per second,
+# Euler's poses are first outside the circle and then inside it. They are on a circle of their own,
+# displaced by half a step, 7.5 cm. It closes as well, so a test of the end of a lap alone finds
+# nothing.
+
+# %% active="ipynb" tags=["solution"]
+# for step in (euler, exact_step):
+#     pose, far = np.zeros(3), []
+#     for _ in range(21):
+#         pose = step(pose, np.array([0.3, 0.0, 0.6]), 0.5)
+#         far.append(np.hypot(pose[0], pose[1] - 0.5))
+#     print(f"{step.__name__}: {min(far):.3f} to {max(far):.3f} m from the centre")
+
 # %% [markdown] tags=["statement"]
-# ## Exercise 3: an ellipse that lies the wrong way, two bugs to find
+# ## Exercise 3: an ellipse across the cloud, two bugs to find
 #
-# A robot's velocity is measured with the covariance $V$, three times better sideways than forward.
-# How uncertain does one step of length $dt$ make its pose? The program below answered that for
-# years, on a robot that read its encoders once per second and drove along $x$. Now it reads them
-# ten times per second, and its ellipse is three times too long; and when it drives north-east, the
-# ellipse points north-west.
+# A robot in a hurry reads its encoders about once per second, and drives curves. In each step the
+# program moves it with the constant velocity $u$ along the heading of the *middle* of the step,
+# $\theta + \omega\,dt/2$ (your exact step without its factor). How uncertain does one such step
+# make the pose, if $u$ has the covariance $V$? The lesson's $F_u$ belongs to Euler's step and is
+# not enough here: an error of $\omega$ also turns the middle heading, and the end of the step
+# moves with it.
 #
-# Run the check, find the two bugs, repair them.
+# The program below knows that. On the test track, straight along $x$, its ellipse held 95 % of the
+# robots. In the first curve the robots lie along one line, and its ellipse along another: draw it.
+#
+# Run the check, compare the rows that hold with those that do not, find the two bugs, repair them.
 
 
 # %% tags=["exercise"]
-def process_noise(theta: float, dt: float, V: Array) -> Array:
-    """Covariance that noisy velocities add to the pose in one step of Euler's method.
+def process_noise(theta: float, u: Array, dt: float, V: Array) -> Array:
+    """Covariance that a noisy velocity adds to the pose in one step.
+
+    The step moves the pose with u along the heading of the middle of the step.
 
     Parameters
     ----------
     theta : float
         Heading at the start of the step (rad).
+    u : ndarray, shape (3,)
+        Body velocity: forward, to the left (m/s), turning left (rad/s).
     dt : float
         Duration (s).
     V : ndarray, shape (3, 3)
-        Covariance of the body velocity, (m/s)^2 and (rad/s)^2.
+        Covariance of u, in (m/s)^2 and (rad/s)^2.
 
     Returns
     -------
     ndarray, shape (3, 3)
-        Q, in m^2 and rad^2.
+        Covariance of x, y and theta after the step, in m^2 and rad^2.
     """
-    c, s = np.cos(theta), np.sin(theta)
-    F_u = dt * np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    heading = theta + u[2] * dt / 2
+    c, s = np.cos(heading), np.sin(heading)
+    x, y = dt * (c * u[0] - s * u[1]), dt * (s * u[0] + c * u[1])
+    F_u = dt * np.array([[c, -s, -y / 2], [s, c, x / 2], [0, 0, 1]])
     return F_u @ V @ F_u.T
 
 
 # %% active="ipynb" tags=["stub"]
-#     c, s = np.cos(theta), np.sin(theta)
-#     F_u = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-#     return dt * F_u @ V @ F_u.T
+#     heading = theta + u[2] * dt
+#     c, s = np.cos(heading), np.sin(heading)
+#     x, y = dt * (c * u[0] - s * u[1]), dt * (s * u[0] + c * u[1])
+#     F_u = dt * np.array([[c, -s, y / 2], [s, c, x / 2], [0, 0, 1]])
+#     return F_u @ V @ F_u.T
 
 # %% active="ipynb" tags=["try"]
-# process_noise(0.0, 0.1, np.diag([0.09, 0.01, 0.04]))
+# process_noise(0.3, np.array([0.8, 0.0, 0.6]), 0.8, np.diag([0.0004, 0.0004, 0.04]))
 
 # %% [markdown] tags=["hint"]
-# Check the units: $V$ is a covariance of speeds, $Q$ one of places. With a pencil: a speed that is
-# off by 0.3 m/s for 0.1 s makes an error of how many metres? And what is its square?
+# Two rows have an $\omega$ that is known exactly, `V[2, 2]` = 0; one of them holds, one does not.
+# In what do they differ? Two rows move along $y$ without turning, and fail; in what do they differ
+# from the first row, which holds? Each pair shows one of the bugs.
 
 # %% [markdown] tags=["hint"]
-# Write down where a robot with heading $\theta$ goes if it drives 1 m forward. Which column of
-# `F_u` must that be?
+# With a pencil: a robot drives 1 m along $y$, $\theta = \pi/2$, and $\omega$ is a little larger
+# than measured. To which side does it end, and which sign does that give to the change of $x$, of
+# $y$?
+
+# %% [markdown] tags=["hint"]
+# A robot drives 1 m in a step in which it turns by 90 degrees. It is a little faster than
+# measured: in which direction does its end move? The first column of `F_u` should say that.
 
 # %% tags=["cases"]
-_V = np.diag([0.09, 0.01, 0.04])
+_V = np.diag([0.01, 0.002, 0.04])
+_V_EXACT_TURN = np.diag([0.01, 0.002, 0.0])
+
+
+def _moved(robots: Array, u: Array, dt: float) -> Array:
+    """Move robots (n, 3), each with its own constant velocity (n, 3), exactly."""
+    h = u[:, 2] * dt / 2
+    c, s, chord = np.cos(robots[:, 2] + h), np.sin(robots[:, 2] + h), dt * np.sinc(h / np.pi)
+    way = [chord * (c * u[:, 0] - s * u[:, 1]), chord * (s * u[:, 0] + c * u[:, 1])]
+    moved: Array = robots + np.column_stack([*way, 2 * h])
+    return moved
 
 
 def _noise_drawn(ax: Any, function: Any) -> None:
-    """Draw where 1000 robots with noisy velocities stand after half a second, and Q's ellipse."""
+    """Draw where 1000 robots end after one step in a curve, and the 95 % ellipse of the place."""
     from slamlab import plots
 
-    rng, theta, V = np.random.default_rng(1), 0.6, np.diag([0.16, 0.02, 0.09])
-    c, s = np.cos(theta), np.sin(theta)
-    noise = rng.multivariate_normal([0, 0, 0], V, 1000)[:, :2]
-    plots.lidar_points(ax, 0.5 * noise @ np.array([[c, s], [-s, c]]), s=1.6)
-    Q = np.asarray(function(theta, 0.5, V), float)
-    plots.ellipse(ax, [0, 0], Q[:2, :2])
+    rng, theta, u, dt = np.random.default_rng(0), 0.3, np.array([0.8, 0.0, 0.6]), 0.8
+    V = np.diag([0.02, 0.02, 0.2]) ** 2
+    Q = np.asarray(function(theta, u, dt, V), float)[:2, :2]
+    start = np.array([[0.0, 0.0, theta]])
+    robots = _moved(start, rng.multivariate_normal(u, V, 1000), dt)[:, :2]
+    way = np.array([_moved(start, u[None], t)[0, :2] for t in np.linspace(0, dt, 30)])
+    e = robots - way[-1]
+    inside = np.sum(e * np.linalg.solve(Q, e.T).T, axis=1) < 5.991
+    plots.lidar_points(ax, robots, s=1.6)
+    plots.path(ax, way, "truth")
+    plots.ellipse(ax, way[-1], Q)
     plots.floor(ax)
+    ax.set_title(f"holds {inside.mean():.0%} of the robots")
 
 
 check_noise = Check(
     process_noise,
     "Q",
     {
-        "looking along x, a step of a second": (0.0, 1.0, _V),
-        "looking along x": (0.0, 0.1, _V),
-        "at an angle, a step of a second": (0.7, 1.0, _V),
-        "heading along y, the variances change places": (np.pi / 2, 0.1, _V),
-        "at an angle": (0.7, 0.1, _V),
-        "another step": (0.7, 0.2, _V),
+        "straight along x": (0.0, [1.0, 0.0, 0.0], 0.5, _V),
+        "straight along y": (np.pi / 2, [1.0, 0.0, 0.0], 0.5, _V),
+        "heading along x, moving to the left": (0.0, [0.0, 0.6, 0.0], 0.5, _V),
+        "straight at an angle, omega known exactly": (0.7, [1.0, 0.2, 0.0], 0.5, _V_EXACT_TURN),
+        "in a curve, omega known exactly": (0.7, [1.0, 0.2, 0.8], 0.5, _V_EXACT_TURN),
+        "turning on the spot": (0.0, [0.0, 0.0, 0.8], 0.5, _V),
+        "in a curve": (0.3, [1.0, 0.0, 0.8], 0.5, _V),
+        "in a curve, a step of a second": (0.3, [1.0, 0.0, 0.8], 1.0, _V),
         "correlated speeds of a robot with one bad wheel": lambda rng: (
             an_angle(rng),
+            np.round(rng.uniform(-1, 1, 3), 2),
             float(np.round(rng.uniform(0.1, 2), 2)),
             a_covariance(rng, 3, 0.1),
         ),
@@ -437,54 +547,90 @@ check_noise = Check(
 )
 
 # %% tags=["mistakes"]
+_SWING = "-y / 2], [s, c, x / 2]"
+
+
 check_noise.mistakes = {
-    "dt is missing, as in the printed (17): a velocity acts for the time dt": "dt *  => ",
-    "dt enters once: it stands in F_u on both sides": (
-        lambda theta, dt, V: process_noise(theta, 1.0, V) * dt
+    "this is the heading of the end of the step: expected that of its middle": (
+        "u[2] * dt / 2 => u[2] * dt"
     ),
-    "the noise was not turned into the world": (lambda theta, dt, V: dt**2 * V),
-    "rotated the wrong way round: F_u V F_u^T, not F_u^T V F_u": (
-        "F_u @ V @ F_u.T => F_u.T @ V @ F_u"
+    "this is the heading of the start of the step: expected that of its middle": (
+        "theta + u[2] * dt / 2 => theta"
+    ),
+    "a sign in the third column: turning further to the left, a robot that drives along y ends at "
+    "a smaller x": f"{_SWING} => y / 2], [s, c, x / 2]",
+    "the third column has the wrong sign: turning further to the left moves the end to the left": (
+        f"{_SWING} => y / 2], [s, c, -x / 2]"
+    ),
+    "an error of the turn rate moves the end across the way, not along it": (
+        f"{_SWING} => x / 2], [s, c, y / 2]"
+    ),
+    "the heading of the middle turns by half of what the end turns": f"{_SWING} => -y], [s, c, x]",
+    "this F_u is that of Euler's step: an error of omega turns the heading of the middle, too": (
+        f"{_SWING} => 0], [s, c, 0]"
+    ),
+    "the third column needs the way of the step, not its velocity": (
+        "dt * (c * u[0] - s * u[1]), dt * (s * u[0] + c * u[1])"
+        " => (c * u[0] - s * u[1]), (s * u[0] + c * u[1])"
+    ),
+    "V_2 is missing in the way of the step": ("(c * u[0] - s * u[1]) => c * u[0]"),
+    "dt is missing in F_u: a velocity acts for the time dt": "F_u = dt * np => F_u = np",
+    "dt enters once: it stands in F_u on both sides": "F_u @ V @ F_u.T => F_u @ V @ F_u.T / dt",
+    "the velocity was rotated the wrong way round: forward is (cos, sin) in the world": (
+        "[[c, -s, => [[c, s,",
+        "[s, c, => [-s, c,",
     ),
     "the second F_u is not transposed": "F_u.T => F_u",
     "the second F_u is missing: a covariance is turned from both sides": " @ F_u.T => ",
-    "this is F_u: expected the covariance F_u V F_u^T": "F_u @ V @ F_u.T => F_u",
-    "the heading's noise got lost: omega acts for dt as well": ("[0, 0, 1]] => [0, 0, 0]]"),
-    "dt was left out for the heading: omega acts for dt as well": (
-        "[0, 0, 1]] => [0, 0, 1 / dt]]"
-    ),
+    "the heading's noise got lost: omega acts for dt as well": "[0, 0, 1]] => [0, 0, 0]]",
     "V is a covariance already: it is not squared": "@ V @ => @ V @ V @",
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 3: the process noise
+# ## Solution 3: the noise of a step in a curve
 #
-# An error of a speed acts for the time $dt$, so $dt$ stands in $F_u$, and $F_u$ stands on both
-# sides of $V$: the variance grows with $dt^2$. At $dt$ = 1 s that is no difference. And `F_u`
-# turned the wrong way round: the first column must be where *forward* points, $(\cos\theta,
-# \sin\theta)$. Along an axis of the world this does not show either, as long as $V$ is diagonal:
-# the variances are multiplied by $(\pm 1)^2$.
+# The way of the step is $(x, y)$, along the middle heading. If $\omega$ is larger by $\delta$, the
+# middle heading is larger by $\delta\,dt/2$, and the way swings to the left: $x$ changes by
+# $-y\,\delta\,dt/2$, and $y$ by $+x\,\delta\,dt/2$. That is the third column. The program had
+# $+y$. Along $x$ this does not show, there $y = 0$. Its other bug took the heading of the end of
+# the step, and that shows in a turn only.
 
 # %% [markdown] tags=["solution"]
-# With the paper's (17), without any dt, Q keeps the units of V, those of speeds. At dt = 0.1 s it
-# is a hundred times too large:
+# How much does the third column matter? The standard deviation of the place across the way, in one
+# step of the picture, and in one that is ten times shorter; with it, and with the lesson's $F_u$:
 
 # %% active="ipynb" tags=["solution"]
-# def printed_17(theta, dt, V):
+# def lesson_noise(theta, u, dt, V):
 #     c, s = np.cos(theta), np.sin(theta)
-#     F_u = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+#     F_u = dt * np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 #     return F_u @ V @ F_u.T
 #
-# check_noise(printed_17)
+#
+# u, V = np.array([0.8, 0.0, 0.6]), np.diag([0.02, 0.02, 0.2]) ** 2
+# for dt in (0.8, 0.08):
+#     middle = 0.3 + u[2] * dt / 2
+#     across = np.array([-np.sin(middle), np.cos(middle), 0])
+#     for name, noise in (("this F_u", process_noise), ("the lesson's", lesson_noise)):
+#         sigma = np.sqrt(across @ noise(0.3, u, dt, V) @ across)
+#         print(f"dt {dt} s, {name}: {1000 * sigma:.1f} mm across the way")
+
+# %% [markdown] tags=["solution"]
+# In short steps it hardly matters, and the lesson may leave it out; in a step of 0.8 s it makes
+# the ellipse more than three times as long. With the lesson's $F_u$:
+
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: a step in a curve and 1000 robots at its end; in the left one the ellipse is round and holds half of the cloud, in the right one it covers the cloud."}}
+# check_noise.draw(lesson_noise)
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 4: a worn wheel
 #
-# The lesson's robot has a wheel that is worn by 1 %, and its residual of *one* reading shows a
-# tenth of a standard deviation: no alarm will ever ring. But noise cancels in a sum of many
-# readings, and wear does not.
+# A robot has a wheel that is worn by 1 %: at 10 rad/s it is 0.1 rad/s faster than the others. The
+# error of each wheel speed has a standard deviation of 0.2 rad/s. So in *one* reading the wear is
+# a quarter of a standard deviation of the residual (in the lesson, a tenth), and an alarm on
+# single readings cannot tell it from noise. But noise cancels in a sum of many readings, and wear
+# does not.
 #
-# Build an alarm that listens for a while. From the wheel speeds of a drive (four mecanum wheels)
+# Build an alarm that sums for a while. From the wheel speeds of a drive (four mecanum wheels)
 # make, for every window of `n` readings in a row, one number: it is 0 without slip and noise,
 # whatever the robot drives, and it has standard deviation 1 if each wheel speed in each reading
 # has an independent error of standard deviation `sigma`.
@@ -518,8 +664,8 @@ def slip_alarm(wheels: Array, sigma: float, n: int) -> Any:
 # slip_alarm(np.array([[8.0, 5, 5, 5], [6, 5, 5, 5], [5, 5, 5, 5]]), 0.5, 2)
 
 # %% [markdown] tags=["hint"]
-# Which combination of the four speeds is 0 for forward, for left and for turning? (The lesson's
-# $n$ has it.)
+# Which combination of the four speeds is 0 for forward, for left and for turning, whatever the
+# speeds are? It is in the lesson's (A).
 
 # %% [markdown] tags=["hint"]
 # Variances of independent errors add: what is the standard deviation of a + b - c - d, and of the
@@ -587,9 +733,8 @@ check_slip.mistakes = {
     ),
     "all wheels together are forward motion, not slip": (f"{_PATTERN} => [1.0, 1.0, 1.0, 1.0]"),
     "the sum of four independent errors has 2 sigma, not sigma": "(2 * sigma => (sigma",
-    "the sum of four independent errors has 2 sigma, not 4: variances add": (
-        "(2 * sigma => (4 * sigma"
-    ),
+    "this is half of what is expected: variances add, so front minus rear, a + b - c - d, has 2 "
+    "sigma, and a quarter of it has half a sigma": "(2 * sigma => (4 * sigma",
     "divide by the standard deviation: 2 sigma, not 4 sigma squared": (
         "(2 * sigma => (4 * sigma**2"
     ),
@@ -617,7 +762,8 @@ check_slip.mistakes = {
 # of the same sign grows with $n$, the noise with $\sqrt n$.
 
 # %% [markdown] tags=["solution"]
-# Who divides by $n$ instead reports a worn wheel *less* surely the longer he listens:
+# Dividing by $n$ looks natural, as a mean. But then the number that a worn wheel gives is on
+# average the same for each $n$, and never comes nearer to an alarm at 3, however long it sums:
 
 # %% active="ipynb" tags=["solution"]
 # def by_the_mean(wheels, sigma, n):
@@ -626,12 +772,24 @@ check_slip.mistakes = {
 #
 # check_slip(by_the_mean)
 
+# %% active="ipynb" tags=["solution"]
+# errors = np.random.default_rng(0).normal(0, 0.2, (4000, 4))
+# worn = np.array([10.1, 10, 10, 10]) + errors
+# for n in (1, 10, 100, 400):
+#     right, mean = slip_alarm(worn, 0.2, n).mean(), by_the_mean(worn, 0.2, n).mean()
+#     print(f"{n:3d} readings: alarm {right:.2f}, divided by n {mean:.2f}")
+
+# %% [markdown] tags=["solution"]
+# What this buys: 400 readings, forty seconds at ten per second, make five standard deviations of a
+# wear of which one reading shows a quarter of one. The price is a delay: for forty seconds the
+# window still holds readings of before. The alarm tells that an axle is wrong, not which wheel.
+
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: your odometry, and 300 robots that test it
+# ## Exercise 5: your odometry, and 1000 robots that test it
 #
-# One encoder of the lesson's mecanum robot was replaced by a cheap one, so the wheels are no
-# longer equally good. Assemble an odometry that knows it. From four wheel speeds comes a body
-# velocity, $u = A\,\omega_w$ with (9a) of the lesson,
+# The front-left encoder of the lesson's mecanum robot was replaced by a cheap one, so the wheels
+# are no longer equally good. Assemble an odometry that knows it. From four wheel speeds comes a
+# body velocity, $u = A\,\omega_w$ with (9a) of the lesson,
 #
 # $$
 # A = \frac r4\begin{bmatrix} 1 & 1 & 1 & 1\\ -1 & 1 & 1 & -1\\ -1/l & 1/l & -1/l & 1/l
@@ -641,25 +799,32 @@ check_slip.mistakes = {
 # The errors of the four speeds are independent, each with its own standard deviation. Move the
 # pose with your `exact_step`; move its covariance with $P \leftarrow F P F^\top + Q$, where $F$ is
 # the derivative of *that* step by the pose before it (the lesson's is Euler's), and $Q$ is your
-# `process_noise` at the heading before the step.
+# `process_noise` for the heading before the step.
 #
-# Then draw. 300 robots drive two metres ahead, and their wheels do not do quite what the encoders
-# say, the cheap one, front left, least of all. Predict: along which line will the robots lie at
-# the end? Your 95 % ellipse knows nothing of them. Does it hold about 95 % of the robots, and is
-# the mean NEES of their poses near 3?
+# The picture tests it: 1000 robots drive one metre straight ahead ($l$ = 0.38 m), and their wheels
+# do not do quite what the encoders say; the front-left one is five times worse than the others.
+# **Write down** before you open it:
+#
+# - If only the front-left wheel is faster than its encoder says, the body is faster forward and to
+#   the right, by the same amount, and it turns right. Along which line do the robots lie at the
+#   end: ahead, across, or at which angle between?
+# - A program takes all four wheels for equally good, with the mean of their variances. Which test
+#   finds it: the share of robots in the 95 % ellipse of the place, which should be 95 %, or the
+#   mean NEES of the whole pose, which should be 3?
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def odometry(
     pose: Array, P: Array, wheels: Array, dt: float, r: float, lever: float, sigma: Array
 ) -> tuple[Array, Array]:
-    """Poses and covariances of a drive.
+    """Poses and covariances of a drive, after each step; the start is not among them.
 
     Parameters
     ----------
     pose : ndarray, shape (3,)
         Before the first step (m, m, rad).
     P : ndarray, shape (3, 3)
+        Covariance of that pose, in m^2 and rad^2; zeros if it is known exactly.
     wheels : ndarray, shape (T, 4)
         Wheel speeds (rad/s): front left, front right, rear left, rear right.
     dt : float
@@ -672,17 +837,19 @@ def odometry(
     Returns
     -------
     poses : ndarray, shape (T, 3)
-        After each step.
+        The first is that after the first step.
     covs : ndarray, shape (T, 3, 3)
+        Their covariances.
     """
     turning = np.array([-1, 1, -1, 1]) / lever
     A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
     V = A @ np.diag(sigma**2) @ A.T
     poses, covs = [], []
     for speeds in wheels:
-        new, F = exact_step(pose, A @ speeds, dt), np.eye(3)
+        u = A @ speeds
+        new, F = exact_step(pose, u, dt), np.eye(3)
         F[:2, 2] = pose[1] - new[1], new[0] - pose[0]
-        P = F @ P @ F.T + process_noise(pose[2], dt, V)
+        P = F @ P @ F.T + process_noise(pose[2], u, dt, V)
         pose = new
         poses.append(pose)
         covs.append(P)
@@ -720,36 +887,33 @@ def _driving(
 
 
 def _odometry_drawn(ax: Any, function: Any) -> None:
-    """Draw where 300 robots end that drove ahead from the left, and the ellipse as computed."""
+    """Draw 1000 robots that drove 1 m ahead (green), the odometry and its 95 % ellipses (blue)."""
     from slamlab import plots
 
     rng, dt, r, lever = np.random.default_rng(5), 0.2, 0.05, 0.38
-    sigma = np.array([2.0, 0.4, 0.4, 0.4])
-    wheels = np.full((20, 4), 10.0)
-    start = np.array([-2.0, 0.0, 0.0])
+    sigma = np.array([2.5, 0.5, 0.5, 0.5])
+    wheels, start = np.full((10, 4), 10.0), np.zeros(3)
     poses, covs = (
         np.asarray(part, float)
         for part in function(start, np.zeros((3, 3)), wheels, dt, r, lever, sigma)
     )
     A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], np.array([-1, 1, -1, 1]) / lever])
-    robots = np.tile(start, (300, 1))
+    robots = np.zeros((1000, 3))
     for speeds in wheels:
-        u = (speeds + sigma * rng.normal(size=(300, 4))) @ A.T
-        h = u[:, 2] * dt / 2
-        c, s = np.cos(robots[:, 2] + h), np.sin(robots[:, 2] + h)
-        chord = dt * np.sinc(h / np.pi)
-        moved = [chord * (c * u[:, 0] - s * u[:, 1]), chord * (s * u[:, 0] + c * u[:, 1])]
-        robots = robots + np.column_stack([*moved, 2 * h])
+        robots = _moved(robots, (speeds + sigma * rng.normal(size=(1000, 4))) @ A.T, dt)
     e = robots - poses[-1]
     e[:, 2] = wrap_angle(e[:, 2])
     nees = np.sum(e * np.linalg.solve(covs[-1], e.T).T, axis=1).mean()
     inside = np.sum(e[:, :2] * np.linalg.solve(covs[-1, :2, :2], e[:, :2].T).T, axis=1) < 5.991
-    plots.lidar_points(ax, robots[:, :2], s=1.6)
-    plots.path(ax, poses)
-    plots.ellipse(ax, poses[-1, :2], covs[-1, :2, :2])
+    plots.lidar_points(ax, robots[:, :2], s=0.7, label="robots")
+    plots.path(ax, np.vstack([start, poses]), label="odometry")
+    for k in (3, 6, 9):
+        plots.ellipse(ax, poses[k, :2], covs[k, :2, :2])
+    ax.plot(0, 0, "o", color=plots.COLOURS["estimate"], markersize=6, label="start")
     plots.floor(ax)
-    ax.set(xlim=(-0.45, 0.45), ylim=(-0.6, 0.6))
-    ax.set_title(f"holds {inside.mean():.0%}, mean NEES {nees:.1f}")
+    ax.set(xlim=(-0.05, 1.1), ylim=(-0.3, 0.45))
+    ax.legend(loc="upper left", fontsize=9).legend_handles[0].set_markersize(4)
+    ax.set_title(f"place: {inside.mean():.0%} inside\npose: mean NEES {nees:.1f}")
 
 
 check_odometry = Check(
@@ -794,7 +958,7 @@ def euler(pose: Array, u: Array, dt: float) -> Array:
 check_odometry.mistakes = {
     "this is F^T P F: expected F P F^T": "F @ P @ F.T => F.T @ P @ F",
     "an error of the heading becomes one of the position: expected F P F^T": "F @ P @ F.T => P",
-    "the noise of the wheels is missing": " + process_noise(pose[2], dt, V) => ",
+    "the noise of the wheels is missing": " + process_noise(pose[2], u, dt, V) => ",
     "sigma is a standard deviation: V holds its square": "sigma**2 => sigma",
     "the noise of the wheels was taken for that of the body: it goes through A": (
         "A @ np.diag(sigma**2) @ A.T => np.diag(sigma[:3] ** 2)"
@@ -803,15 +967,18 @@ check_odometry.mistakes = {
         "np.diag(sigma**2) => (np.mean(sigma**2) * np.eye(4))"
     ),
     "the noise was taken at the heading after the step": (
-        "        P = F @ P @ F.T + process_noise(pose[2], dt, V)\n        pose = new\n"
-        " =>         pose = new\n        P = F @ P @ F.T + process_noise(pose[2], dt, V)\n"
+        "        P = F @ P @ F.T + process_noise(pose[2], u, dt, V)\n        pose = new\n"
+        " =>         pose = new\n        P = F @ P @ F.T + process_noise(pose[2], u, dt, V)\n"
     ),
     "F is that of Euler's step: this step is exact, and its way swings as a whole": (
         "F[:2, 2] = pose[1] - new[1], new[0] - pose[0]"
-        " => F[:2, 2] = np.diff([pose, euler(pose, A @ speeds, dt)], axis=0)[0, [1, 0]] * [-1, 1]"
+        " => F[:2, 2] = np.diff([pose, euler(pose, u, dt)], axis=0)[0, [1, 0]] * [-1, 1]"
     ),
     "the pose moved by Euler's step: use your `exact_step`": (
-        "exact_step(pose, A @ speeds, dt) => euler(pose, A @ speeds, dt)"
+        "exact_step(pose, u, dt) => euler(pose, u, dt)"
+    ),
+    "the noise is that of Euler's step: an error of omega moves the end, too (`process_noise`)": (
+        "process_noise(pose[2], u, => process_noise(pose[2], 0 * u,"
     ),
     "the way swings the wrong way round: a heading that is larger moves the end to the left": (
         "pose[1] - new[1], new[0] - pose[0] => new[1] - pose[1], pose[0] - new[0]"
@@ -834,16 +1001,51 @@ check_odometry.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 5: odometry
 #
-# What to notice: the covariance of a robot that drives straight on grows fastest sideways. An
-# uncertain heading makes the position uncertain, in proportion to the distance driven. And a wheel
-# that is worse than the others makes errors of forward, left and turn *together*: $V$ has entries
-# beside its diagonal, and the robots lie along one line.
+# **Along which line?** A front-left wheel that is faster than its encoder says makes the body
+# faster forward and to the right by the same amount. That alone would be a line at 45 degrees
+# between ahead and right. But it also turns the body right, by $1/l$ of that amount, and the rest
+# of the way swings to the right with it: at the start, with 1 m to go and $l$ = 0.38 m, by 2.6
+# times as much as the direct error. So the line is nearer to across the way.
 
 # %% [markdown] tags=["solution"]
-# Take all four wheels for equally good, with the mean of the variances, and the ellipse is too
-# wide across that line and too short along it. The mean NEES does not find it: each wheel has the
-# same share in the least squares, so the mean stays what it was. The share of robots inside does,
-# and the eye (draw it):
+# $F$ is what makes the way swing. With $F$ the identity the noise of the steps is added up without
+# it (but for the swing within each step):
+
+# %% active="ipynb" tags=["solution"]
+# def covariance_that_stays(pose, P, wheels, dt, r, lever, sigma):
+#     turning = np.array([-1, 1, -1, 1]) / lever
+#     A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
+#     V = A @ np.diag(sigma**2) @ A.T
+#     poses, _ = odometry(pose, P, wheels, dt, r, lever, sigma)
+#     before = [pose, *poses[:-1]]
+#     Q = [process_noise(p[2], A @ w, dt, V) for p, w in zip(before, wheels)]
+#     return poses, P + np.cumsum(Q, axis=0)
+#
+# check_odometry(covariance_that_stays)
+
+# %% [markdown] tags=["solution"]
+# The drive of the picture, computed by both. With $F$ the line is at 69 degrees, far nearer to
+# across the way than the 45 that a first guess gives; without it, at 49, and the ellipse is little
+# more than half as long:
+
+# %% active="ipynb" tags=["solution"]
+# wheels, sigma = np.full((10, 4), 10.0), np.array([2.5, 0.5, 0.5, 0.5])
+# drive = np.zeros(3), np.zeros((3, 3)), wheels, 0.2, 0.05, 0.38, sigma
+# methods = {"F of the step": odometry, "F identity": covariance_that_stays}
+# for name, method in methods.items():
+#     xy = method(*drive)[1][-1, :2, :2]
+#     (low, high), axes = np.linalg.eigh(xy)
+#     to_right = np.degrees(np.arctan2(-axes[1, 1], axes[0, 1])) % 180
+#     print(f"{name}: line {to_right:.0f} degrees to the right of ahead, "
+#           f"sigma {100 * np.sqrt(high):.1f} by {100 * np.sqrt(low):.1f} cm, "
+#           f"correlation of x and y {xy[0, 1] / np.sqrt(xy[0, 0] * xy[1, 1]):.2f}")
+
+# %% [markdown] tags=["solution"]
+# **Which test?** Take all four wheels for equally good, and the ellipse is upright and too round:
+# it covers empty floor and misses the ends of the cloud. The mean NEES does not find it: each
+# wheel has the same share in the least squares, so the variances of forward, left and turn stay
+# what they are, and only the entries beside the diagonal of $V$ are lost. The share of robots
+# inside finds it, and so does the eye:
 
 # %% active="ipynb" tags=["solution"]
 # def equally_good(pose, P, wheels, dt, r, lever, sigma):
@@ -852,21 +1054,12 @@ check_odometry.mistakes = {
 #
 # check_odometry(equally_good)
 
-# %% [markdown] tags=["solution"]
-# Adding the noise and never moving the covariance looks harmless. It forgets what the
-# uncertain heading does to the position:
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: 1000 robots that drove 1 m ahead, ellipses along the way; in the left one the last ellipse is upright and holds 88 % of the leaning cloud with a mean NEES near 3, in the right one it leans with the cloud and holds 95 %."}}
+# check_odometry.draw(equally_good)
 
-# %% active="ipynb" tags=["solution"]
-# def covariance_that_stays(pose, P, wheels, dt, r, lever, sigma):
-#     turning = np.array([-1, 1, -1, 1]) / lever
-#     A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
-#     V = A @ np.diag(sigma**2) @ A.T
-#     poses, _ = odometry(pose, P, wheels, dt, r, lever, sigma)
-#     headings = [pose[2], *poses[:-1, 2]]
-#     covs = P + np.cumsum([process_noise(theta, dt, V) for theta in headings], axis=0)
-#     return poses, covs
-#
-# check_odometry(covariance_that_stays)
+# %% [markdown] tags=["solution"]
+# A mean NEES near 3 says that the errors are as large as the covariance says, on average over its
+# three axes. That each of them is right, it does not say.
 
 # %% [markdown] tags=["solution"]
 # You have now an odometry that says how far it may be off, for any robot whose wheel map you can

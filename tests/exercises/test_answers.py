@@ -135,7 +135,7 @@ WRONG = [
     ("ch05.check_wheels", lambda *a: -answer("ch05.check_wheels")(*a), "turn the other way"),
     (
         "ch05.check_noise",
-        lambda t, dt, V: answer("ch05.check_noise")(np.deg2rad(t), dt, V),
+        lambda t, u, dt, V: answer("ch05.check_noise")(np.deg2rad(t), u, dt, V),
         "degrees",
     ),
     ("ch09.check_add_landmark", lambda P, *a: answer("ch09.check_add_landmark")(P, *a)[:-1], ""),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from slamlab.exercises import ch05_mecanum_kinematics as ch
+from slamlab.geometry import wrap_angle
 from slamlab.robots import YOUBOT, Mecanum
 
 
@@ -17,9 +18,18 @@ def by_centre_of_rotation(pose, u, dt):
     return (x + W.real, y + W.imag, np.angle(np.exp(1j * (theta + u[2] * dt))))
 
 
-def noise_by_library(theta, dt, V):
-    robot = Mecanum(0.1, 0.1, 0.1, "euler")
-    F_u = robot.jacobians([0, 0, theta], [1, 2, 3], dt)[1]
+def by_sines_where_they_keep_their_digits(pose, u, dt):
+    """Integrate to a difference of sines; near zero take the limit."""
+    theta, end = pose[2], pose[2] + u[2] * dt
+    s, c = dt * np.cos(theta), -dt * np.sin(theta)
+    if abs(u[2]) > 1e-7:
+        s, c = (np.sin(end) - np.sin(theta)) / u[2], (np.cos(end) - np.cos(theta)) / u[2]
+    return [pose[0] + s * u[0] + c * u[1], pose[1] - c * u[0] + s * u[1], wrap_angle(end)]
+
+
+def noise_by_library(theta, u, dt, V):
+    robot = Mecanum(0.1, 0.1, 0.1, "midpoint")
+    F_u = robot.jacobians([0, 0, theta], u, dt)[1]
     return (F_u @ V @ F_u.T).tolist()
 
 
@@ -41,6 +51,7 @@ def by_library(wheels, sigma, n):
     [
         (ch.check_wheels, by_hubs),
         (ch.check_step, by_centre_of_rotation),
+        (ch.check_step, by_sines_where_they_keep_their_digits),
         (ch.check_noise, noise_by_library),
         (ch.check_slip, by_library),
     ],

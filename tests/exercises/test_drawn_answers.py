@@ -122,7 +122,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch03.check_follow, lambda m, P, u, dt, V, *seen: ch03.follow(m, P, u, dt, 0 * V, *seen)),
         (ch05.check_wheels, lambda u, r, d, b: ch05.wheel_speeds(u, r, 1.0, b)),
         (ch05.check_step, lambda pose, u, dt: pose + dt * u),
-        (ch05.check_noise, lambda theta, dt, V: ch05.process_noise(0, dt, V)),
+        (ch05.check_noise, lambda theta, *a: ch05.process_noise(0, *a)),
         (ch05.check_slip, lambda w, s, n: ch05.slip_alarm(w * [1, -1, -1, 1], s, n)),
         (ch05.check_odometry, lambda pose, P, *a: ch05.odometry(pose, P + np.eye(3), *a)),
         (ch06.check_first_hit, lambda o, x, y, a: ch06.first_hit(o, x, y, a) + 0.5),
