@@ -125,6 +125,15 @@ def pairs(came: Any, due: Any) -> list[tuple[np.ndarray, np.ndarray]] | str:
 
     Lists count as arrays, and a tuple of rows counts as the array of these rows and back.
     """
+    whole = _whole_pairs(came, due)
+    if isinstance(whole, str):
+        return whole
+    both = [(np.squeeze(a), np.squeeze(b)) for a, b in whole]
+    return [(b, b) if a.size == b.size == 0 else (a, b) for a, b in both]
+
+
+def _whole_pairs(came: Any, due: Any) -> list[tuple[np.ndarray, np.ndarray]] | str:
+    """Pair them as `pairs` does, with all their axes."""
     ours, theirs = _parts(due), _parts(came)
     if ours is None or theirs is None:
         return "expected numbers: the result is not made of numbers"
@@ -136,8 +145,7 @@ def pairs(came: Any, due: Any) -> list[tuple[np.ndarray, np.ndarray]] | str:
             pass
     if len(theirs) != len(ours):
         return f"expected {len(ours)} results, got {len(theirs)}"
-    both = [(np.squeeze(a), np.squeeze(b)) for a, b in zip(theirs, ours, strict=True)]
-    return [(b, b) if a.size == b.size == 0 else (a, b) for a, b in both]
+    return list(zip(theirs, ours, strict=True))
 
 
 def _parts(value: Any) -> list[np.ndarray] | None:
@@ -158,14 +166,17 @@ def difference(came: Any, due: Any, tolerance: float, names: Sequence[str]) -> l
     """Say what was expected and what was returned: of an array the first entry that differs."""
     if due is None:
         return [f"expected None, got {show(came)}"]
-    both = pairs(came, due)
-    if isinstance(both, str):
-        return [both]
+    both, whole = pairs(came, due), _whole_pairs(came, due)
+    if isinstance(both, str) or isinstance(whole, str):
+        return [str(both)]
     lines = []
     for k, (a, b) in enumerate(both):
         name = names[k] if len(names) == len(both) else names[0]
         if a.shape != b.shape:
-            lines.append(f"{name}: expected shape {b.shape}, got {a.shape}")
+            got, expected = (
+                part.shape for part in (whole[k] if 1 in whole[k][1].shape else (a, b))
+            )
+            lines.append(f"{name}: expected shape {expected}, got {got}")
             continue
         wrong = ~np.isclose(a, b, rtol=tolerance, atol=tolerance, equal_nan=True)
         if not wrong.any():

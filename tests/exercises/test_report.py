@@ -103,6 +103,14 @@ def test_a_wrong_shape_and_not_a_number_are_said():
     assert "not made of numbers" in check(lambda a, b: "four").text
 
 
+def test_a_wrong_shape_is_said_with_its_axes_of_length_one():
+    def _rows(a: Array) -> Array:
+        return a[None, :] + 1.0
+
+    text = Check(_rows, "rows", {"one row": ([1, 2, 3],)})(lambda a: np.vstack([a, a + 1])).text
+    assert "rows: expected shape (1, 3), got (2, 3)" in text
+
+
 def test_as_many_digits_are_shown_as_tell_the_numbers_apart():
     text = check(lambda a, b: (a + b) * (1 + 1e-7)).text
     assert "expected 4, got 4.0000004" in text
