@@ -25,7 +25,12 @@ Function = Callable[..., Any]
 Picture = Callable[[Any, Function], None]
 
 
-def side_by_side(picture: Picture, student: Function, reference: Function) -> Any:
+def side_by_side(
+    picture: Picture,
+    student: Function,
+    reference: Function,
+    names: tuple[str, str] = ("Yours", "As it should be"),
+) -> Any:
     """Draw a picture of the student's function and one of the reference, on one scale.
 
     Parameters
@@ -37,6 +42,8 @@ def side_by_side(picture: Picture, student: Function, reference: Function) -> An
     student, reference : callable
         Whatever the student's function does is shown, never raised: no result, an exception, a
         result that cannot be drawn.
+    names : tuple of str
+        Titles of the two panels.
 
     Returns
     -------
@@ -60,7 +67,7 @@ def side_by_side(picture: Picture, student: Function, reference: Function) -> An
     right.set_aspect(right.get_aspect(), adjustable="box")
     left.set(xlabel=right.get_xlabel(), ylabel=right.get_ylabel())
     right.set(ylabel="")
-    for ax, whose in ((left, "Yours"), (right, "As it should be")):
+    for ax, whose in zip((left, right), names, strict=True):
         ax.set_title("\n".join(filter(None, [whose, ax.get_title(loc="left")])))
     what = " ".join((picture.__doc__ or "").removeprefix("Draw ").split())
     if what:

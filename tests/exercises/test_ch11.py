@@ -118,3 +118,15 @@ def together_by_all_pairings(y, H, P, R, gates):
 )
 def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
+
+
+def test_a_lap_of_the_lesson_ends_at_home_with_joint_pairs_and_not_with_the_nearest():
+    _, right, made, off = ch.lap_of_lesson(ch.together)
+    assert right > 0.9 * made
+    assert off < 0.1
+    figure = ch.draw_lap(lambda *given: None)
+    left, nearest = figure.axes
+    assert left.texts[0].get_text() == "nothing returned yet"
+    title = nearest.get_title(loc="left") or nearest.get_title()
+    assert title.startswith("Nearest neighbour")
+    assert "0.39 m off" in title
