@@ -9,6 +9,7 @@ that the belief occupies, a plain form of KLD sampling.
 
 from __future__ import annotations
 
+from math import erf
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,11 @@ __all__ = [
 
 # %% active="ipynb" tags=["imports"]
 # import numpy as np
+#
+# from slamlab.exercises.ch04_particle_filter import resample as finished_resample
+
+# %% active="ipynb" tags=["imports", "solution"]
+# import numpy as np
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 1: a sonar that is sometimes wrong
@@ -50,8 +56,9 @@ __all__ = [
 # A robot drives along the corridor of a hospital. Beacons hang from the ceiling, and its sonar
 # measures the distance to the nearest one. In the share `p_hit` of the readings all is well, and
 # the error is Gaussian, of standard deviation `sigma`. All others come from beds and people: any
-# distance from 0 to `reach`, each equally likely. With the likelihood of the lesson one such
-# reading may eliminate all particles round the robot.
+# distance from 0 to `reach`, each equally likely. That is a model, the plainest: a bed in the way
+# only makes an echo shorter. With the likelihood of the lesson one such reading may eliminate all
+# particles round the robot.
 #
 # The density of a reading is the sum of two parts,
 #
@@ -59,12 +66,13 @@ __all__ = [
 # p(z) = p_\mathrm{hit}\; p_\mathrm{good}(z) + (1 - p_\mathrm{hit})\; p_\mathrm{bad}(z) ,
 # $$
 #
-# a Gaussian about what is expected, and a constant. Write its logarithm, for all particles at
+# a Gaussian about what is expected, and a constant. The Gaussian is not cut off at 0 and at
+# `reach`, nor is what a particle expects. Write the logarithm of the sum, for all particles at
 # once.
 #
 # **On paper first.** Where $\hat z$ is expected, the lesson wrote
-# $e^{-(z - \hat z)^2 / 2 \sigma^2}$ for a Gaussian, without a factor in front. Why may it? May you?
-# Try a reading that fits and one that does not, with all lengths in metres, and once more in
+# $e^{-(z - \hat z)^2 / 2 \sigma^2}$ for a Gaussian, without a factor in front. Why may it? May
+# you? Try a reading that fits and one that does not, with all lengths in metres, and once more in
 # centimetres.
 #
 # The picture lets sixty robots drive 4 m, each with two bad readings of ten, and draws where one
@@ -84,7 +92,7 @@ def sonar_log_likelihood(
     echo : float
         What the sonar measured (m), within 0 and `reach`.
     expected : ndarray, shape (M,)
-        Distance from each particle to its nearest beacon (m).
+        Distance from each particle to its nearest beacon (m); it may exceed `reach`.
     sigma : float
         Standard deviation of a good reading (m).
     p_hit : float
@@ -104,11 +112,12 @@ def sonar_log_likelihood(
 
 # %% active="ipynb" tags=["try"]
 # sonar_log_likelihood(2.0, np.array([2.0, 2.4, 4.0]), 0.2, 0.8, 5.0)
+# # about [0.49, -1.36, -3.22]
 
 # %% [markdown] tags=["hint"]
-# What all particles share drops out when the weights are divided by their sum. Does
-# $p_\mathrm{hit} \cdot c \cdot e^{\dots} + (1 - p_\mathrm{hit})/\mathrm{reach}$ have the factor
-# $c$ in common?
+# Only the ratio of two weights matters, since they are divided by their sum. Write down the ratio
+# for a particle whose reading fits and one whose reading does not: with the lesson's density, then
+# with the sum of two parts. What is left of the factor?
 
 # %% [markdown] tags=["hint"]
 # A density has the integral one. How high is one that is constant from 0 to `reach`? How high is
@@ -182,13 +191,25 @@ check_sonar = Check(
         "a reading that fits none": (4.5, [0.3, 1.0], 0.1, 0.9, 5.0),
         "a hundred sigmas off": (1.0, [1.0, 3.0], 0.02, 0.8, 4.0),
         "a sonar that is never right: all particles alike": (2.0, [2.0, 0.5], 0.2, 0.0, 5.0),
-        "nothing between the robot and the beacon": (0.0, [0.0, 0.4], 0.3, 0.6, 8.0),
+        "right under a beacon": (0.0, [0.0, 0.4], 0.3, 0.6, 8.0),
+        "particles that are farther than `reach` from all beacons": (
+            4.9, [5.2, 7.0], 0.3, 0.7, 5.0,
+        ),
         "any reading": _heard,
     },
     picture=_sonar_drawn,
-)
+)  # fmt: skip
+
 
 # %% tags=["mistakes"]
+def _cut_off(echo: float, expected: Array, sigma: float, p_hit: float, reach: float) -> Any:
+    """Divide the Gaussian by the part of it that is within 0 and `reach`."""
+    ends = (np.array([[0.0], [reach]]) - expected) / (np.sqrt(2) * sigma)
+    low, high = np.vectorize(erf, otypes=[float])(ends)
+    good = np.exp(-0.5 * ((echo - expected) / sigma) ** 2) / (np.sqrt(2 * np.pi) * sigma)
+    return np.log(p_hit * good / ((high - low) / 2) + (1 - p_hit) / reach)
+
+
 check_sonar.mistakes = {
     "the factor in front of the Gaussian is missing: the second part does not share it": (
         "/ (np.sqrt(2 * np.pi) * sigma) => / 1"
@@ -226,6 +247,10 @@ check_sonar.mistakes = {
     "this is the lesson's likelihood: one wrong reading excludes the right particles": (
         lambda echo, expected, sigma, p_hit, reach: -0.5 * ((echo - expected) / sigma) ** 2
     ),
+    "the Gaussian was divided by its part within 0 and `reach`: it is not cut off": _cut_off,
+    "what is expected was cut off at `reach`: a particle may expect more": (
+        "(echo - expected) => (echo - np.minimum(expected, reach))"
+    ),
     "the half in the exponent is missing": "-0.5 * (( => -1.0 * ((",
     "sigma stands outside of the square": (
         "((echo - expected) / sigma) ** 2 => (echo - expected) ** 2 / sigma"
@@ -236,10 +261,11 @@ check_sonar.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 1: a sonar that is sometimes wrong
 #
-# The factor stays. It does not stand in front of the whole sum, and the two parts are compared by
-# their heights. With $\sigma = 0.2$ m and a reach of 5 m the top of the first is $0.8 \cdot 2.0 =
-# 1.6$ per metre, and the second is $0.2/5 = 0.04$. So one bad reading costs a particle a factor
-# of $(1.6 + 0.04)/0.04 = 41$ and no more, and the next good one gives it back.
+# The factor stays. In the lesson it is a factor of every weight, and the division by the sum
+# removes it. Here it does not stand in front of the whole sum: the two parts are compared by their
+# heights. With $\sigma = 0.2$ m and a reach of 5 m the top of the first is $0.8 \cdot 2.0 = 1.6$
+# per metre, and the second is $0.2/5 = 0.04$. So one bad reading costs a particle a factor of
+# $(1.6 + 0.04)/0.04 = 41$ and no more, and the next good one gives it back.
 
 # %% [markdown] tags=["solution"]
 # Without the factor the top of the Gaussian is 0.8, whatever $\sigma$ is, and a bad reading costs
@@ -265,111 +291,135 @@ check_sonar.mistakes = {
 #
 # Of a hundred robots in the lesson's hall 41 were found with 2000 particles: few began in the
 # right place, and resampling only copies. How many does it take to have *one* in the right place?
+# And how many for the robot in the corridor, which knows its heading and looks for one number, or
+# for a drone, which looks for four?
 #
-# The particles are drawn independently, evenly over a hall of the given area and over all
-# headings. One is near if it is at most `reach` from the robot and faces at most `turn` away from
-# it, to either side. The robot is farther than `reach` from all walls. What is the least number
-# with which the probability that at least one particle is near is `chance` or more?
+# Coordinate $k$ may be anything within a range of `sizes[k]`; in the hall these are 20 m, 10 m and
+# $2\pi$. The particles are drawn independently, evenly over all of it. One is near if it is off by
+# at most `reach[k]` in *each* coordinate, to either side. The robot is farther than that from all
+# walls. What is the least number with which the probability that at least one particle is near is
+# `chance` or more?
+#
+# **On paper first.** One coordinate, and near is a tenth of its size to either side: 21 particles
+# have one near with 99 %. How many does it take with two such coordinates, and with six? Guess
+# before you calculate.
 
 
 # %% tags=["exercise"]
-def particles_needed(chance: float, area: float, reach: float, turn: float) -> int:
+def particles_needed(chance: float, sizes: Array, reach: Array) -> int:
     """Least number of particles of which one is near the robot.
 
     Parameters
     ----------
     chance : float
         Wanted probability that at least one is near, above 0 and below 1.
-    area : float
-        Of the hall (m^2), more than the circle of radius `reach`.
-    reach : float
-        Largest distance of a particle that is near (m).
-    turn : float
-        Largest difference of its heading, left or right (rad), at most pi.
+    sizes : ndarray, shape (d,)
+        Range of each coordinate (m or rad).
+    reach : ndarray, shape (d,)
+        Largest difference of a particle that is near, to either side (m or rad); at
+        most half of the size, in at least one coordinate less.
 
     Returns
     -------
     int
         At least 1.
     """
-    share = reach**2 * turn / area
+    share = np.prod(2 * reach / sizes)
     return int(np.ceil(np.log(1 - chance) / np.log(1 - share)))
 
 
 # %% active="ipynb" tags=["try"]
-# particles_needed(0.9, 60.0, 1.0, 0.5)
+# particles_needed(0.9, np.array([10.0, 5.0]), np.array([1.0, 0.5]))
+# # 57
 
 # %% [markdown] tags=["hint"]
-# Begin with one particle: with which probability is it near? It needs the right place and, apart
-# from that, the right heading.
+# Begin with one particle and one coordinate: which part of the range is near? All coordinates must
+# be right at once, and they are drawn independently.
 
 # %% [markdown] tags=["hint"]
 # "At least one" has many cases, and its opposite has one: all $N$ are somewhere else.
 
 # %% [markdown] tags=["hint"]
-# With the share $s$ of one particle, $(1 - s)^N \le 1 - \mathrm{chance}$. Take logarithms, and
-# mind that $\log(1 - s)$ is negative.
+# The probability of the opposite falls with $N$ by the same factor each time. From which $N$ on is
+# it small enough? Which function brings $N$ down from the exponent, and what becomes of $\le$ if
+# you divide by a negative number?
 
 
 # %% tags=["cases"]
 def _a_hall(rng: np.random.Generator) -> Any:
-    area, reach = np.round(rng.uniform([30, 0.3], [400, 2.5]), 1)
-    chance, turn = np.round(rng.uniform([0.3, 0.1], [0.995, 3.1]), 3)
-    return float(chance), float(area), float(reach), float(turn)
+    d = int(rng.integers(1, 4))
+    sizes = np.round(rng.uniform(4, 20, d), 1)
+    reach = np.round(sizes * rng.uniform(0.05, 0.45, d), 2)
+    return float(np.round(rng.uniform(0.3, 0.995), 3)), sizes, reach
+
+
+_HALL = np.array([20.0, 10.0, 2 * np.pi]), np.array([1.5, 1.5, 1.0])  # the lesson's hall, and near
 
 
 def _needed_drawn(ax: Any, function: Any) -> None:
-    """Draw in how many of 400 clouds one particle is near, over their size, and the answer."""
+    """Draw in how many of 400 clouds one particle is near, over their size, and the answers."""
     from slamlab import plots
 
-    n = int(function(0.99, 200.0, 1.5, 1.0))
-    rng = np.random.default_rng(2)
-    places = rng.uniform([0, 0, -np.pi], [20, 10, np.pi], (400, 1500, 3))
-    d = places - [7.0, 5.0, 0.5]
-    turn = np.abs((d[..., 2] + np.pi) % (2 * np.pi) - np.pi)
-    first = ((np.hypot(d[..., 0], d[..., 1]) <= 1.5) & (turn <= 1.0)).argmax(1) + 1
-    sizes = np.arange(0, 701, 10)
-    shares = (first <= sizes[:, None]).mean(1)
-    ax.plot(sizes, shares, **plots.line_style("truth"))
-    ax.plot([n, n], [0, 1], **plots.line_style("estimate"))
-    ax.set(xlabel="number of particles", ylabel="share of clouds with one near")
-    ax.set_title(f"{n} particles: one is near\nin {(first <= n).sum()} of 400 clouds")
+    found = []
+    for (sizes, reach), name in (
+        ((np.array([28.0]), np.array([0.5])), "corridor"),
+        (_HALL, "hall"),
+    ):
+        n = int(function(0.99, sizes.copy(), reach.copy()))
+        off = np.random.default_rng(2).uniform(-0.5, 0.5, (400, 1200, len(sizes))) * sizes
+        first = (np.abs(off) <= reach).all(axis=2).argmax(axis=1) + 1
+        numbers = np.arange(0, 601, 5)
+        shares = (first <= numbers[:, None]).mean(axis=1)
+        ax.plot(numbers, shares, **plots.line_style("truth"))
+        ax.plot([n, n], [0, 1], **plots.line_style("estimate"))
+        ax.text(min(n, 500) + 10, 0.1, name, fontsize=9)
+        found.append(f"{name} {n}: near in {(first <= n).sum()} of 400")
+    ax.set(xlabel="number of particles", ylabel="share of clouds with one near", xlim=(0, 600))
+    ax.set_title("\n".join(found))
 
 
 check_particles_needed = Check(
     particles_needed,
     "particles",
     {
-        "the lesson's hall": (0.99, 200.0, 1.5, 1.0),
-        "any heading is good enough": (0.9, 150.0, 1.0, np.pi),
-        "a narrow view": (0.95, 100.0, 0.5, 0.1),
-        "a closet: one particle does": (0.5, 5.0, 1.2, 3.0),
-        "a chance that is met exactly is enough": (0.75, 8.0, 2.0, 1.0),
-        "any hall": _a_hall,
+        "the lesson's hall": (0.99, *_HALL),
+        "the corridor: one coordinate": (0.99, [28.0], [0.5]),
+        "any heading is good enough": (0.9, [15.0, 10.0, 2 * np.pi], [1.0, 1.0, np.pi]),
+        "a narrow view": (0.95, [10.0, 10.0, 2 * np.pi], [0.5, 0.5, 0.1]),
+        "a drone: place, height and heading": (
+            0.9, [20.0, 10.0, 3.0, 2 * np.pi], [1.5, 1.0, 0.5, 0.8],
+        ),
+        "a closet: one particle does": (0.5, [2.5, 2.5, 2 * np.pi], [1.2, 1.2, 3.0]),
+        "a chance that is met exactly is enough": (0.75, [8.0], [2.0]),
+        "any number of coordinates": _a_hall,
     },
     draws=12,
     picture=_needed_drawn,
-)
+)  # fmt: skip
 
 # %% tags=["mistakes"]
 check_particles_needed.mistakes = {
-    "a particle is near on both sides: 2 turn of the 2 pi headings": (
-        "reach**2 * turn / area => reach**2 * turn / 2 / area"
+    "a particle is near on both sides: 2 reach of the size": "2 * reach / sizes => reach / sizes",
+    "a particle is near on both sides in each coordinate: a factor of 2 for each": (
+        "np.prod(2 * reach / sizes) => 2 * np.prod(reach / sizes)"
     ),
-    "the heading is missing: it must be right as well": (
-        "reach**2 * turn / area => np.pi * reach**2 / area"
+    "the shares of the coordinates were added: a particle must be near in all at once": (
+        "np.prod( => np.sum("
     ),
-    "pi is missing: a circle has the area pi times the square of its radius": (
-        "reach**2 * turn / area => reach**2 * turn / np.pi / area"
+    "this is the mean of the coordinates' shares: a particle must be near in all at once": (
+        "np.prod( => np.mean("
     ),
-    "the circle has the radius `reach`, not the diameter": (
-        "reach**2 * turn / area => (reach / 2) ** 2 * turn / area"
+    "only the first coordinate was taken: the others must be right as well": (
+        "np.prod(2 * reach / sizes) => (2 * reach / sizes)[0]"
+    ),
+    "only two coordinates were taken: the heading must be right as well": (
+        "2 * reach / sizes => (2 * reach / sizes)[:2]"
     ),
     "this is the number with which one is near on average: often none is": (
-        lambda chance, area, reach, turn: int(np.ceil(area / (reach**2 * turn)))
+        lambda chance, sizes, reach: int(np.ceil(1 / np.prod(2 * reach / sizes)))
     ),
     "the chances of the particles were added: several may be near at once": (
-        lambda chance, area, reach, turn: int(np.ceil(chance * area / (reach**2 * turn)))
+        lambda chance, sizes, reach: int(np.ceil(chance / np.prod(2 * reach / sizes)))
     ),
     "none is near with the probability 1 - chance: its logarithm belongs above": (
         "np.log(1 - chance) => np.log(chance)"
@@ -379,32 +429,40 @@ check_particles_needed.mistakes = {
     "this is the exponential in place of the power: log(1 - s) is not -s": (
         "np.log(1 - share) => -share"
     ),
-    "one too many, where the number comes out whole": ("int(np.ceil( => int(1 + np.floor("),
+    "one too many, where the number comes out whole": "int(np.ceil( => int(1 + np.floor(",
 }
 
 # %% [markdown] tags=["solution"]
 # ## Solution 2: how many particles, with a pencil
 #
-# The circle is $\pi r^2$ of the area $A$, the headings are $2a$ of $2\pi$: together the share $s =
-# r^2 a / A$. All $N$ particles miss with the probability $(1 - s)^N$, so that
-# $N \ge \log(1 - \mathrm{chance}) / \log(1 - s)$.
+# In coordinate $k$ the part $2 r_k$ of the size $L_k$ is near, in all of them together the share
+# $s = \prod_k 2 r_k / L_k$. All $N$ particles miss with the probability $(1 - s)^N$, so that $N
+# \ge \log(1 - \mathrm{chance}) / \log(1 - s)$: both logarithms are negative.
 
 # %% [markdown] tags=["solution"]
 # The obvious answer $1/s$, with which one particle is near *on average*, leaves out that some
-# clouds have three and others none: about $e^{-1}$, 37 %, have none.
+# clouds have three and others none: about $e^{-1}$, 37 %, have none. And the question on paper:
 
 # %% active="ipynb" tags=["solution"]
-# def one_on_average(chance, area, reach, turn):
-#     return np.ceil(area / (reach**2 * turn))
+# def one_on_average(chance, sizes, reach):
+#     return np.ceil(1 / np.prod(2 * reach / sizes))
 #
-# share = 1.5**2 * 1.0 / 200
-# for n in (89, 408, 2000):
+# share = 3 / 20 * 3 / 10 * 2 / (2 * np.pi)
+# for n in (70, 320, 2000):
 #     none = (1 - share) ** n
-#     print(f"{n:4d} particles: {n * share:4.1f} near on average, none with {none:.1%}")
+#     print(f"{n:4d} in the hall: {n * share:4.1f} near on average, none with {none:.1%}")
+# for d in (1, 2, 3, 6):
+#     n = particles_needed(0.99, np.full(d, 10.0), np.ones(d))
+#     print(f"d = {d}: {n} particles")
 # check_particles_needed(one_on_average)
 
 # %% [markdown] tags=["solution"]
-# With 2000 particles about 22 are near, and still only 41 of 100 robots were found: to have one
+# Each coordinate multiplies the number by about five, for near is a fifth of its range. This is
+# why particles suit a robot on a floor (three numbers), and why a map of a hundred landmarks needs
+# another idea ([chapter 12](../12_fastslam.ipynb)).
+
+# %% [markdown] tags=["solution"]
+# With 2000 particles about 29 are near, and still only 41 of 100 robots were found: to have one
 # near is necessary, not enough. In each resampling the few near ones must win against all other
 # places that explain the measurements as well.
 
@@ -417,17 +475,21 @@ check_particles_needed.mistakes = {
 # corridor into cells, the $i$-th from `i * cell` (included) to `(i + 1) * cell` (not included),
 # count those that the belief occupies, $k$, and go on with `n = per_cell * k` particles.
 #
-# **But when is a cell occupied?** Answer on paper before you read on. In the picture 300 particles
-# are spread over 20 m, 40 cells, and two places explain the reading. If each cell counts that
-# holds a particle with a weight above zero, how many cells is that, and with `per_cell = 8`, do
-# fewer particles go on, or more? A smallest weight that counts would have to be chosen, and
-# changed with the number of particles. You know a tool that takes particles in proportion to their
-# weights.
+# **But when is a cell occupied?** Answer on paper before you open the rule. In the picture 300
+# particles are spread over 20 m, 40 cells, and two places explain the reading; no weight is
+# exactly zero, for a Gaussian never is. If each cell counts that holds a particle with a weight
+# above zero, how many cells is that, and with `per_cell = 8`, do fewer particles go on, or more? A
+# smallest weight that counts would have to be chosen, and changed with the number of particles.
+# You know a tool that takes particles in proportion to their weights. How does it tell which cells
+# count?
 #
-# Here is the rule. Lay $M$ points $(j + u)/M$ over the weights as in the lesson, $j = 0 \dots M -
-# 1$. The particles that they draw are survivors, and the cells that hold at least one survivor
-# count. Then lay $n$ points $(j + u)/n$ over the same weights, with the same $u$, and return what
-# those draw.
+# <details><summary>The rule</summary>
+#
+# Lay $M$ points $(j + u)/M$ over the weights as in the lesson, $j = 0 \dots M - 1$. The particles
+# that they draw are survivors, and the cells that hold at least one survivor count. Then lay $n$
+# points $(j + u)/n$ over the same weights, with the same $u$, and return what those draw.
+#
+# </details>
 #
 # A point that falls exactly on the border of two particles draws the second. If rounding leaves
 # the sum of the weights below a point, it draws the last particle.
@@ -435,7 +497,7 @@ check_particles_needed.mistakes = {
 
 # %% tags=["exercise"]
 def resample(x: Array, weights: Array, cell: float, per_cell: int, u: float) -> Ints:
-    """Draw as many particles as the belief needs.
+    """Draw `per_cell` particles for each cell that the belief occupies.
 
     Parameters
     ----------
@@ -468,9 +530,10 @@ def resample(x: Array, weights: Array, cell: float, per_cell: int, u: float) -> 
 
 # %% active="ipynb" tags=["try"]
 # resample(np.array([0.2, 0.4, 3.1, 8.0]), np.array([0.5, 0.4, 0.1, 0.0]), 0.5, 3, 0.5)
+# # [0 0 1]
 
 # %% [markdown] tags=["hint"]
-# The same points are laid twice, once $M$ of them and once $n$. Which line of the lesson's
+# By the rule points are laid twice, once $M$ of them and once $n$. Which line of the lesson's
 # `resample` has to change so that it takes the number from outside?
 
 # %% [markdown] tags=["hint"]
@@ -553,11 +616,14 @@ check_resample = Check(
 
 
 # %% tags=["mistakes"]
-def _survivors_again(x: Array, weights: Array, cell: float, per_cell: int, u: float) -> Any:
+def _survivors_again(
+    x: Array, weights: Array, cell: float, per_cell: int, u: float, numbers: bool = False
+) -> Any:
     M = len(x)
     first = np.minimum(np.searchsorted(np.cumsum(weights), (np.arange(M) + u) / M, "right"), M - 1)
     n = per_cell * len(np.unique(np.floor(x[first] / cell)))
-    return first[((np.arange(n) + u) / n * M).astype(int)]
+    again = np.minimum(((np.arange(n) + u) / n * M).astype(int), M - 1)
+    return again if numbers else first[again]
 
 
 check_resample.mistakes = {
@@ -588,6 +654,11 @@ check_resample.mistakes = {
     "rounded up: a cell contains its lower border": "np.floor( => np.ceil(",
     "the place was not divided by the width of a cell": "survivors / cell => survivors",
     "the n points were laid over the survivors: lay them over the weights": _survivors_again,
+    "these are numbers in the list of survivors: return those of the particles": (
+        lambda x, weights, cell, per_cell, u: _survivors_again(
+            x, weights, cell, per_cell, u, numbers=True
+        )
+    ),
     "the points do not move: shift all of them by the random offset": (
         "(np.arange(n) + u) / n => np.arange(n) / n"
     ),
@@ -636,14 +707,17 @@ check_resample.mistakes = {
 #
 # One piece is missing before the robot can wake up: what becomes of the particles after a reading.
 # They are weighed by it, their effective number is compared with half of the particles that there
-# are, and if it is less, they are resampled. The program below does this; it calls your
-# `resample`, so do exercise 3 first. It was tested: particles that explain a reading badly have
-# small weights, those that explain it well have large ones, and what it returns sums to one.
+# are, and if it is less, they are resampled. The program below does this. It calls exercise 3,
+# finished, as `finished_resample`; put your own in its place as soon as that passes. It was
+# tested: particles that explain a reading badly have small weights, those that explain it well
+# have large ones, and what it returns sums to one.
 #
 # On the robot 200 particles are laid over the corridor, from the door at 0 m to the far end at
 # 28 m, in this order. Wherever the robot is switched on, it reports that it began at the door,
 # and is certain of it. The picture has forty robots: where each began, and where yours says that
-# it began. Find the bug and repair it; exercise 6 uses your repair.
+# it began. Above it is the share of the readings after which the particles were resampled; in the
+# lesson it was 28 of 61. Find the bug and repair it, until *both* numbers are as they should be;
+# exercise 6 uses your repair.
 
 
 # %% tags=["exercise"]
@@ -682,17 +756,19 @@ def renew(
 #     log_w = np.log(weights) + log_l
 #     weights = np.exp(log_w - log_w.max())     # products of many small numbers become 0
 #     if 1 / np.sum(weights**2) < len(x) / 2:
-#         x = x[resample(x, weights, cell, per_cell, u)]
+#         x = x[finished_resample(x, weights, cell, per_cell, u)]
 #         weights = np.ones(len(x))
 #     return x.copy(), weights / weights.sum()
 
 # %% active="ipynb" tags=["try"]
 # renew(np.array([1.0, 5.0, 9.0]), np.full(3, 1 / 3), np.array([-3.0, 0.0, -0.2]),
 #       0.5, 2, 0.5)
+# # should be the places 1, 5, 9 with the weights 0.03, 0.53, 0.44
 
 # %% [markdown] tags=["hint"]
-# In the call above two of three particles explain the reading about equally well. What should
-# their weights be, and how many particles count? Which of the three does the program keep?
+# In the call above two of three particles explain the reading about equally well. How many
+# particles count, by the lesson's formula, and is that less than half? Which does the program
+# keep?
 
 # %% [markdown] tags=["hint"]
 # Lay the particles of the picture from the far end to the door, and all robots report that they
@@ -719,7 +795,7 @@ def _renew_drawn(ax: Any, function: Any) -> None:
     """Draw where each of forty robots began, and where its particles say that it began."""
     from slamlab import plots
 
-    began, said = [], []
+    began, said, equal = [], [], []
     for seed in range(40):
         place, (start, *drive), (beacons, sonar, cell, per_cell), u = _robot(seed)
         x = np.linspace(0.0, 28.0, len(start))
@@ -729,13 +805,15 @@ def _renew_drawn(ax: Any, function: Any) -> None:
             log_l = sonar_log_likelihood(float(echo), _nearest(x, beacons), *sonar.tolist())
             after = function(x, weights, log_l, cell, per_cell, float(offset))
             x, weights = (np.array(one, float) for one in after)
+            equal.append(np.ptp(weights) < 1e-12)
         began.append(place[-1] - drive[0].sum())
         said.append(best_place(x, weights, 0.5)[0] - drive[0].sum())
     found = np.sum(np.abs(np.array(began) - said) < 0.5)
     ax.plot([0, 16], [0, 16], **plots.line_style("truth"))
     ax.plot(began, said, "o", color=plots.COLOURS["estimate"], markersize=5)
     ax.set(xlabel="began at (m)", ylabel="says it began at (m)", xlim=(-1, 17), ylim=(-2, 28))
-    ax.set_title(f"{found} of 40 robots found")
+    often = np.mean(equal)
+    ax.set_title(f"{found} of 40 robots found\n{often:.0%} of readings: resampled")
 
 
 check_renew = Check(
@@ -834,10 +912,11 @@ check_renew.mistakes = {
 # began half a metre or more from the door. The division belongs above the first use.
 
 # %% [markdown] tags=["solution"]
-# The points are the worse of the two. With the effective number alone taken wrongly, the particles
-# are resampled at every reading, and nearly all robots are found:
+# The points are the worse of the two. With the effective number alone taken wrongly, all robots of
+# the picture are found, but the particles are resampled after every reading, not after three of
+# ten:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: where forty robots began and where they say that they began; in both nearly all dots are on the diagonal."}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: where forty robots began and where they say that they began; in both all dots are on the diagonal, on the left the particles are resampled after every reading."}}
 # def too_often(x, weights, log_l, cell, per_cell, u):
 #     log_w = np.log(weights) + log_l
 #     weights = np.exp(log_w - log_w.max())
@@ -849,8 +928,9 @@ check_renew.mistakes = {
 # check_renew.draw(too_often)
 
 # %% [markdown] tags=["solution"]
-# That is how this bug stays in a program: with a `resample` that divides by the sum itself nothing
-# shows, but for copies that were not needed.
+# That is how this bug stays in a program: with a `resample` that divides by the sum itself no
+# robot is lost here. The price is different particles: a copy takes the place of another one,
+# where no reading asked for it.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: one place, not the mean
@@ -893,6 +973,7 @@ def best_place(x: Array, weights: Array, radius: float) -> tuple[float, float]:
 
 # %% active="ipynb" tags=["try"]
 # best_place(np.array([4.0, 4.2, 4.4, 21.0]), np.array([0.2, 0.2, 0.2, 0.4]), 0.5)
+# # (4.2, 0.6)
 
 # %% [markdown] tags=["hint"]
 # Begin with one particle. Which others are its neighbours, and what do they weigh together? A loop
@@ -916,7 +997,7 @@ def _places(rng: np.random.Generator, places: int) -> Any:
 
 
 def _best_place_drawn(ax: Any, function: Any) -> None:
-    """Draw particles at two places, their mean, and the answer with its neighbourhood."""
+    """Draw the weights of particles at two places; below, their mean and a band, the answer."""
     from slamlab import plots
 
     rng = np.random.default_rng(1)
@@ -927,10 +1008,13 @@ def _best_place_drawn(ax: Any, function: Any) -> None:
     place, share = function(x, weights, 1.0)
     place, share = float(place), float(share)
     ax.vlines(x, 0, weights, color=plots.COLOURS["particle"], lw=0.8, alpha=0.6)
-    ax.plot([place] * 2, [0, 0.12], **plots.line_style("estimate"))
-    ax.plot([place - 1, place + 1], [-0.006] * 2, **plots.line_style("estimate"))
-    ax.plot(weights @ x, 0, "x", color=plots.COLOURS["wrong"], markersize=10, mew=2)
-    ax.set(xlabel="place (m); cross: the mean", ylabel="weight", xlim=(0, 25))
+    ax.axhline(0, color="0.6", lw=0.8)
+    blue = plots.COLOURS["estimate"]
+    ax.plot([place - 1, place + 1], [-0.012] * 2, color=blue, lw=6, solid_capstyle="butt")
+    ax.plot(place, -0.012, "^", color=blue, markersize=9, mec="white")
+    ax.plot(weights @ x, -0.012, "x", color=plots.COLOURS["wrong"], markersize=9, mew=2)
+    ax.set(xlabel="place (m); cross: the mean", ylabel="weight", xlim=(0, 25), ylim=(-0.02, 0.1))
+    ax.set_yticks([0, 0.05, 0.1])
     ax.set_title(f"{place:.1f} m, {share:.0%} of the weight")
 
 
@@ -1010,6 +1094,9 @@ check_best_place.mistakes = {
     "the weight of the best particle was returned as the share: its neighbours belong to it": (
         "/ share, share => / share, weights[best]"
     ),
+    "of several that weigh the same the last was taken: take the first": (
+        "np.argmax(carried) => len(x) - 1 - np.argmax(carried[::-1])"
+    ),
     "the line was cut into cells: a place on a border falls apart": _binned,
 }
 
@@ -1017,8 +1104,9 @@ check_best_place.mistakes = {
 # ## Solution 5: one place, not the mean
 #
 # The matrix of pairs costs $M^2$ comparisons: nothing for a few hundred particles, too much for
-# 100 000, where one counts cells instead. The share says how far the answer can be trusted: below
-# one half there is more belief elsewhere.
+# 100 000, where one counts cells instead. The share says how much of the
+# belief is there: below one half there is more elsewhere. It is right only if the belief is, as a
+# robot of exercise 6 shows.
 
 # %% [markdown] tags=["solution"]
 # The heaviest particle is a common answer (the "best particle" of some programs). One
@@ -1041,44 +1129,61 @@ check_best_place.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 6: wake up in the corridor
 #
-# Assemble it. A robot is switched on somewhere in the corridor, knows which way it faces and
-# where the beacons are, and has the sonar of exercise 1. In each step
+# Assemble it: all five functions that you have. A robot is switched on somewhere in the corridor,
+# knows which way it faces and where the beacons are, and has the sonar of exercise 1.
 #
-# 1. every particle makes the commanded move plus a slip of its own. The slips are given, so that
-#    the check can compare: `noise[k]` has more numbers than there are particles; the i-th particle
-#    takes the i-th of them;
-# 2. it expects the distance to the beacon that is nearest to it, and your sonar gives the
-#    logarithm of the likelihood;
-# 3. `renew`, which you repaired, does the rest, with the offset `u[k]`.
+# 1. Of the places `x`, which were drawn evenly over the corridor, take the first $n$, with equal
+#    weights. `particles_needed` says how many, so that one of them is within `near` of the robot
+#    with the probability `chance`.
+# 2. In each step every particle makes the commanded move plus a slip of its own. The slips are
+#    given, so that the check can compare: `noise[k]` has more numbers than there are particles;
+# the    i-th particle takes the i-th of them. 3. It expects the distance to the beacon that is
+# nearest to it, and your sonar gives the    logarithm of the likelihood. 4. `renew`, which you
+# repaired, weighs, and resamples with your `resample`, with the offset    `u[k]`. A cell is as
+# wide as `near`. 5. After the last step `best_place`, with `near` as the radius, says where the
+# robot is.
 #
-# The number of particles changes on the way. Which slips are then left over, and where else in
-# these three steps does the number count?
+# The ends of the corridor are no walls to a particle: it may slip past them, and is not put back.
+# Nor is the expected distance cut off at the sonar's reach. The number of particles changes on the
+# way: which slips are then left over, and where else in these steps does the number count?
 #
 # Then draw the picture. It shows one robot that wakes up: the black line is where it was, dots are
-# your particles after every second step, dotted lines are beacons. And fifty robots drive 12 m
-# from starts of their own: a robot is *found* if `best_place`, with a radius of 0.5 m, ends within
-# half a metre of it. The NEES is the squared error of the mean over the particles' variance; its
-# median is 0.45 for a consistent filter of one dimension, of fifty robots 0.2 to 0.8.
+# your particles after every second step, blue circles your `best_place`, dotted lines beacons, and
+# the columns below count the particles: the title has their number at the start, the largest, and
+# that at the end (of fifty robots, the median). It rises before it falls. Why?
+#
+# The rest of the title is about fifty robots, which drive 12 m from starts of their own. A robot
+# is *found* if your place is within half a metre of it at the end. The NEES is the squared error
+# of the particles' mean over their variance. For a consistent filter of one dimension its median
+# is 0.45, for fifty robots between 0.23 and 0.82 in 19 of 20 cases.
 
 
 # %% tags=["exercise"]
 def localize(
     x: Array,
+    size: float,
+    chance: float,
+    near: float,
     moves: Array,
     noise: Array,
     echoes: Array,
     beacons: Array,
     sonar: Array,
-    cell: float,
     per_cell: int,
     u: Array,
-) -> tuple[Array, Array]:
-    """Particles after a drive along the corridor.
+) -> tuple[float, float, Array, Array]:
+    """Where the robot is after a drive along the corridor.
 
     Parameters
     ----------
-    x : ndarray, shape (M,)
-        Places of the particles before the first step (m); their weights are equal.
+    x : ndarray, shape (S,)
+        Places drawn evenly over the corridor (m), more than are needed.
+    size : float
+        Length of the corridor (m).
+    chance : float
+        Wanted probability that a particle is near the robot at the start.
+    near : float
+        What counts as near (m): `reach` in exercise 2, `cell` in 3, `radius` in 5.
     moves : ndarray, shape (T,)
         Commanded move of each step (m).
     noise : ndarray, shape (T, N)
@@ -1089,36 +1194,42 @@ def localize(
         Where the beacons are (m).
     sonar : ndarray, shape (3,)
         `sigma` (m), `p_hit` and `reach` (m) of exercise 1.
-    cell, per_cell : float, int
-        Width of a cell (m), and particles for each: exercise 3.
+    per_cell : int
+        Particles for each cell: exercise 3.
     u : ndarray, shape (T,)
         Offset of the points in each step, should resampling be needed.
 
     Returns
     -------
+    place, share : float
+        What `best_place` gives after the last step (m), and its share of the weight.
     x, weights : ndarray, shape (n,)
-        Places after the last step (m) and weights, which sum to one.
+        Places (m) and weights of the particles after the last step.
     """
-    weights = np.full(len(x), 1 / len(x))
+    n = particles_needed(chance, np.array([size]), np.array([near]))
+    x, weights = x[:n], np.full(n, 1 / n)
     for move, slip, echo, offset in zip(moves, noise, echoes, u, strict=True):
         x = x + move + slip[: len(x)]
         expected = np.abs(x[:, None] - beacons).min(axis=1)
         log_l = sonar_log_likelihood(echo, expected, *sonar)
-        x, weights = renew(x, weights, log_l, cell, per_cell, offset)
-    return x, weights
+        x, weights = renew(x, weights, log_l, near, per_cell, offset)
+    place, share = best_place(x, weights, near)
+    return place, share, x, weights
 
 
 # %% active="ipynb" tags=["try"]
-# localize(np.array([1.0, 2.0, 4.0]), np.array([0.5]), np.zeros((1, 20)), np.array([0.4]),
-#          np.array([1.0, 5.0]), np.array([0.2, 0.8, 5.0]), 0.5, 2, np.array([0.5]))
+# localize(np.array([1.0, 2.0, 4.0, 3.0]), 4.0, 0.8, 1.0,
+#          np.array([0.5]), np.zeros((1, 20)), np.array([0.4]), np.array([1.0, 5.2]),
+#          np.array([0.2, 0.8, 5.0]), 2, np.array([0.5]))
+# # place 1.53, share 0.73; particles at 1.5, 2.5, 4.5, weights 0.71, 0.02, 0.27
 
 # %% [markdown] tags=["hint"]
-# The loop of the lesson is the ladder: move, weigh, resample. All that it does with a likelihood
-# is one call here. How many slips of `noise[k]` do you need?
+# The loop of the lesson is the ladder: move, weigh, resample. One call stands before it and one
+# after it. `particles_needed` takes arrays: how many coordinates does this robot look for?
 
 # %% [markdown] tags=["hint"]
 # `np.abs(x[:, None] - beacons)` holds the distance of every particle to every beacon. Over which
-# axis is the nearest one?
+# axis is the nearest one? And how many slips of `noise[k]` do you need?
 
 # %% [markdown] tags=["hint"]
 # `renew` returns places and weights, and there may be more or fewer than before. The next step
@@ -1128,22 +1239,22 @@ def localize(
 # %% tags=["cases"]
 @drawn
 def _walk(
-    rng: np.random.Generator, n: int, steps: int, sigma: float = 0.3, *, back: bool = False
+    rng: np.random.Generator, steps: int, radius: float, sigma: float = 0.3, *, back: bool = False
 ) -> Any:
-    beacons = np.round(rng.uniform(0, 12, 3), 1)
-    x, place = np.round(rng.uniform(0, 8, n), 2), float(rng.uniform(0, 6))
+    beacons, length = np.round(rng.uniform(0, 12, 3), 1), float(rng.integers(8, 13))
+    start, place = np.round(rng.uniform(0, length, 80), 2), float(rng.uniform(0, length))
     moves = np.round(rng.uniform(0.2, 0.8, steps), 2)
-    sonar = np.round([sigma, rng.uniform(0.5, 0.95), rng.uniform(4, 9)], 2)
+    sonar = np.round([sigma, rng.uniform(0.5, 0.95), rng.uniform(3, 6)], 2)
     echoes = _nearest(place + np.cumsum(moves), beacons) + rng.normal(0, sigma, steps)
     bad = rng.random(steps) > sonar[1]
     echoes = np.clip(np.where(bad, rng.uniform(0, sonar[2], steps), echoes), 0, sonar[2])
-    noise = np.round(rng.normal(0, 0.1, (steps, 200)), 3)
-    cell, per_cell = float(rng.choice([0.25, 0.5, 1.0])), int(rng.integers(2, 6))
+    noise = np.round(rng.normal(0, 0.1, (steps, 400)), 3)
+    chance, per_cell = float(rng.choice([0.6, 0.7, 0.8])), int(rng.integers(2, 6))
     side = -1 if back else 1  # the same corridor, seen from its other end
     u = np.round(rng.random(steps), 3)
     return (
-        side * x, side * moves, noise, np.round(echoes, 2), side * beacons, sonar, cell, per_cell,
-        u,
+        side * start, length, chance, radius, side * moves, noise, np.round(echoes, 2),
+        side * beacons, sonar, per_cell, u,
     )  # fmt: skip
 
 
@@ -1160,34 +1271,39 @@ def _robot(seed: int, particles: int = 200, steps: int = 30) -> Any:
 
 
 def _localize_drawn(ax: Any, function: Any) -> None:
-    """Draw particles along the corridor after every other step, the beacons and the robot."""
+    """Draw particles along the corridor, the robot, its best place; below, how many there are."""
     from slamlab import plots
 
-    place, (start, *drive), given, u = _robot(_SHOWN)
-    clouds = [(np.zeros(len(start)), start)]
-    for k in range(2, len(u) + 1, 2):
-        x, weights = function(start, *(one[:k] for one in drive), *given, u[:k])
-        x = np.asarray(x, float)[np.asarray(weights, float) > 0.2 / len(x)]
-        clouds.append((np.full(len(x), k), x))
-    found, sizes, nees = 0, [], []
+    def after(seed: int, steps: int = 30) -> Any:
+        truth, (start, *drive), (beacons, sonar, radius, per_cell), u = _robot(seed, 400)
+        drive, given = [one[:steps] for one in drive], (28.0, 0.99, radius)
+        came = function(start, *given, *drive, beacons, sonar, per_cell, u[:steps])
+        return truth, float(came[0]), *(np.asarray(one, float) for one in came[2:])
+
+    shown = [(k, *after(_SHOWN, k)) for k in range(0, 31, 2)]
+    found, nees, ends = 0, [], []
     for seed in range(50):
-        truth, one, given, offsets = _robot(seed)
-        x, weights = function(*one, *given, offsets)
-        x, weights = np.asarray(x, float), np.asarray(weights, float)
-        found += abs(best_place(x, weights, 0.5)[0] - truth[-1]) < 0.5
+        truth, place, x, weights = after(seed)
+        found += abs(place - truth[-1]) < 0.5
         mean = weights @ x
         nees.append((mean - truth[-1]) ** 2 / (weights @ (x - mean) ** 2 + 1e-9))
-        sizes.append(len(x))
+        ends.append(len(x))
     for beacon in _CORRIDOR:
         ax.axhline(beacon, color="0.6", lw=1, ls=":")
-    for times, x in clouds:
-        plots.particles(ax, np.column_stack([times, x]))
-    ax.plot(np.arange(1, len(u) + 1), place, **plots.line_style("truth"))
-    ax.set(xlabel="step", ylabel="place (m)", ylim=(0, 30))
-    score = np.median(nees)
+    for k, _, place, x, weights in shown:
+        kept = x[weights > 0.2 / len(x)]
+        plots.particles(ax, np.column_stack([np.full(len(kept), k), kept]))
+        ax.plot(k, place, "o", mfc="none", color=plots.COLOURS["estimate"], markersize=7, mew=1.5)
+        ax.bar(k, len(x) / 50, 1.2, bottom=-15, color="0.55")
+    ax.plot(np.arange(1, 31), shown[0][1], **plots.line_style("truth"), zorder=5)
+    ax.text(30, -8, "number of particles", ha="right", fontsize=9)
+    ax.set(xlabel="step", ylabel="place (m)", ylim=(-15, 28))
+    ax.set_yticks([-15, -5, 0, 10, 20], ["0", "500", "0", "10", "20"])
+    score, most = np.median(nees), max(len(x) for *_, x, _ in shown)
     told = f"{score:.1f}" if score < 100 else "over 100"
     ax.set_title(
-        f"{found} of 50 robots found\n200 particles, then {np.median(sizes):.0f}\n"
+        f"{found} of 50 robots found\n"
+        f"{len(shown[0][3])}, {most}, then {np.median(ends):.0f} particles\n"
         f"median NEES {told}"
     )
 
@@ -1195,13 +1311,13 @@ def _localize_drawn(ax: Any, function: Any) -> None:
 _SHOWN = 4
 check_localize = Check(
     localize,
-    "x, weights",
+    "place, share, x, weights",
     {
-        "one step": _walk(6, 1, 0.5),
-        "readings so inexact that there is no resampling": _walk(6, 4, 20.0),
-        "a drive": _walk(12, 8),
-        "a longer drive, and more particles": _walk(30, 15, 0.2),
-        "a drive backwards, left of the origin": _walk(12, 8, back=True),
+        "one step": _walk(1, 0.5),
+        "readings so inexact that there is no resampling": _walk(4, 1.0, 20.0),
+        "a drive": _walk(8, 0.5),
+        "a longer drive, and more particles": _walk(15, 0.25, 0.2),
+        "a drive backwards, left of the origin": _walk(8, 1.0, back=True),
     },
     tolerance=1e-8,
     picture=_localize_drawn,
@@ -1209,7 +1325,7 @@ check_localize = Check(
 
 # %% tags=["mistakes"]
 _MOVED = "x + move + slip[: len(x)]"
-_CALL = "x, weights = renew(x, weights, log_l, cell, per_cell, offset)"
+_CALL = "x, weights = renew(x, weights, log_l, near, per_cell, offset)"
 
 
 def _written_out(
@@ -1220,7 +1336,7 @@ def _written_out(
         f"{_CALL} => weights = {weigh}\n"
         "        weights = weights / weights.sum()\n"
         f"        if 1 / np.sum(weights**2) < {half}:\n"
-        "            rows = resample(x, weights, cell, per_cell, offset)\n"
+        "            rows = resample(x, weights, near, per_cell, offset)\n"
         f"            x = x[rows]; weights = np.full(len(x), {after})\n"
         "            weights = weights / weights.sum()"
     )
@@ -1235,13 +1351,22 @@ check_localize.mistakes = {
     ),
     "never resampled: do so when fewer than half of the particles count": _written_out(half="0"),
     "the threshold is half of the first number of particles: take half of the present one": (
-        f"{_EQUAL} => {_EQUAL}; n = len(x)",
-        _written_out(half="n / 2"),
+        _written_out(half="n / 2")
     ),
+    "all places were taken: `particles_needed` says how many": (
+        "particles_needed(chance, np.array([size]), np.array([near])) => len(x)"
+    ),
+    "the last places were taken: take the first": "x[:n] => x[-n:]",
     "one slip for all: every particle slips on its own": "slip[: len(x)] => slip[0]",
     "the slip was forgotten: copies stay copies": f"{_MOVED} => x + move",
     "the last slips were taken: the i-th particle takes the i-th": (
         "slip[: len(x)] => slip[-len(x) :]"
+    ),
+    "places were cut off at the ends of the corridor: they are no walls to a particle": (
+        f"{_MOVED} => np.clip({_MOVED}, 0, size)"
+    ),
+    "the expected distance was cut off at the sonar's reach: leave it as it is": (
+        ".min(axis=1) => .min(axis=1).clip(max=sonar[2])"
     ),
     "the old weights are forgotten at each reading": "(x, weights, log_l => (x, 0 * x + 1, log_l",
     "the first beacon is not the nearest: take the smallest distance": ".min(axis=1) => [:, 0]",
@@ -1258,153 +1383,137 @@ check_localize.mistakes = {
     ),
     "the weights are not those that `renew` returned: the next step begins with them": (
         "x, weights = renew => x, last = renew",
-        "return x, weights => return x, last",
+        "best_place(x, weights => best_place(x, last",
+        "share, x, weights => share, x, last",
+    ),
+    "the place is the mean of all particles: `best_place` finds the heaviest neighbourhood": (
+        "return place => return weights @ x"
     ),
 }
 
 # %% [markdown] tags=["solution"]
 # ## Solution 6: wake up in the corridor
 #
-# The lesson's loop with your likelihood and your resampling. The number of particles is in it
-# twice: in the slips, and in `renew`, whose threshold is half of the particles that there are
-# *now*.
+# The lesson's loop with your likelihood and your resampling, one call before it and one after it.
+# The number of particles is in the loop twice: in the slips, and in `renew`, whose threshold is
+# half of the particles that there are *now*.
 
 # %% [markdown] tags=["solution"]
-# How much does each part give? The same hundred robots each time, the picture's fifty among them.
-# First the number of particles at the start:
+# Why does their number rise? At the start 127 particles are spread over 56 cells, about two for
+# each. On the robot of the picture the first two readings leave survivors in 30 cells, and 20 for
+# each of them are 600. Later readings leave fewer cells, at the end two.
+
+# %% [markdown] tags=["solution"]
+# Does the pencil of exercise 2 give the right number at the start? The same hundred robots each
+# time, the picture's fifty among them. The pencil counts those that begin with a particle near:
 
 # %% active="ipynb" tags=["solution"]
 # beacons = np.array([2.0, 6.0, 11.0, 14.0, 21.0, 26.0])
 #
-# def robot(seed, particles=200, steps=30):
+# def robot(seed, steps=30):
 #     rng, moves = np.random.default_rng([4, seed]), np.full(steps, 0.4)
 #     place = rng.uniform(0, 16) + np.cumsum(moves + rng.normal(0, 0.05, steps))
 #     echoes = np.abs(place[:, None] - beacons).min(axis=1) + rng.normal(0, 0.2, steps)
 #     echoes = np.maximum(echoes, 0)
 #     echoes = np.where(rng.random(steps) < 0.8, echoes, rng.uniform(0, 5, steps))
-#     start = rng.uniform(0, 28, particles)
-#     noise = rng.normal(0, 0.05, (steps, 1500))
-#     return place, (start, moves, noise, echoes), rng.random(steps)
+#     start, noise = rng.uniform(0, 28, 400), rng.normal(0, 0.05, (steps, 1500))
+#     return place, start, (moves, noise, echoes), rng.random(steps)
 
 # %% active="ipynb" tags=["solution"]
-# def tried(particles=200, p_hit=0.8, per_cell=20, localize=localize):
-#     sizes, errors, nees = [], [], []
-#     for seed in range(100):
-#         place, drive, u = robot(seed, particles)
-#         sonar = np.array([0.2, p_hit, 5.0])
-#         x, w = localize(*drive, beacons, sonar, 0.5, per_cell, u)
-#         mean = w @ x
-#         sizes.append(len(x))
-#         errors.append(abs(best_place(x, w, 0.5)[0] - place[-1]))
-#         nees.append((mean - place[-1]) ** 2 / (w @ (x - mean) ** 2 + 1e-9))
-#     found, n = np.sum(np.array(errors) < 0.5), np.mean(sizes)
-#     score = np.median(nees)
-#     return f"{found} of 100 found, {n:.0f} at the end, median NEES {score:.1f}"
+# def wake(seed, steps=30, chance=0.99, p_hit=0.8, per_cell=20, localize=localize):
+#     place, x, drive, u = robot(seed)
+#     drive, sonar = [one[:steps] for one in drive], np.array([0.2, p_hit, 5.0])
+#     given = beacons, sonar, per_cell, u[:steps]
+#     return place[steps - 1], localize(x, 28.0, chance, 0.5, *drive, *given)
 #
-# for particles in (20, 50, 100, 200):
-#     print(f"{particles:3d} at the start: {tried(particles)}")
-
-# %% [markdown] tags=["solution"]
-# The pencil of exercise 2, for a line: of 28 m the metre round the robot is the share 1/28, so
-# that 127 particles have one there with 99 %. Then the sonar. With `p_hit` just below 1
-# the likelihood is nearly the lesson's; 0.8 is right:
+# def tried(**changed):
+#     found, nees, sizes = 0, [], []
+#     for seed in range(100):
+#         truth, (place, _, x, w) = wake(seed, **changed)
+#         mean = w @ x
+#         found += abs(place - truth) < 0.5
+#         nees.append((mean - truth) ** 2 / (w @ (x - mean) ** 2 + 1e-9))
+#         sizes.append(len(x))
+#     left, score = np.mean(sizes), np.median(nees)
+#     return f"{found} of 100 found, {left:.0f} left, median NEES {score:.1f}"
 
 # %% active="ipynb" tags=["solution"]
-# n = int(np.ceil(np.log(0.01) / np.log(1 - 1 / 28)))
-# print("one near with 99 %:", n, "particles")
-# for p_hit in (1 - 1e-12, 0.99, 0.8, 0.5, 0.2):
-#     print(f"p_hit {p_hit:.2f}: {tried(p_hit=p_hit)}")
-# for per_cell in (2, 5, 20):
-#     print(f"{per_cell:2d} for each cell: {tried(per_cell=per_cell)}")
+# for chance in (0.5, 0.9, 0.99, 0.999):
+#     n, near = particles_needed(chance, np.array([28.0]), np.array([0.5])), 0
+#     for seed in range(100):
+#         place, x, (moves, *_), _ = robot(seed)
+#         near += np.any(np.abs(x[:n] - (place[0] - moves[0])) <= 0.5)
+#     print(f"{n:3d} particles, near one: {near:3d}; {tried(chance=chance)}")
 
 # %% [markdown] tags=["solution"]
-# The second part of the likelihood makes the difference, and its share need not be known well:
-# with `p_hit` from 0.2 to 0.8 nearly all are found. At 0.2 the filter is less certain than it
-# might be, which the low NEES shows. With few particles for each cell fewer robots are found.
+# It does: few robots with a particle near are lost, and from 127 on more particles change little.
+# The NEES shows a start with too few as well.
 
 # %% [markdown] tags=["solution"]
 # Who is not found? Count the particles within a metre of two robots, after each of the first
-# readings:
+# twelve readings, and see what the two say at the end:
 
 # %% active="ipynb" tags=["solution"]
-# for seed in (4, 13):
-#     place, (start, *drive), u = robot(seed)
+# for seed in (4, 40):
 #     near = []
-#     for k in range(1, 13):
-#         x, w = localize(start, *(one[:k] for one in drive), beacons,
-#                         np.array([0.2, 0.8, 5.0]), 0.5, 20, u[:k])
-#         near.append(int(np.sum(np.abs(x - place[k - 1]) < 1)))
+#     for steps in range(1, 13):
+#         truth, (_, _, x, _) = wake(seed, steps)
+#         near.append(int(np.sum(np.abs(x - truth) < 1)))
+#     truth, (place, share, *_) = wake(seed)
 #     print(f"robot {seed:2d}: {near}")
+#     print(f"  is at {truth:.1f} m, says {place:.1f} m with {share:.0%} of the weight")
 
 # %% [markdown] tags=["solution"]
-# Robot 4 is found. From the reading on at which robot 13 has none, no other reading can bring
-# them back: resampling only copies.
+# Robot 4 is found. Robot 40 has 99 particles near it after the first reading and none after the
+# fifth, and no other reading can bring them back: resampling only copies. It ends 9 m off, past
+# the end of the corridor, and 70 % of the weight in one place is no warning.
 
 # %% [markdown] tags=["solution"]
-# And the answer. The mean and the heaviest neighbourhood of the *same* particles, while the robot
+# And the answer: the mean and the heaviest neighbourhood of the *same* particles, while the robot
 # is still being found:
 
 # %% active="ipynb" tags=["solution"]
 # for steps in (4, 8, 12, 30):
 #     right = np.zeros(2, int)
 #     for seed in range(100):
-#         place, (start, *drive), u = robot(seed)
-#         x, w = localize(start, *(one[:steps] for one in drive), beacons,
-#                         np.array([0.2, 0.8, 5.0]), 0.5, 20, u[:steps])
-#         answers = np.array([w @ x, best_place(x, w, 0.5)[0]])
-#         right += np.abs(answers - place[steps - 1]) < 0.5
+#         truth, (place, _, x, w) = wake(seed, steps)
+#         right += np.abs(np.array([w @ x, place]) - truth) < 0.5
 #     print(f"after {steps:2d} readings: mean right for {right[0]} of 100,",
 #           f"best place for {right[1]}")
 
 # %% [markdown] tags=["solution"]
-# Who writes the whole loop may take the threshold once, before it: half of the *first* number. As
-# soon as fewer than 100 of 200 particles are left, it resamples at every reading, also where all
-# of them count. With 20 particles for each cell that costs nothing. With few, every resampling
-# that was not needed costs copies:
-
-# %% active="ipynb" tags=["solution"]
-# def first_number(x, moves, noise, echoes, beacons, sonar, cell, per_cell, u):
-#     weights, half = np.full(len(x), 1 / len(x)), len(x) / 2
-#     for move, slip, echo, offset in zip(moves, noise, echoes, u, strict=True):
-#         x = x + move + slip[: len(x)]
-#         expected = np.abs(x[:, None] - beacons).min(axis=1)
-#         weights = weights * np.exp(sonar_log_likelihood(echo, expected, *sonar))
-#         weights = weights / weights.sum()
-#         if 1 / np.sum(weights**2) < half:
-#             x = x[resample(x, weights, cell, per_cell, offset)]
-#             weights = np.full(len(x), 1 / len(x))
-#     return x, weights
-#
-# for per_cell in (20, 5, 2):
-#     print(f"{per_cell:2d} for each cell, half of the first: "
-#           f"{tried(per_cell=per_cell, localize=first_number)}")
+# After four readings the best place is right for more than twice as many robots as the mean; at
+# the end one place is left, and both agree.
 
 # %% [markdown] tags=["solution"]
-# One wrong line, and its price: one slip for all particles. Copies stay copies, and few different
-# places are left.
+# What does each piece give? One thing is changed at a time: nearly the lesson's likelihood, a
+# share of good readings that is far from the true 0.8, few particles for each cell, and one wrong
+# line, one slip for all.
 
 # %% active="ipynb" tags=["solution"]
-# def one_slip(x, moves, noise, echoes, beacons, sonar, cell, per_cell, u):
-#     weights = np.full(len(x), 1 / len(x))
-#     for move, slip, echo, offset in zip(moves, noise, echoes, u, strict=True):
-#         x = x + move + slip[0]
-#         expected = np.abs(x[:, None] - beacons).min(axis=1)
-#         log_l = sonar_log_likelihood(echo, expected, *sonar)
-#         x, weights = renew(x, weights, log_l, cell, per_cell, offset)
-#     return x, weights
+# def one_slip(x, size, chance, near, moves, noise, *rest):
+#     same = np.repeat(noise[:, :1], noise.shape[1], axis=1)
+#     return localize(x, size, chance, near, moves, same, *rest)
 #
-# print("one slip for all:", tried(localize=one_slip))
-# print("a slip of its own:", tried())
+# for name, changed in (
+#     ("as it is", {}), ("the lesson's likelihood", {"p_hit": 1 - 1e-12}),
+#     ("p_hit 0.5", {"p_hit": 0.5}), ("2 for each cell", {"per_cell": 2}),
+#     ("one slip for all", {"localize": one_slip}),
+# ):
+#     print(f"{name:24s}{tried(**changed)}")
 # check_localize(one_slip)
 
 # %% [markdown] tags=["solution"]
-# Most robots are found all the same. The NEES reveals it: the few places that are left are much
-# closer together than the error of their mean.
+# The second part of the likelihood makes the difference, and its share need not be known well.
+# With 2 for each cell three particles are left, much closer together than the error of their mean.
+# With one slip for all, four of five robots are found all the same, and the NEES reveals it:
+# copies stay copies. (Of a hundred robots the median is within 0.28 and 0.70 in 19 of 20 cases, if
+# the filter is consistent.)
 
 # %% [markdown] tags=["statement"]
 # *What you have now*: a particle filter that wakes up lost, with a sensor that is wrong in one
-# reading of five, finds itself, and then needs a fifth of its particles. AMCL, the localization
-# of ROS, is in essence this filter in the plane, with a lidar;
+# reading of five, knows how many particles to begin with, finds itself, and goes on with a third
+# of them. AMCL, the localization of ROS, is in essence this filter in the plane, with a lidar;
 # [chapter 04b](../04b_particle_filter.ipynb) adds what helps a robot that is carried elsewhere.
 
 # %% [markdown] tags=["statement"]

@@ -83,8 +83,8 @@ RIGHT = {
     "ch03.check_innovation": [by_tangent],
     "ch03.check_jacobian": [forward_jacobian],
     "ch04.check_particles_needed": [
-        lambda chance, area, r, turn: np.ceil(
-            np.log10(1 - chance) / np.log10(1 - r * r * turn / area)
+        lambda chance, sizes, r: np.ceil(
+            np.log10(1 - chance) / np.log10(1 - np.exp(np.log(2 * r / sizes).sum()))
         )
     ],
     "ch04.check_resample": [

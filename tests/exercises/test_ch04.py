@@ -16,9 +16,11 @@ def by_logaddexp(echo, expected, sigma, p_hit, reach):
     return np.logaddexp(good, np.log((1 - p_hit) / reach)).tolist()
 
 
-def by_counting(chance, area, reach, turn):
-    n = 1
-    while (1 - math.pi * reach**2 / area * turn / math.pi) ** n > 1 - chance:
+def by_counting(chance, sizes, reach):
+    share, n = 1.0, 1
+    for size, r in zip(sizes, reach, strict=True):
+        share *= 2 * r / size
+    while (1 - share) ** n > 1 - chance:
         n += 1
     return n
 
@@ -59,7 +61,10 @@ def by_loop(x, weights, radius):
     return best
 
 
-def in_logarithms(x, moves, noise, echoes, beacons, sonar, cell, per_cell, u):
+def in_logarithms(
+    start, length, chance, radius, moves, noise, echoes, beacons, sonar, per_cell, u
+):
+    x = start[: by_counting(chance, [length], [radius])]
     log_w = np.zeros(len(x))
     for k in range(len(moves)):
         x = x + moves[k] + noise[k][: len(x)]
@@ -67,9 +72,9 @@ def in_logarithms(x, moves, noise, echoes, beacons, sonar, cell, per_cell, u):
         log_w = log_w + np.asarray(by_logaddexp(echoes[k], expected, *sonar))
         log_w = log_w - logsumexp(log_w)
         if logsumexp(2 * log_w) > math.log(2 / len(x)):
-            x = x[resample_by_wheel(x, np.exp(log_w), cell, per_cell, u[k])]
+            x = x[resample_by_wheel(x, np.exp(log_w), radius, per_cell, u[k])]
             log_w = np.full(len(x), -math.log(len(x)))
-    return x, np.exp(log_w)
+    return *by_loop(x, np.exp(log_w), radius), x, np.exp(log_w)
 
 
 @pytest.mark.parametrize(
@@ -79,8 +84,8 @@ def in_logarithms(x, moves, noise, echoes, beacons, sonar, cell, per_cell, u):
         (ch.check_particles_needed, by_counting),
         (
             ch.check_particles_needed,
-            lambda chance, area, reach, turn: math.ceil(
-                math.log1p(-chance) / math.log1p(-(reach**2) * turn / area)
+            lambda chance, sizes, reach: math.ceil(
+                math.log1p(-chance) / math.log1p(-math.prod(2 * reach) / math.prod(sizes))
             ),
         ),
         (ch.check_resample, resample_by_wheel),
@@ -103,21 +108,34 @@ def test_the_program_with_the_bug_reports_the_first_particle_of_the_list(turned)
     assert np.abs(left - places[0]).max() < 6
 
 
-def half_of_the_first(x, moves, noise, echoes, beacons, sonar, cell, per_cell, u, plain):
-    weights, half = np.full(len(x), 1 / len(x)), len(x) / 2
+def half_of_the_first(
+    start, length, chance, radius, moves, noise, echoes, beacons, sonar, per_cell, u, plain
+):
+    n = by_counting(chance, [length], [radius])
+    x, weights = start[:n], np.full(n, 1 / n)
     for k, (move, slip) in enumerate(zip(moves, noise, strict=True)):
         x = x + move + slip[: len(x)]
         expected = np.abs(x[:, None] - beacons).min(axis=1)
         log_l = ch.sonar_log_likelihood(echoes[k], expected, *sonar)
         weights = weights * np.exp(log_l) if plain else np.exp(np.log(weights) + log_l)
         weights = weights / weights.sum()
-        if 1 / np.sum(weights**2) < half:
-            x = x[ch.resample(x, weights, cell, per_cell, u[k])]
+        if 1 / np.sum(weights**2) < n / 2:
+            x = x[ch.resample(x, weights, radius, per_cell, u[k])]
             weights = np.full(len(x), 1 / len(x))
-    return x, weights
+    return *ch.best_place(x, weights, radius), x, weights
 
 
 @pytest.mark.parametrize("plain", [False, True])
 def test_half_of_the_first_number_is_named_with_products_and_with_logarithms(plain):
     report = ch.check_localize(lambda *given: half_of_the_first(*given, plain))
     assert any("half of the first number" in message for message in report.messages), report
+
+
+def test_half_a_repair_finds_the_robots_and_is_told_apart_by_how_often_it_resamples():
+    sentence = "the effective number was taken of weights that do not sum to one"
+    half = ch.check_renew.mistaken(ch.check_renew.mistakes[sentence])
+    left, right = (ax.get_title(loc="left") for ax in ch.check_renew.draw(half).axes)
+    assert "40 of 40" in left
+    assert "40 of 40" in right
+    assert "100% of readings" in left
+    assert "30% of readings" in right
