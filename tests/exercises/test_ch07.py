@@ -81,13 +81,13 @@ def by_two_points(pose, P, wall, C):
     return moved(pose, wall).tolist(), J @ P @ J.T + G @ C @ G.T
 
 
-def by_calling_itself(points, variances, gate, fewest):
+def by_calling_itself(points, variances, width, fewest):
     """Return the walls; the split is a function that calls itself, a piece a pair of arrays."""
 
     def straight(p, v):
         r, alpha = by_eigenvectors(p, v)
         off = p @ np.array([math.cos(alpha), math.sin(alpha)]) - r
-        return max(abs(off) / np.sqrt(v)) <= gate
+        return max(abs(off) / np.sqrt(v)) <= width
 
     def split(p, v):
         if len(p) < 3 or straight(p, v):
@@ -110,6 +110,31 @@ def by_calling_itself(points, variances, gate, fewest):
     return np.reshape(lines, (-1, 2)), np.reshape(covs, (-1, 2, 2))
 
 
+def by_information(poses, P, scans, variances, gate):
+    """Return the map; both names are tried for every pair, and information is added."""
+    known = []
+    for pose, points, v in zip(poses, scans, variances, strict=True):
+        for seen in zip(*by_calling_itself(points, v, 4.0, 10), strict=True):
+            (r, alpha), C = ch.to_world(pose, P, *seen)
+            squared, best = gate, None
+            for m, (mean, M) in enumerate(known):
+                for sign, turn in ((1, 0.0), (-1, math.pi)):
+                    off = [sign * r - mean[0], wrap_angle(alpha + turn - mean[1])]
+                    W = np.diag([sign, 1]) @ C @ np.diag([sign, 1])
+                    now = off @ np.linalg.inv(M + W) @ off
+                    if now < squared:
+                        squared, best = now, (m, off, W)
+            if best is None:
+                known.append(([r, alpha], C))
+                continue
+            m, off, W = best
+            mean, M = known[m]
+            new = np.linalg.inv(np.linalg.inv(M) + np.linalg.inv(W))
+            r, alpha = mean + new @ np.linalg.inv(W) @ off
+            known[m] = [r, math.remainder(alpha, 2 * math.pi)], new
+    return [mean for mean, _ in known], [cov for _, cov in known]
+
+
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
@@ -120,6 +145,7 @@ def by_calling_itself(points, variances, gate, fewest):
         (ch.check_wall_cov, point_by_point),
         (ch.check_to_world, by_two_points),
         (ch.check_walls, by_calling_itself),
+        (ch.check_room_map, by_information),
     ],
 )
 def test_another_right_answer_passes(check, answer):
