@@ -21,7 +21,7 @@ dt r lever half half_length half_width side width metres distance range ranges m
 nearest furthest step stride resolution cell threshold tolerance margin separation driven home
 budget gate gates gains limits v scan scans before after size cost field_of_view spread x y
 points stretch echo echoes expected sonar radius area times speed lookahead k_v k_omega damping
-stored marks sizes near
+stored marks sizes near other
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
 belief beliefs prior goal hints reports p p_hit p_right p_slip p_stay p_step chance share
