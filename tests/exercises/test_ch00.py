@@ -7,23 +7,44 @@ from slamlab.exercises import ch00_slam_in_ten_minutes as ch
 from slamlab.slam import PoseGraph
 
 
-def by_matrices(start, odometry):
+def matrix(p):
+    c, s = np.cos(p[2]), np.sin(p[2])
+    return np.array([[c, -s, p[0]], [s, c, p[1]], [0, 0, 1]])
+
+
+def pose(T):
+    return [T[0, 2], T[1, 2], np.arctan2(T[1, 0], T[0, 0])]
+
+
+def by_matrices(known, k, odometry):
     """Another right answer: homogeneous matrices, and lists instead of arrays."""
+    poses = [matrix(known)]
+    for motion in odometry[k:]:
+        poses.append(poses[-1] @ matrix(motion))
+    for motion in odometry[:k][::-1]:
+        poses.insert(0, poses[0] @ np.linalg.inv(matrix(motion)))
+    return [pose(T) for T in poses]
 
-    def matrix(p):
-        c, s = np.cos(p[2]), np.sin(p[2])
-        return np.array([[c, -s, p[0]], [s, c, p[1]], [0, 0, 1]])
 
-    T = matrix(start)
-    poses = [list(start)]
-    for motion in odometry:
-        T = T @ matrix(motion)
-        poses.append([T[0, 2], T[1, 2], np.arctan2(T[1, 0], T[0, 0])])
-    return poses
+def walking_both_ways(known, k, odometry):
+    """Another right answer: inverses of the motions, back from the known pose."""
+    return ch._walked(ch._back)(known, k, odometry)
+
+
+def mounted_by_matrices(pose_i, pose_j, z, mount):
+    """Another right answer: the edge of the robot that z amounts to, and then its scanner."""
+    A, B, Z, M = map(matrix, (pose_i, pose_j, z, mount))
+    return pose(np.linalg.inv(A @ M @ Z) @ B @ M)
+
+
+def by_the_formula(pose_i, pose_j, z, mount):
+    """Another right answer: (A) of the lesson, between two scanners."""
+    scanners = [ch.compose(mount_of, mount) for mount_of in (pose_i, pose_j)]
+    return by_steps(*scanners, z)
 
 
 def by_steps(pose_i, pose_j, z):
-    """Another right answer: a plain list and the angle wrapped by arctan2."""
+    """The error of an edge: a plain list and the angle wrapped by arctan2."""
     dx, dy = pose_j[0] - pose_i[0], pose_j[1] - pose_i[1]
     c, s = np.cos(pose_i[2]), np.sin(pose_i[2])
     x, y = c * dx + s * dy - z[0], -s * dx + c * dy - z[1]
@@ -47,15 +68,29 @@ def by_complex_step(pose_i, pose_j, z):
     return np.array(columns).T
 
 
-def lamp_by_complex_step(pose, lamp):
+def lamp_by_complex_step(pose, lamp, mount):
     """Another right answer: complex steps through the error of a lamp."""
     columns = []
     for k in range(5):
         x = np.array([*pose, *lamp], dtype=complex)
         x[k] += 1e-30j
         (dx, dy), c, s = x[3:] - x[:2], np.cos(x[2]), np.sin(x[2])
-        columns.append([(c * dx + s * dy).imag / 1e-30, (c * dy - s * dx).imag / 1e-30])
+        u, v = c * dx + s * dy - mount[0], c * dy - s * dx - mount[1]
+        c, s = np.cos(mount[2]), np.sin(mount[2])
+        columns.append([(c * u + s * v).imag / 1e-30, (c * v - s * u).imag / 1e-30])
     return np.array(columns).T.tolist()
+
+
+def lamp_by_finite_differences(pose, lamp, mount):
+    """Another right answer: the student's own test, handed in."""
+
+    def error(x):
+        camera = ch.compose(x[:3], mount)
+        return ch.rotation(camera[2]).T @ (x[3:] - camera[:2])
+
+    x = np.append(pose, lamp)
+    columns = [(error(x + d) - error(x - d)) / 2e-6 for d in 1e-6 * np.eye(5)]
+    return np.column_stack(columns)
 
 
 def by_square_roots(poses, edges, z, omega):
@@ -80,7 +115,7 @@ def by_the_library(start, odometry, omega, closures, z, omega_closure):
     n, m = len(odometry), len(closures)
     pairs = [(k, k + 1) for k in range(n)] + [tuple(map(int, pair)) for pair in closures]
     weights = np.array([omega] * n + [omega_closure] * m)
-    poses = np.array(by_matrices(start, odometry))
+    poses = np.array(by_matrices(start, 0, odometry))
     graph = PoseGraph(poses, pairs, [*odometry, *z], weights)
     result = graph.optimize()
     return result.poses, result.chi2
@@ -89,10 +124,12 @@ def by_the_library(start, odometry, omega, closures, z, omega_closure):
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
-        (ch.check_dead_reckoning, by_matrices),
-        (ch.check_edge_error, by_steps),
-        (ch.check_edge_error, lambda i, j, z: ch.between(z, ch.between(i, j))),
+        (ch.check_path_through, by_matrices),
+        (ch.check_path_through, walking_both_ways),
+        (ch.check_edge_error, mounted_by_matrices),
+        (ch.check_edge_error, by_the_formula),
         (ch.check_lamp_jacobian, lamp_by_complex_step),
+        (ch.check_lamp_jacobian, lamp_by_finite_differences),
         (ch.check_relax, by_square_roots),
         (ch.check_slam, by_the_library),
     ],
@@ -101,15 +138,54 @@ def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
 
 
-@pytest.mark.parametrize("bugs", [[ch._ADDED], [ch._WRAPPED], [ch._ADDED, ch._WRAPPED]])
+BUGS = {"first": ch._OVERWRITTEN, "second": ch._IN_BODY, "both": ch._OVERWRITTEN + ch._IN_BODY}
+
+
+@pytest.mark.parametrize("bugs", BUGS.values(), ids=BUGS)
 def test_a_bug_that_is_left_in_relax_is_named(bugs):
-    report = ch.check_slam.judge(ch.check_slam.observe(ch._slam_with(15, *bugs)))
+    report = ch.check_slam.judge(ch.check_slam.observe(ch._slam_with(10, *bugs)))
     assert report.messages[0].startswith("your `relax` still has")
 
 
-def test_the_town_is_mapped_in_fifteen_steps():
+def lap(step, n):
+    """Mean distance from the truth before and after each of n steps of the picture's lap."""
+    truth, odometry, pairs, z = ch._loop()
+    poses = ch.path_through(np.zeros(3), 0, odometry)
+    edges = np.vstack([np.column_stack([np.arange(16), np.arange(16) + 1]), pairs])
+    omega = np.array([np.diag([100.0, 100.0, 400.0])] * 16 + [1e4 * np.eye(3)] * 3)
+    off = []
+    for _ in range(n + 1):
+        off.append(np.hypot(*(poses - truth)[:, :2].T).mean())
+        poses = step(poses, edges, np.vstack([odometry, z]), omega)
+    return off
+
+
+@pytest.mark.parametrize("bugs", BUGS.values(), ids=BUGS)
+def test_each_bug_alone_spoils_the_lap_and_passes_on_the_bench(bugs):
+    wrong = ch.check_relax.mistaken(bugs)
+    assert lap(ch.relax, 3)[-1] < 0.05
+    assert min(lap(wrong, 3)[1:]) > lap(wrong, 0)[0]
+    held = {row.name: row.ok for row in ch.check_relax.judge(ch.check_relax.observe(wrong)).rows}
+    assert held["on the bench"]
+    assert held["two poses that are turned, one edge"] == (bugs == BUGS["first"])
+    assert held["along x, one motion measured twice, well and badly"] == (bugs == BUGS["second"])
+
+
+def test_both_bugs_make_each_step_worse():
+    off = lap(ch.check_relax.mistaken(BUGS["both"]), 3)
+    assert off == sorted(off)
+
+
+@pytest.mark.parametrize("bugs", BUGS.values(), ids=BUGS)
+def test_a_town_that_flies_apart_is_drawn_with_its_numbers(bugs):
+    left, _ = ch.check_slam.draw(ch._slam_with(10, *bugs)).axes
+    assert not left.texts
+    assert left.get_title(loc="left").count("→") == 2
+
+
+def test_the_town_is_at_rest_before_the_tenth_step():
     truth, *given = ch._town()
-    poses, _ = ch.slam(*given)
+    poses, chi2 = ch.slam(*given)
     again = ch.relax(
         poses,
         np.vstack([np.column_stack([np.arange(119), np.arange(119) + 1]), given[3]]),
@@ -117,5 +193,16 @@ def test_the_town_is_mapped_in_fifteen_steps():
         np.array([given[2]] * 119 + [given[5]] * 41),
     )
     assert len(given[3]) == 41
-    np.testing.assert_allclose(poses, again, atol=1e-9)
+    np.testing.assert_allclose(poses, again, atol=1e-6)
     assert np.hypot(*(poses - truth)[:, :2].T).mean() < 0.2
+    assert ch._chi2(poses, given) == pytest.approx(chi2)
+    before = ch.path_through(given[0], 0, given[1])
+    assert (round(chi2, 1), round(ch._chi2(before, given))) == (115.6, 13091)
+
+
+def test_every_ride_of_the_check_is_at_rest_within_ten_steps():
+    more = ch.check_slam.mistaken("range(10) => range(40)")
+    for _, arguments in ch.check_slam.inputs:
+        (a, x), (b, y) = ch.slam(*arguments), more(*arguments)
+        np.testing.assert_allclose(a, b, atol=1e-12)
+        assert x == pytest.approx(y, abs=1e-12)
