@@ -6,33 +6,37 @@ The way out is the same for all; what wheels have counted on it is not.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from slamlab._checks import Array
 from slamlab.geometry import compose, wrap_angle
-from slamlab.robots import YOUBOT
 
-__all__ = ["HEDGES", "Robot", "expedition"]
+__all__ = ["HEDGES", "SHEDS", "Robot", "expedition"]
 
 _NOISE = np.array([0.012, 0.012, 0.012])  # of one motion (m, m, rad)
 _SLAM = np.array([0.003, 0.003, 0.002])  # of a pose that SLAM gives (m, m, rad)
 _STEPS = 8  # motions from one node of the graph to the next
 
 
+def _bend(turn: Any) -> Any:
+    """Return where one metre of driving ends that turns evenly, as a complex number x + iy."""
+    return np.sinc(turn / (2 * np.pi)) * np.exp(0.5j * turn)
+
+
 def _moved(twist: Array) -> Array:
     """Return the motion (..., 3) of a velocity that is held for one unit of time."""
-    return YOUBOT.step(np.zeros(3), twist, 1.0)
+    place = (twist[..., 0] + 1j * twist[..., 1]) * _bend(twist[..., 2])
+    return np.stack([place.real, place.imag, twist[..., 2]], -1)
 
 
 def _twist(motion: Array) -> Array:
     """Return the velocity that gives a motion (..., 3) in one unit of time."""
     turn = wrap_angle(motion[..., 2])
-    half = 0.5 * turn
-    chord = np.sinc(half / np.pi)  # sin(half) / half
-    c, s = np.cos(half) / chord, np.sin(half) / chord
-    x, y = motion[..., 0], motion[..., 1]
-    return np.stack([c * x + s * y, c * y - s * x, turn], -1)
+    speed = (motion[..., 0] + 1j * motion[..., 1]) / _bend(turn)
+    return np.stack([speed.real, speed.imag, turn], -1)
 
 
 _AHEAD, _LEFT = [0.5, 0.0, 0.0], [0.5, 0.0, np.pi / 6]
@@ -56,6 +60,10 @@ def _true_way() -> Array:
 _WAY = _true_way()
 # The last six metres lead between two of them: x, y (m) of their ends.
 HEDGES = _WAY[-1, :2] + np.array([[[-5.5, y], [0.5, y]] for y in (-1.0, 1.0)])
+# The first is the one that the way goes round: x, y (m) of two opposite corners.
+SHEDS = np.array(
+    [[[11.6, 1.2], [15.8, 4.2]], [[2.0, -5.0], [9.0, -2.0]], [[20.5, 0.0], [26.0, 4.0]]]
+)
 
 
 class Robot:
@@ -102,16 +110,32 @@ class Robot:
         gaps = np.array(self.truth)[:, None, :2] - _WAY[None, :, :2]
         return float(np.hypot(gaps[..., 0], gaps[..., 1]).min(1).max())
 
+    @property
+    def crossed(self) -> list[Array]:
+        """Places x, y (m) where it has passed through a hedge, until now."""
+        track = np.array(self.truth)[:, :2]
+        found = []
+        for (west, y), (east, _) in HEDGES:
+            for a, b in zip(track[:-1], track[1:], strict=True):
+                if (a[1] - y) * (b[1] - y) < 0:
+                    place = a + (y - a[1]) / (b[1] - a[1]) * (b - a)
+                    found += [place] * int(west < place[0] < east)
+        return found
+
     def drive(self, motion: Array) -> None:
         """Drive a motion: dx, dy (m) and turn (rad), in the frame of the robot before it.
 
         The wheels count exactly this motion; the floor gets that of worn and noisy wheels.
         """
-        twist = _twist(np.array(motion, dtype=float))
-        twist = twist + self._noise * _NOISE * self._wheels.standard_normal(3)
+        x, y, turn = np.asarray(motion, dtype=float).tolist()
+        turn = float(wrap_angle(turn))
+        speed = complex(x, y) / _bend(turn)
+        errors = self._noise * _NOISE * self._wheels.standard_normal(3)
         scale, drift = self._wear
-        really = _moved(scale * twist + drift * twist[0] * np.array([0.0, 0.0, 1.0]))
-        self.truth.append(compose(self.truth[-1], really))
+        speed += complex(errors[0], errors[1])
+        turn = scale * (turn + errors[2]) + drift * speed.real
+        place = scale * speed * _bend(turn)
+        self.truth.append(compose(self.truth[-1], [place.real, place.imag, turn]))
         self._scan = self._slam.standard_normal(3)
 
     def pose(self) -> Array:
@@ -136,8 +160,8 @@ def expedition(
     steps : ndarray, shape (n, 3)
         The motions on the way out, as the wheels have counted them.
     memory : tuple
-        The stored path (n + 1, 3), marker first, as noted by the wheels; the node of each of its
-        poses (n + 1,); the poses of all nodes as noted, and as SLAM has them after the closure.
+        The stored path (n + 1, 3), marker first, as the wheels counted it; the node of each of its
+        poses (n + 1,); the poses of all nodes as counted, and as SLAM has them after the closure.
     """
     rng = np.random.default_rng([seed, 0])
     really = _twist(_TOUR)
@@ -145,12 +169,11 @@ def expedition(
     counted[:, 2] -= drift * really[:, 0] / scale**2
     counted -= noise * _NOISE * rng.standard_normal(counted.shape)
     steps = _moved(counted)
-    path, truth = [np.zeros(3)], [np.zeros(3)]
-    for step, true in zip(steps, _TOUR, strict=True):
+    path, truth = [np.zeros(3)], _WAY[::10]
+    for step in steps:
         path.append(compose(path[-1], step))
-        truth.append(compose(truth[-1], _moved(_twist(true))))
     nodes = np.arange(len(path)) // _STEPS
-    before, after = np.array(path[::_STEPS]), np.array(truth[::_STEPS])
+    before, after = np.array(path[::_STEPS]), truth[::_STEPS].copy()
     after[1:] = compose(after[1:], _SLAM * rng.standard_normal(after[1:].shape))
-    robot = Robot(truth[-1], scale, drift, noise, seed)
+    robot = Robot(truth[-1].copy(), scale, drift, noise, seed)
     return robot, steps, (np.array(path), nodes, before, after)

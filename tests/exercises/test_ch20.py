@@ -5,9 +5,10 @@ import pytest
 from scipy.stats import chi2
 
 from slamlab.exercises import ch20_explore_and_return as ch
-from slamlab.exercises.yard import Robot, expedition
+from slamlab.exercises.yard import _WAY, HEDGES, SHEDS, Robot, _moved, _twist, expedition
 from slamlab.gaussian import mahalanobis_squared
 from slamlab.geometry import between, compose, inverse, inverse_transform, rotation, transform
+from slamlab.robots import YOUBOT
 
 
 def next_by_loop(driven, away, home, budget, reserve):
@@ -52,14 +53,19 @@ def runs_by_search(share, lost):
     return runs
 
 
+def runs_by_formula(share, lost):
+    a, b = 1 - share, 1.96 * np.sqrt(share * (1 - share))
+    return int(np.ceil(((b + np.sqrt(b**2 + 4 * a * lost)) / (2 * a)) ** 2))
+
+
 def home_after_a_look(robot, steps, memory, way):
     """Skip the pose on which it stands; two loops; the count of the wheels kept as a pose."""
     path, count = ch.relaid(*memory), robot.pose()
     if way == "wheels":
         for step in steps[::-1]:
             robot.drive(inverse(step).tolist())
-    if way in ("map", "noted"):
-        for goal in (memory[0] if way == "noted" else path)[-2::-1]:
+    if way in ("map", "counted"):
+        for goal in (memory[0] if way == "counted" else path)[-2::-1]:
             robot.drive(between(robot.pose(), goal))
     if way == "mixed":
         for goal in reversed(path):
@@ -80,6 +86,7 @@ def home_after_a_look(robot, steps, memory, way):
         (ch.check_inside, inside_on_the_floor),
         (ch.check_inside, lambda e, a, P: list(inside_on_the_floor(e, a, P))),
         (ch.check_runs_needed, runs_by_search),
+        (ch.check_runs_needed, runs_by_formula),
         (ch.check_come_home, home_after_a_look),
     ],
 )
@@ -92,17 +99,67 @@ def test_another_right_answer_passes(check, answer):
 def test_worn_wheels_undo_themselves_and_the_map_and_a_mixture_does_not(wear):
     off = {}
     beside = {}
-    for way in ("wheels", "noted", "map", "mixed"):
+    for way in ("wheels", "counted", "map", "mixed"):
         robot, steps, memory = expedition(*wear)
         ch.come_home(robot, steps, memory, way)
         off[way], beside[way] = robot.off, robot.beside
     assert off["wheels"] < 1e-9
     assert off["map"] < 0.03
-    assert off["noted"] < 0.03
+    assert off["counted"] < 0.03
     assert off["mixed"] > 0.2
     assert beside["wheels"] < 1e-9
     assert beside["map"] < 0.15
-    assert beside["noted"] > 0.3
+    assert beside["counted"] > 0.3
+
+
+def test_of_four_ways_home_the_counted_path_alone_passes_through_a_hedge():
+    crossed = {}
+    for way in ("wheels", "counted", "map", "mixed"):
+        robot, steps, memory = expedition()
+        crossed[way] = len(ch.come_home(robot, steps, memory, way).crossed)
+    assert crossed == {"wheels": 0, "counted": 1, "map": 0, "mixed": 0}
+
+
+def test_the_way_out_of_the_yard_is_free_and_keeps_a_metre_from_the_hedges():
+    (west, south), (east, north) = SHEDS[:, 0].T, SHEDS[:, 1].T
+    gaps = []
+    for x, y in _WAY[:, :2]:
+        across = np.maximum(np.maximum(west - x, x - east), 0)
+        along = np.maximum(np.maximum(south - y, y - north), 0)
+        gaps.append(np.hypot(across, along).min())
+    assert min(gaps) > 0.8
+    for (left, y), (right, _) in HEDGES:
+        near = (_WAY[:, 0] > left) & (_WAY[:, 0] < right) & (_WAY[:, 1] < -3)
+        assert np.abs(_WAY[near, 1] - y).min() > 0.99
+
+
+def test_a_hunted_bug_that_is_still_there_is_suspected_in_the_last_exercise():
+    def bugged(robot, steps, memory, way):
+        poses, nodes, before, after = memory
+        path = compose(poses, between(before, after)[nodes])
+        same = (path, nodes, before, before)
+        return ch.come_home(robot, steps, memory if way == "counted" else same, way)
+
+    text = ch.check_come_home(bugged).text
+    assert "is your `relaid` of Exercise 3 right?" in text
+
+
+def test_a_robot_of_the_yard_undoes_a_motion_by_the_velocity_with_the_other_sign():
+    rng = np.random.default_rng(0)
+    for twist in rng.uniform(-1, 1, (10, 3)):
+        np.testing.assert_allclose(_moved(twist), YOUBOT.step(np.zeros(3), twist, 1.0), atol=1e-12)
+        np.testing.assert_allclose(_twist(_moved(twist)), twist, atol=1e-12)
+
+
+def test_what_a_colleague_found_is_what_exercise_4_says():
+    found = []
+
+    def noted(errors, headings, covs):
+        found.append([ch.inside(errors, a * headings, covs).sum() for a in (0, 1)])
+        return ch.inside(errors, headings, covs)
+
+    ch.check_inside.draw(noted)
+    assert found == [[23, 28]]
 
 
 def test_plain_minus_signs_cost_metres_in_the_yard():
