@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from slamlab.exercises._draw import a_pose, drawn
-from slamlab.exercises._report import Array, Check, Function, Ints
+from slamlab.exercises._report import Array, Check, Function, Ints, Mask
 from slamlab.geometry import compose
 
 __all__ = [
@@ -26,10 +26,10 @@ __all__ = [
 # # Exercises 06: lidar simulation
 #
 # Five exercises that turn a drawn house into what a robot sees: a beam that meets glass, the beams
-# of a fan, a lidar that is not at the robot's centre, a beam with two bugs, and a whole drive
-# assembled. The chapter is [Lidar simulation](../06_lidar_simulation.ipynb). Replace each `...`
-# and run the check below it as often as you like; then draw what you built beside what is
-# expected.
+# of a robot that turns while it scans, a lidar that is not at the robot's centre, a beam with two
+# bugs, and a whole drive past a glass door with its map. The chapter is [Lidar
+# simulation](../06_lidar_simulation.ipynb). Replace each `...` and run the check below it as often
+# as you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 06: lidar simulation
@@ -41,9 +41,6 @@ __all__ = [
 
 # %% active="ipynb" tags=["imports", "solution"]
 # import numpy as np
-#
-# from slamlab.sensors import Lidar
-# from slamlab.worlds import BitmapWorld
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 1: a beam that meets glass
@@ -51,6 +48,7 @@ __all__ = [
 # A robot that drove without fault for a week is sent to a new office and drives against its glass
 # door. Its map has the door as free floor at one place and as a wall at another. A pane sends
 # light back only if a beam meets it nearly squarely; at a slant the light goes through, or away.
+# Exercise 5 will draw that map; here is its beam.
 #
 # So the picture has three kinds of cells: 0 is free, 1 a wall, 2 glass. Follow the beam from grid
 # line to grid line, as the lesson does. A wall always ends it. Glass ends it on two conditions:
@@ -133,6 +131,13 @@ _PANE = np.zeros((6, 9), dtype=int)
 _PANE[:, 5], _PANE[3:5, 6], _PANE[:, 8] = 2, 2, 1
 
 
+# A pane that runs up along column 3, and another across row 10.
+_TWO_PANES = np.zeros((12, 8), dtype=int)
+
+
+_TWO_PANES[:, 3] = _TWO_PANES[10] = 2
+
+
 def _beam(rng: np.random.Generator) -> Any:
     rows, columns = rng.integers(2, 9, 2)
     x, y = np.round(rng.uniform(0.05, [columns - 0.05, rows - 0.05]), 2) + 0.004
@@ -162,19 +167,31 @@ def _cells_drawn(ax: Any, cells: Any, resolution: float = 1.0) -> None:
     )
 
 
-def _first_hit_drawn(ax: Any, function: Any) -> None:
-    """Draw the end points of 180 beams in an office; its walls are grey, its panes light grey."""
+def _beams_drawn(ax: Any, start: Array, ends: Array, colour: str = "") -> None:
+    """Draw beams (n,) from a place to their ends as thin lines; NaN is left out."""
     from slamlab import plots
 
-    cells = np.zeros((10, 14), dtype=int)
-    cells[[0, -1], :] = cells[:, [0, -1]] = cells[4:6, 3] = 1
-    cells[1:9, 10] = cells[7, 1:9] = 2
-    x, y = 6.3, 4.6
+    lines = np.full((len(ends), 3, 2), np.nan)
+    lines[:, 0], lines[:, 1] = start, ends
+    style = {"color": colour, "alpha": 0.8} if colour else {"color": plots.COLOURS["lidar"]}
+    ax.plot(*lines.reshape(-1, 2).T, **({"lw": 0.5, "alpha": 0.35} | style))
+
+
+def _first_hit_drawn(ax: Any, function: Any) -> None:
+    """Draw 180 beams in an office with three panes of glass (light grey)."""
+    from slamlab import plots
+
+    cells = np.zeros((11, 15), dtype=int)
+    cells[[0, -1], :] = cells[:, [0, -1]] = cells[4:6, 2] = 1
+    cells[1:10, 9] = cells[8, 1:6] = cells[8, 10:14] = 2
+    x, y = 8.0, 2.6
     _cells_drawn(ax, cells)
     angles = np.linspace(-np.pi, np.pi, 180, endpoint=False) + 0.01
     ranges = np.array([float(function(cells, x, y, float(angle))) for angle in angles])
     ends = np.column_stack([x + ranges * np.cos(angles), y + ranges * np.sin(angles)])
-    plots.lidar_points(ax, np.where(np.isfinite(ends), ends, np.nan), s=3)
+    ends[~np.isfinite(ranges)] = np.nan
+    _beams_drawn(ax, np.array([x, y]), ends)
+    plots.lidar_points(ax, ends, s=2.5)
     ax.plot(x, y, "o", color=plots.COLOURS["truth"])
     ax.set(xlabel="x (cells)", ylabel="y (cells)")
 
@@ -193,8 +210,14 @@ check_first_hit = Check(
         "walls on the far edges are behind this beam": _away,
         "a pane met squarely": (_PANE, 1.5, 2.4, 0.2),
         "a pane met from the right": (_PANE, 7.5, 1.4, np.pi - 0.2),
-        "a pane met at 28 degrees": (_PANE, 1.5, 0.4, 0.49),
-        "a pane met at a slant lets the beam pass": (_PANE, 1.5, 0.6, 0.7),
+        "a pane met at 29.5 degrees": (_PANE, 1.5, 0.4, np.deg2rad(29.5)),
+        "a pane met at 30.5 degrees lets the beam pass": (_PANE, 1.5, 0.4, np.deg2rad(30.5)),
+        "through one pane at a slant, over free floor, squarely onto another": (
+            _TWO_PANES,
+            1.5,
+            1.5,
+            1.2,
+        ),
         "glass behind glass: the beam is inside it already": (_PANE, 4.6, 1.2, 1.2),
         "a pane met from below": (_PANE.T.copy(), 2.4, 1.5, np.pi / 2 + 0.3),
         "a pane met from above": (_PANE.T.copy(), 1.4, 7.5, -np.pi / 2 + 0.3),
@@ -262,6 +285,12 @@ check_first_hit.mistakes = {
     "the beam was in the glass already: only what comes from outside is sent back": (
         " and before == 0 => "
     ),
+    "a beam that has left the glass meets the next pane from outside again": (
+        "before = here => before = 2 if before == 2 else here"
+    ),
+    "the limit is 30 degrees from the perpendicular, here it is another angle": (
+        "np.cos(np.pi / 6) => np.cos(np.deg2rad(31))"
+    ),
     "which line was crossed? Across a vertical one `abs(dx)` counts, across a horizontal one "
     "`abs(dy)`": (
         "else -1), abs(dx) => else -1), abs(dy)",
@@ -280,22 +309,22 @@ check_first_hit.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # How much of a pane does a lidar miss? It stands one metre before a long pane (cells of 10 cm) and
-# sends a beam every degree into the half circle ahead; behind the pane is a wall, three metres
-# away:
+# sends a beam every degree ahead, from -80° to 80°; three metres behind the pane is a wall:
 
 # %% active="ipynb" tags=["solution"]
-# office = np.zeros((400, 60), dtype=int)
+# office = np.zeros((500, 60), dtype=int)
 # office[:, 20], office[:, 50] = 2, 1
 # beams = np.deg2rad(np.arange(-80, 81))
-# ranges = np.array([first_hit(office, 10.5, 200.5, beam) for beam in beams])
+# ranges = np.array([first_hit(office, 10.5, 250.5, beam) for beam in beams])
 # on_glass = np.isclose(ranges * np.cos(beams), 9.5)
-# print(f"{on_glass.sum()} of {len(beams)} beams see the pane, "
-#       f"{(~on_glass).sum()} the wall behind it")
+# on_wall = np.isclose(ranges * np.cos(beams), 39.5)
+# print(f"{on_glass.sum()} of {len(beams)} beams end on the pane, "
+#       f"{on_wall.sum()} on the wall behind it")
 
 # %% [markdown] tags=["solution"]
-# So the same pane is a wall in the middle of the scan and free floor at its sides, and an
-# occupancy map of a drive along it is whatever was observed last and most often. Who takes glass
-# for a wall:
+# So the same pane is a wall in the middle of the scan and free floor at its sides. What a map
+# makes of it on a drive, exercise 5 draws. An answer that takes glass for
+# a wall:
 
 # %% active="ipynb" tags=["solution"]
 # def all_solid(cells, x, y, angle):
@@ -304,16 +333,23 @@ check_first_hit.mistakes = {
 # check_first_hit(all_solid)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 2: the beams of a lidar
+# ## Exercise 2: the beams of a robot that turns
 #
-# Two lidars: *720 beams, 360°* says the one maker, *181 beams, 180°* the other. In one of them
-# neighbouring beams are half a degree apart, in the other a whole degree, and a program that
-# treats both alike is wrong for one of them. Lay out the beams for any such lidar.
+# A vacuum robot spins on the spot in a square room, and its scan is no square: the walls are
+# crooked, and there is a corner too many. Its lidar sends the beams one after another, while its
+# mirror turns counterclockwise on the robot, evenly, once round in each revolution. In that time
+# the robot turns as well, evenly, by `turned`. Only the first beam leaves with the heading that
+# the scan is stored with.
+#
+# Lay out the beams as they really left, for any lidar. *720 beams, 360°* says one maker, *181
+# beams, 180°* another: in one of them neighbouring beams are half a degree apart, in the other a
+# whole degree. And a lidar with a smaller field sends only while its mirror is turned to that
+# field.
 
 
 # %% tags=["exercise"]
-def beam_angles(n_beams: int, field_of_view: float) -> Array:
-    """Lay out the beams of a lidar.
+def beam_angles(n_beams: int, field_of_view: float, turned: float) -> Array:
+    """Lay out the beams of a lidar on a robot that turns.
 
     Parameters
     ----------
@@ -321,91 +357,129 @@ def beam_angles(n_beams: int, field_of_view: float) -> Array:
         At least one.
     field_of_view : float
         Opening angle (rad), at most 2 pi.
+    turned : float
+        Angle (rad), counterclockwise, by which the robot turns in one revolution of
+        the mirror; 0 if it stands.
 
     Returns
     -------
     ndarray, shape (n_beams,)
-        Directions (rad), counterclockwise. A full circle begins straight ahead. A part
-        of it lies around straight ahead, with a beam on both edges; a single beam looks
-        straight ahead. A full turn more or less does not matter.
+        Directions (rad), counterclockwise from the heading at which the first beam
+        leaves. On a robot that stands, a full circle begins straight ahead; a smaller
+        field is centred on straight ahead, from the right edge to the left, with a
+        beam on both edges, and a single beam points straight ahead. Angles are
+        compared up to a full turn.
     """
     if field_of_view >= 2 * np.pi:
-        return 2 * np.pi * np.arange(n_beams) / n_beams
-    if n_beams == 1:
-        return np.zeros(1)
-    return np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)
+        beams = 2 * np.pi * np.arange(n_beams) / n_beams
+    elif n_beams == 1:
+        beams = np.zeros(1)
+    else:
+        beams = np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)
+    return beams + turned * (beams - beams[0]) / (2 * np.pi)
 
 
 # %% active="ipynb" tags=["try"]
-# beam_angles(4, 2 * np.pi)
+# beam_angles(4, 2 * np.pi, 0.2)
 
 # %% [markdown] tags=["hint"]
-# How many gaps are there between n beams on a full circle, and how many on a part of it?
+# First a robot that stands. How many gaps are there between n beams on a full circle, and how many
+# on a part of it?
 
 # %% [markdown] tags=["hint"]
-# `np.arange(n_beams) / n_beams` for the circle, `np.linspace` for a part of it.
+# Now it turns. What share of a revolution has the mirror made between the first beam and beam i?
+# On the full circle, and on a half circle?
+
+# %% [markdown] tags=["hint"]
+# That share is an angle of the mirror over 2 pi. In the same share of the time the robot turns by
+# the same share of `turned`, and takes the beam along.
 
 
 # %% tags=["cases"]
-def _up_to_turns(function: Function, n_beams: int, field_of_view: float) -> Any:
+def _up_to_turns(function: Function, n_beams: int, field_of_view: float, turned: float) -> Any:
     """Let every turn of 2 pi pass; the half turn is +pi."""
-    came = function(n_beams, field_of_view)
+    came = function(n_beams, field_of_view, turned)
     angles = np.mod(np.asarray(came, dtype=float) + np.pi, 2 * np.pi) - np.pi
     return np.where(angles < -np.pi + 1e-9, np.pi, angles)
 
 
-def _fans_drawn(ax: Any, function: Any) -> None:
-    """Draw the beams of three lidars: twelve all round, nine in 160 degrees, a single one."""
+def _turning_drawn(ax: Any, function: Any) -> None:
+    """Draw two rooms, scanned all round and over 240°, by a robot that turns 40° a revolution."""
     from slamlab import plots
+    from slamlab.worlds import WallWorld
 
-    for x, n, view in ((0.0, 12, 360.0), (2.0, 9, 160.0), (3.8, 1, 90.0)):
-        beams = np.asarray(function(n, np.deg2rad(view)), float)
-        for angle in beams[:n]:
-            ends = np.array([[x, 0.0], [x + np.cos(angle), np.sin(angle)]])
-            plots.path(ax, ends, color=plots.COLOURS["lidar"])
-        ax.plot(x, 0, "o", color=plots.COLOURS["truth"])
+    square = np.array([(0, 0), (4, 0), (4, 4), (0, 4)], float)
+    off = []
+    for corner, n, view in ((0.0, 90, 2 * np.pi), (5.0, 41, 4 * np.pi / 3)):
+        world = WallWorld.from_polygons(square + [corner, 0])
+        start, heading, turned = np.array([corner + 1.7, 1.8]), 1.2, np.deg2rad(40)
+        ranges = world.cast(start, heading + beam_angles(n, view, turned))
+        angles = heading + np.asarray(function(n, view, turned), float)[:n]
+        ends = start + ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        off.append(np.abs(np.abs(ends - [corner + 2, 2]).max(axis=1) - 2).max())
+        plots.walls(ax, world.segments)
+        _beams_drawn(ax, start, ends)
+        plots.lidar_points(ax, ends, s=2.5)
+        ax.plot(*start, "o", color=plots.COLOURS["truth"])
     plots.floor(ax)
-    ax.set(xlabel="x (m), ahead", ylabel="y (m)")
+    ax.set(xlim=(0.2, 9.0), ylim=(-0.5, 4.3))
+    ax.set_title(f"farthest off its wall: {max(off):.2f} m", loc="left")
 
 
 check_beam_angles = Check(
     beam_angles,
     "angles",
     {
-        "a full circle begins ahead and has no beam twice": (8, 2 * np.pi),
-        "500 beams do not fall onto one ray": (500, 2 * np.pi),
-        "a single beam looks ahead": (1, 1.0),
-        "a single beam of a full circle": (1, 2 * np.pi),
-        "two beams look along the edges": (2, 2.0),
-        "nearly a full circle has both edges": (5, 6.0),
-        "even more nearly a full circle": (7, 6.2),
-        "any number shares the circle evenly": lambda rng: (rng.integers(2, 40), 2 * np.pi),
+        "a full circle begins ahead and has no beam twice": (8, 2 * np.pi, 0.0),
+        "500 beams do not fall onto one ray": (500, 2 * np.pi, 0.0),
+        "a single beam points ahead": (1, 1.0, 0.0),
+        "a single beam of a full circle": (1, 2 * np.pi, 0.0),
+        "two beams on the edges": (2, 2.0, 0.0),
+        "nearly a full circle has both edges": (5, 6.0, 0.0),
+        "even more nearly a full circle": (7, 6.2, 0.0),
+        "any number shares the circle evenly": lambda rng: (rng.integers(2, 40), 2 * np.pi, 0.0),
         "a part of the circle": lambda rng: (
             rng.integers(2, 40),
             np.round(rng.uniform(0.1, 6), 2),
+            0.0,
+        ),
+        "a full circle on a robot that turns left": (8, 2 * np.pi, 0.3),
+        "a full circle on a robot that turns right": (9, 2 * np.pi, -0.5),
+        "half a circle on a robot that turns": (7, np.pi, 0.4),
+        "a single beam leaves before the robot has turned": (1, 2.0, 0.6),
+        "any lidar on any robot": lambda rng: (
+            rng.integers(2, 40),
+            rng.choice([2 * np.pi, np.round(rng.uniform(0.1, 6), 2)]),
+            np.round(rng.uniform(-0.9, 0.9), 2),
         ),
     },
     use=_up_to_turns,
-    picture=_fans_drawn,
+    picture=_turning_drawn,
 )
 
 
 # %% tags=["mistakes"]
-def _from_ahead(n: int, view: float) -> Array:
-    return beam_angles(n, view) + (0.0 if view >= 2 * np.pi or n == 1 else view / 2)
+def _from_ahead(n: int, view: float, turned: float) -> Array:
+    return beam_angles(n, view, turned) + (0.0 if view >= 2 * np.pi or n == 1 else view / 2)
 
 
-def _whole_degrees(n: int, view: float) -> Array:
+def _whole_degrees(n: int, view: float, turned: float) -> Array:
     full = view >= 2 * np.pi
-    return np.deg2rad(360 // n) * np.arange(n) if full else beam_angles(n, view)
+    step = np.deg2rad(360 // n) * (1 + turned / (2 * np.pi))
+    return step * np.arange(n) if full else beam_angles(n, view, turned)
+
+
+def _whole_turn(n: int, view: float, turned: float) -> Array:
+    share = np.arange(n) / n if view >= 2 * np.pi else np.linspace(0, 1, n)
+    return beam_angles(n, view, 0.0) + turned * share
 
 
 check_beam_angles.mistakes = {
-    "in a full circle the first and the last beam must not look the same way": (
+    "in a full circle the first and the last beam must not have the same direction": (
         "field_of_view >= 2 * np.pi => False"
     ),
-    "these turn clockwise: angles grow counterclockwise": lambda n, v: -beam_angles(n, v),
-    "these are degrees: expected radians": lambda n, v: np.rad2deg(beam_angles(n, v)),
+    "these turn clockwise: angles grow counterclockwise": (lambda n, v, w: -beam_angles(n, v, w)),
+    "these are degrees: expected radians": lambda n, v, w: np.rad2deg(beam_angles(n, v, w)),
     "a part of the circle has a beam on both of its edges": (
         "np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)"
         " => -field_of_view / 2 + field_of_view * np.arange(n_beams) / n_beams"
@@ -414,7 +488,7 @@ check_beam_angles.mistakes = {
     "whole degrees, as P5 has it: 360 // n leaves a gap or puts all beams on one ray": (
         _whole_degrees
     ),
-    "a single beam looks straight ahead, not along the edge": "n_beams == 1 => False",
+    "a single beam points straight ahead, not along the edge": "n_beams == 1 => False",
     "a full circle begins straight ahead, not behind": (
         "2 * np.pi * np.arange(n_beams) / n_beams"
         " => 2 * np.pi * np.arange(n_beams) / n_beams - np.pi"
@@ -422,24 +496,58 @@ check_beam_angles.mistakes = {
     "the fan is twice as wide as the field of view": (
         "-field_of_view / 2, field_of_view / 2, => -field_of_view, field_of_view,"
     ),
+    "the robot turns while the beams leave: `turned` is missing": (
+        " + turned * (beams - beams[0]) / (2 * np.pi) => "
+    ),
+    "the robot's turn adds to the mirror's: here it was taken off": (
+        "beams + turned => beams - turned"
+    ),
+    "angles count from the heading of the first beam, not from that in the middle of the scan": (
+        "(beams - beams[0]) => beams"
+    ),
+    "a smaller field takes only a part of the revolution, and the robot turns by that part": (
+        _whole_turn
+    ),
+    "each beam leaves at its own time: not all are turned alike": (
+        "turned * (beams - beams[0]) / (2 * np.pi) => turned"
+    ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 2: the beams of a lidar
+# ## Solution 2: the beams of a robot that turns
 #
-# On a circle there are as many gaps as beams; between two edges there is one less.
+# On a circle there are as many gaps as beams; between two edges there is one less. The mirror's
+# angle since the first beam is the clock: over 2 pi it is the share of the revolution, and the
+# robot has turned by that share of `turned`. So a half circle is sent in half the time. The
+# repair has a name, *deskewing*, and programs that drive with a lidar do it; the turn comes
+# from the wheels or a gyroscope.
 
 # %% [markdown] tags=["solution"]
-# `linspace` over the whole circle looks behind the robot twice, and its beams are 360/(n - 1)
-# degrees apart:
+# What does each mistake cost? A lidar of 181 beams, 180°, two metres from the wall ahead, then
+# five; the ends are those between -60° and 60°. First the beams are placed as if there were as
+# many gaps as beams, then the robot turns by 20° in a revolution and its program forgets that.
 
 # %% active="ipynb" tags=["solution"]
-# def behind_twice(n_beams, field_of_view):
-#     if n_beams == 1:
-#         return np.zeros(1)
-#     return np.linspace(-field_of_view / 2, field_of_view / 2, n_beams)
+# for wall in (2.0, 5.0):
+#     for name, turned, placed in (
+#         ("n gaps", 0.0, -np.pi / 2 + np.pi * np.arange(181) / 181),
+#         ("turn forgotten", np.deg2rad(20), beam_angles(181, np.pi, 0.0)),
+#     ):
+#         sent = beam_angles(181, np.pi, turned)
+#         ahead = np.abs(sent) < np.deg2rad(60)
+#         ends = wall / np.cos(sent[ahead]) * np.cos(placed[ahead])
+#         print(f"wall at {wall:.0f} m, {name}: drawn from {ends.min():.2f} m "
+#               f"to {ends.max():.2f} m")
+
+# %% [markdown] tags=["solution"]
+# A degree shared among all gaps bends the wall a little, the robot's turn tilts and bends it much
+# more. Both grow with the distance, and no range shows either. An answer that forgets the turn:
+
+# %% active="ipynb" tags=["solution"]
+# def as_if_it_stood(n_beams, field_of_view, turned):
+#     return beam_angles(n_beams, field_of_view, 0.0)
 #
-# check_beam_angles(behind_twice)
+# check_beam_angles(as_if_it_stood)
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: a lidar on the robot's nose
@@ -490,9 +598,6 @@ def scan_to_points(pose: Array, mount: Array, ranges: Array, angles: Array) -> A
 # %% [markdown] tags=["hint"]
 # The pose of the lidar in the world is the robot's pose composed with the mount: the mount's place
 # is turned by the robot's heading and added, the two headings add.
-
-# %% [markdown] tags=["hint"]
-# `np.where(np.isfinite(ranges), ranges, np.nan)` first: NaN then spreads by itself.
 
 
 # %% tags=["cases"]
@@ -623,7 +728,7 @@ check_scan_to_points.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # Leaving out what is missing is tempting, for then no NaN appears in any plot. But the row of a
-# point is the number of its beam, and whoever uses that number later gets the neighbour's:
+# point is the number of its beam, and a program that uses that number later gets the neighbour's:
 
 # %% active="ipynb" tags=["solution"]
 # def left_out(pose, mount, ranges, angles):
@@ -633,21 +738,33 @@ check_scan_to_points.mistakes = {
 # check_scan_to_points(left_out)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 4: a robot that brakes for its own back, two bugs to find
+# ## Exercise 4: a robot that brakes in an empty hall, two bugs to find
 #
-# A room can also be drawn as straight walls. A beam from $p$ in the direction $d$ meets the wall
-# from $a$ to $b$ where $p + t\,d = a + s\,(b - a)$: two equations, two unknowns. $t$ is the
-# range, $s$ says where on the wall. With $u \times v = u_x v_y - u_y v_x$ they are
+# A robot that is simulated with the program below brakes in the middle of an empty hall. Its rooms
+# are drawn as straight walls, not as cells, which makes them exact at any angle. A beam from $p$
+# in the direction $d$, a unit vector, meets the wall from $a$ to $b$ where
+#
+# $$
+# p + t\,d = a + s\,(b - a) .
+# $$
+#
+# **Pencil first.** Two equations, two unknowns: $t$ and $s$. Take the product of both sides with
+# $b - a$ to be rid of one, then with $d$ to be rid of the other, where $u \times v = u_x v_y -
+# u_y v_x$. Mind the order: $u \times v = -\,v \times u$, and $u \times u = 0$. Then say, for both
+# numbers: what are they measured in, and which values mean that the wall is met?
+#
+# <details><summary>The two formulas, to compare with yours</summary>
 #
 # $$
 # t = \frac{(a - p) \times (b - a)}{d \times (b - a)}, \qquad s = \frac{(a - p) \times d}
 # {d \times (b - a)} .
 # $$
 #
-# Derive both with a pencil: take the product of the equation with $b - a$, then with $d$. A robot
-# that is simulated with the program below brakes in the middle of an empty hall, and drives into a
-# partition that stands before the wall. Both formulas are right, and two other things are not. Run
-# the check, find the two bugs, repair them.
+# </details>
+#
+# Now the program. The call below it is a case in which the robot brakes: straight ahead is a gate,
+# open from y = -1 to y = 1, with nothing behind it. There are two bugs, and each alone makes a
+# robot brake. Run the check, find both, repair them.
 
 
 # %% tags=["exercise"]
@@ -687,22 +804,27 @@ def nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
 #     det = d[0] * along[:, 1] - d[1] * along[:, 0]
 #     crossing = np.abs(det) > 1e-12
 #     along, to, det = along[crossing], to[crossing], det[crossing]
-#     t = np.abs((to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / det)
+#     t = np.abs((along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0]) / det)
 #     s = (to[:, 0] * d[1] - to[:, 1] * d[0]) / det
-#     met = (s >= 0) & (s <= 1)
-#     return t[met][0] if met.any() else np.inf
+#     length = np.hypot(along[:, 0], along[:, 1])
+#     met = (s >= 0) & (s <= length)
+#     return t[met].min() if met.any() else np.inf
 
 # %% active="ipynb" tags=["try"]
-# float(nearest_wall(np.array([[[2.0, -1.0], [2.0, 1.0]]]), 0.5, 0.0, 0.0))
+# gate = np.array([[[4.0, 1.0], [4.0, 4.0]], [[4.0, -4.0], [4.0, -1.0]]])
+# float(nearest_wall(gate, 0.0, 0.0, 0.0))
 
 # %% [markdown] tags=["hint"]
-# Draw the scene of the first property that fails. On which side of the lidar is the wall?
+# Draw the scene of the first property that fails, with numbers. Compute $t$ and $s$ of that wall
+# with a pencil and your own two formulas; then print what the program has.
 
 # %% [markdown] tags=["hint"]
-# What does the sign of $t$ say? And what is left of it in the program?
+# One of them differs from yours. What does the sign of $t$ say about a wall, and can the program
+# still know it? Repair that line whole, and compare it once more with yours.
 
 # %% [markdown] tags=["hint"]
-# A beam may cross several walls. Which of them does the program report?
+# Then the other: in which unit is $t$, and in which is $s$? Where is the point $a + s\,(b - a)$ on
+# the wall for s = 0, for s = 1 and for s = 2?
 
 
 # %% tags=["cases"]
@@ -719,24 +841,28 @@ def _on_one_line(rng: np.random.Generator) -> Any:
     angle = float(np.round(rng.uniform(-3.1, 3.1), 2))
     d = np.array([np.cos(angle), np.sin(angle)])
     places = rng.permutation([-1.0, 2.0, 3.0, 5.0])[:, None] * d
-    across = np.round(rng.uniform(0.3, 1.0, (4, 1)), 2) * np.array([-d[1], d[0]]) + 0.1 * d
+    aside = np.round(rng.uniform([[0.2, 1.0]], [[0.6, 9.0]], (4, 2)), 2)  # off the middle
+    aside = rng.permuted(aside, axis=1)[:, :, None] * np.array([-d[1], d[0]])
     start = np.round(rng.uniform(-2, 2, 2), 2)
-    return np.stack([places - across, places + across], 1) + start, *start, angle
+    return np.stack([places - aside[:, 0], places + aside[:, 1]], 1) + start, *start, angle
 
 
 def _nearest_drawn(ax: Any, function: Any) -> None:
-    """Draw the end points of 120 beams in a room of walls with a pillar."""
+    """Draw 120 beams in a hall with an open gate on the right, a pillar and a short partition."""
     from slamlab import plots
 
-    pillar = [(1.5, 2.2), (2.5, 2.2), (2.5, 3.0), (1.5, 3.0)]
-    rings = [np.array(ring, float) for ring in (_ROOM, pillar)]
-    walls = np.vstack([np.stack([ring, np.roll(ring, -1, axis=0)], 1) for ring in rings])
+    hall = [(6, 3.3), (6, 5), (0, 5), (0, 0), (6, 0), (6, 1.5)]
+    pillar = [(1.2, 3), (2.2, 3), (2.2, 3.8), (1.2, 3.8), (1.2, 3)]
+    rings = [np.array(ring, float) for ring in (hall, pillar, [(2.2, 0.9), (2.2, 1.5)])]
+    walls = np.vstack([np.stack([ring[:-1], ring[1:]], 1) for ring in rings])
+    start, angles = np.array([4.0, 2.1]), np.linspace(-np.pi, np.pi, 120, endpoint=False) + 0.01
+    ranges = np.array([float(function(walls, *start, float(angle))) for angle in angles])
+    ranges[~np.isfinite(ranges)] = np.nan
+    ends = start + ranges[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
     plots.walls(ax, walls)
-    angles = np.linspace(-np.pi, np.pi, 120, endpoint=False) + 0.01
-    ranges = np.array([float(function(walls, 3.2, 1.4, float(angle))) for angle in angles])
-    ends = np.column_stack([3.2 + ranges * np.cos(angles), 1.4 + ranges * np.sin(angles)])
-    plots.lidar_points(ax, np.where(np.isfinite(ends), ends, np.nan), s=4)
-    ax.plot(3.2, 1.4, "o", color=plots.COLOURS["truth"])
+    _beams_drawn(ax, start, ends)
+    plots.lidar_points(ax, ends, s=3)
+    ax.plot(*start, "o", color=plots.COLOURS["truth"])
     plots.floor(ax)
     ax.set(xlim=(-0.5, 6.5), ylim=(-0.5, 5.5))
 
@@ -748,6 +874,25 @@ check_nearest_wall = Check(
         "one wall ahead": ([[[2.0, -1.0], [2.5, 1.0]]], 0.5, 0.0, 0.1),
         "one wall, drawn the other way round": ([[[2.5, 1.0], [2.0, -1.0]]], 0.5, 0.0, 0.1),
         "one wall, somewhere else": ([[[-2.0, -1.0], [-2.5, 1.0]]], 0.5, 0.0, 0.1),
+        "one wall, met near its second end": ([[[2.0, -3.0], [2.5, 0.6]]], 0.5, 0.0, 0.1),
+        "a wall shorter than a metre, met near its second end": (
+            [[[2.0, -0.2], [2.1, 0.3]]],
+            0.5,
+            0.0,
+            0.1,
+        ),
+        "an open gate between two walls": (
+            [[[4.0, 1.0], [4.0, 4.0]], [[4.0, -4.0], [4.0, -1.0]]],
+            0.0,
+            0.0,
+            0.1,
+        ),
+        "two walls, one after the other": (
+            [[[1.0, -0.1], [1.0, 6.0]], [[2.0, -1.0], [2.0, 1.0]]],
+            0.0,
+            0.0,
+            0.1,
+        ),
         "four walls, somewhere": _on_one_line,
         "a wall that the beam passes by": ([[[2.0, 1.0], [2.5, 3.0]]], 0.5, 0.0, 0.1),
         "the beam touches the first end of a wall": ([[[2, 0], [2, 1]]], 0.5, 0.0, 0.0),
@@ -776,11 +921,28 @@ check_nearest_wall = Check(
 
 
 # %% tags=["mistakes"]
+def _nearest_middle(segments: Array, x: float, y: float, angle: float) -> float:
+    ranges = np.array([nearest_wall(wall[None], x, y, angle) for wall in segments])
+    far = np.hypot(*(segments.mean(axis=1) - [x, y]).T)
+    met = np.isfinite(ranges)
+    return float(ranges[met][np.argmin(far[met])]) if met.any() else np.inf
+
+
 check_nearest_wall.mistakes = {
     "the ends belong to a wall: s from 0 to 1, both included": (
         "(s >= 0) & (s <= 1) => (s > 0) & (s < 1)"
     ),
     "a lidar on a wall meets it at zero: t >= 0": "(t >= 0) => (t > 0)",
+    "the product has a sign: (a - p) x (b - a), not (b - a) x (a - p)": "t = (to => t = -(to",
+    "s is a share of the wall, from 0 to 1: this compares it with metres": (
+        "(s <= 1) => (s <= np.hypot(along[:, 0], along[:, 1]))"
+    ),
+    "the wall's direction was made a unit vector: s is then in metres, and 1 no longer its end": (
+        "along, to, det = along[crossing] => along /= np.linalg.norm(along, axis=1)[:, None]\n"
+        "    det = d[0] * along[:, 1] - d[1] * along[:, 0]\n"
+        "    along, to, det = along[crossing]"
+    ),
+    "this is the wall whose middle is nearest: another may be met before it": _nearest_middle,
     "walls behind the lidar are met as well: only those ahead count, t >= 0": (
         "(t >= 0) &  => ",
         "t[met].min() => np.abs(t[met]).min()",
@@ -809,38 +971,54 @@ check_nearest_wall.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 4: a bug to find
+# ## Solution 4: a robot that brakes in an empty hall
 #
 # The product with $b - a$ removes $s$, since $(b - a) \times (b - a) = 0$; the product with $d$
-# removes $t$. So far the program was right. The first bug: a negative $t$ is a crossing *behind*
-# the lidar, and the absolute value hides it. The second: `[0]` takes the wall that
-# stands first in the list, not the nearest one. With a single wall ahead neither shows; a wall
-# behind the lidar shows the first, a second wall ahead may show the other.
+# removes $t$. $d$ has length one, so $t$ is in metres; $b - a$ has the length of the wall, so $s$
+# is a share of it.
+#
+# The first bug: the program has $(b - a) \times (a - p)$, the other way round, so walls ahead get
+# a negative $t$. The absolute value makes them look right, and with them the walls *behind* the
+# lidar. Without `np.abs`, but with t >= 0 asked for, only what is behind is seen. The second bug:
+# $s$ is compared with the length in metres. A wall of three metres goes on to s = 3, six metres
+# beyond its end, and closes the gate; a wall of half a metre ends at s = 0.5, in its middle.
 
 # %% [markdown] tags=["solution"]
-# Who takes the smallest *absolute* value repairs the second bug only. A robot then sees the wall
-# at its back in each beam that finds nothing nearer ahead:
+# With a single wall ahead, a metre long, neither bug shows. Another mistake shows even less: the
+# wall whose middle is nearest is taken for the one that is met first. But a long wall beside the
+# robot has its middle far away:
 
 # %% active="ipynb" tags=["solution"]
-# def eyes_in_the_back(segments, x, y, angle):
-#     ahead = nearest_wall(segments, x, y, angle)
-#     return min(ahead, nearest_wall(segments, x, y, angle + np.pi))
+# def nearest_middle(segments, x, y, angle):
+#     far = np.hypot(*(segments.mean(axis=1) - [x, y]).T)
+#     for wall in segments[np.argsort(far)]:
+#         if nearest_wall(wall[None], x, y, angle) < np.inf:
+#             return nearest_wall(wall[None], x, y, angle)
+#     return np.inf
 #
-# check_nearest_wall(eyes_in_the_back)
+# check_nearest_wall(nearest_middle)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: a lidar on a drive
+# ## Exercise 5: the map that leads into the glass
 #
-# Assemble it from your three functions: a plan whose cells have a side of `resolution` metres, a
-# robot at several poses, a lidar mounted on it. Poses and results are in metres, `first_hit`
-# counts in cells. What is farther than `max_range` is not seen.
+# Exercise 1's robot has driven past its glass door before, and made a map of what it saw. Repeat
+# that drive, from your own functions: a plan whose cells have a side of `resolution` metres, a
+# robot that stops at several poses and scans, a lidar mounted on it. Poses and results are in
+# metres, `first_hit` counts in cells. What is farther than `max_range` is not seen.
 #
-# Then draw. Two rooms share a wall with a doorway and a pane of glass (light grey); six scans,
-# each in the colour of its pose. From which poses is the pane there, and from which is it open
-# floor?
+# **Predict first.** Two rooms share a wall (x from 2.8 to 3.2 m) with a doorway (y from 0.4 to
+# 1.2) and a pane of glass (y from 1.6 to 3.6). The robot scans from 1 (0.9, 2.4), 2 (1.6, 1.9) and
+# 3 (2.1, 1.1) in the left room, from 4 (3.1, 0.8) in the doorway, and from 5 (3.9, 1.2) and 6
+# (3.9, 2.0) in the right room, with the pane in its field of view. The map counts for each cell
+# the beams that ended in it and the beams that passed through it, and has a wall there if at least
+# as many ended as passed. Sketch it (leave the mount out): which part of the pane do the beams of
+# each pose have as a wall? And where will the map have a hole?
+#
+# Then draw, and open the picture: beams that went through the pane are orange, and beside each of
+# its cells is written how many ended and how many passed.
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def record(
     cells: Ints,
     resolution: float,
@@ -864,7 +1042,7 @@ def record(
         The lidar on the robot, as for `scan_to_points`.
     n_beams : int
     field_of_view : float
-        In radians, as for `beam_angles`.
+        In radians, as for `beam_angles`; the robot stands while it scans.
     max_range : float
         Reach of the lidar (m).
 
@@ -875,7 +1053,7 @@ def record(
     points : ndarray, shape (k, n_beams, 2)
         Where the beams ended, in the world (m); NaN where they met nothing.
     """
-    angles = beam_angles(n_beams, field_of_view)
+    angles = beam_angles(n_beams, field_of_view, 0.0)
     ranges = np.full((len(poses), n_beams), np.inf)
     points = np.full((len(poses), n_beams, 2), np.nan)
     for k, pose in enumerate(poses):
@@ -893,17 +1071,18 @@ def record(
 # record(np.array([[0, 0, 0, 1]]), 0.5, pose, np.zeros(3), 1, 1.0, 5.0)
 
 # %% [markdown] tags=["hint"]
+# For the prediction: a lidar is at a distance D before the pane. How far beside the foot of the
+# perpendicular does the beam end that meets the pane at 30°?
+
+# %% [markdown] tags=["hint"]
 # Two loops: over poses, and over the directions of the beams. In which direction of the world
-# does a beam look, and where does it start? (`scan_to_points` with a range of 0 says where the
+# does a beam point, and where does it start? (`scan_to_points` with a range of 0 says where the
 # lidar is.)
 
 # %% [markdown] tags=["hint"]
 # Metres go in, cells are counted, metres come out: a division before `first_hit` and a
-# multiplication after it.
-
-# %% [markdown] tags=["hint"]
-# `scan_to_points` turns by both headings itself: give it the directions as `beam_angles` has them.
-# inf becomes NaN there.
+# multiplication after it. `scan_to_points` turns by both headings itself: give it the directions
+# as `beam_angles` has them.
 
 
 # %% tags=["cases"]
@@ -928,25 +1107,81 @@ _CORRIDOR = np.zeros((3, 8), dtype=int)
 _CORRIDOR[1, [5, 7]] = 1
 
 
+def _tally(cells: Ints, side: float, starts: Array, ends: Array, met: Mask) -> tuple[Any, ...]:
+    """Return how many beams ended in each cell, how many passed it, and which passed glass.
+
+    `ends` (k, n, 2) are those of the beams from `starts` (k, 1, 2); `met` says which hit.
+    """
+    way = ends - starts
+    along = np.arange(0.0, 1.0, 0.0025)[:, None]
+    places = (starts[..., None, :] + along * way[..., None, :]).reshape(met.size, -1, 2)
+    column, row = np.moveaxis(np.floor(places / side).astype(int), -1, 0)
+    rows, columns = cells.shape
+    beam, step = np.nonzero((row >= 0) & (row < rows) & (column >= 0) & (column < columns))
+    passed = np.zeros((met.size, rows, columns), dtype=bool)
+    passed[beam, row[beam, step], column[beam, step]] = True
+    behind = (ends + 1e-3 * way / np.linalg.norm(way, axis=-1, keepdims=True))[met]
+    edges = side * np.arange(rows + 1), side * np.arange(columns + 1)
+    hit = np.histogram2d(behind[:, 1], behind[:, 0], bins=edges)[0].astype(int)
+    return hit, passed.sum(axis=0), passed[:, cells == 2].any(axis=1).reshape(met.shape)
+
+
 def _record_drawn(ax: Any, function: Any) -> None:
-    """Draw six scans on a drive past a pane of glass (light grey), each in its pose's colour."""
+    """Draw a drive past a pane of glass (light grey); below it the map of its six scans.
+
+    Beside each cell of the pane (dotted): beams that ended in it / passed it. The arrow is a way
+    that the map has free.
+    """
+    from slamlab import plots
+
     cells, path = _two_rooms()
-    _, points = function(cells, 0.2, path, np.array([0.15, 0.1, -0.3]), 60, 4.0, 3.0)
-    _cells_drawn(ax, cells, 0.2)
-    colours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#7f6000", "#000000"]
-    for pose, ends, colour in zip(path, np.asarray(points, float), colours, strict=True):
-        ax.plot(*pose[:2], "o", color=colour, markersize=6)
-        ax.plot(*ends.T, ".", color=colour, markersize=2.5)
-    ax.set(xlim=(0, 6.4), ylim=(0, 4), xlabel="x (m)", ylabel="y (m)")
+    mount, reach = np.array([0.15, 0.1, -0.3]), 4.0
+    _, points = function(cells, 0.4, path, mount, 90, 4.5, reach)
+    lidar = compose(path, mount)
+    beams = lidar[:, 2:] + beam_angles(90, 4.5, 0.0)
+    points = np.broadcast_to(np.asarray(points, float), (*beams.shape, 2))
+    met = np.isfinite(points).all(axis=-1)
+    starts = lidar[:, None, :2]
+    far = starts + reach * np.stack([np.cos(beams), np.sin(beams)], -1)
+    ends = np.where(met[..., None], points, far)
+    hit, passed, through = _tally(cells, 0.4, starts, ends, met)
+    wall = (hit > 0) & (hit >= passed)
+    ax.figure.set_figheight(5.4)
+    _cells_drawn(ax, cells, 0.4)
+    state = np.where(wall, 0.8, np.where(passed > 0, 0.0, 0.3))
+    below = -4.8
+    plots.occupancy(ax, state, [0, 6.4, below, below + 4])
+    for start, scan, glass in zip(starts, ends, through, strict=True):
+        _beams_drawn(ax, start, scan[~glass])
+        _beams_drawn(ax, start, scan[glass], plots.COLOURS["dead_reckoning"])
+    ax.plot(*points.reshape(-1, 2).T, ".", color=plots.COLOURS["truth"], markersize=1.5)
+    nose = np.stack([np.cos(path[:, 2]), np.sin(path[:, 2])])
+    ax.quiver(*path[:, :2].T, *(0.55 * nose), angles="xy", scale_units="xy", scale=1, width=0.008)
+    ax.plot(*path[:, :2].T, "o", markersize=9, markerfacecolor="white", color="black")
+    for k, pose in enumerate(path, 1):
+        ax.text(*pose[:2], str(k), ha="center", va="center_baseline", fontsize=7)
+    pane = np.argwhere(cells == 2)
+    for row, column in pane:
+        said = f"{hit[row, column]} / {passed[row, column]}"
+        ax.text(3.3, below + 0.4 * row + 0.2, said, va="center", fontsize=8)
+    hole = [row for row, column in pane if not wall[row, column] and passed[row, column]]
+    if hole:
+        y = below + 0.4 * hole[len(hole) // 2] + 0.2
+        ax.annotate("", (3.2, y), (1.2, y), arrowprops={"arrowstyle": "-|>", "color": "black"})
+    ax.text(0, 4.1, "the drive", fontsize=8)
+    ax.text(0, below + 4.1, "the map of its scans", fontsize=8)
+    ax.plot([2.8, 3.2, 3.2, 2.8, 2.8], below + np.array([1.6, 1.6, 3.6, 3.6, 1.6]), "k:", lw=0.8)
+    ax.set(xlim=(0.5, 5.9), ylim=(below + 0.7, 3.8), xlabel="x (m)", ylabel="", yticks=[])
+    ax.set_title(f"{through.sum()} through the glass, hole {0.4 * len(hole):.1f} m", loc="left")
 
 
 def _two_rooms() -> tuple[Ints, Array]:
     """Return two rooms with a doorway and a pane between them, and a drive through the doorway."""
-    cells = np.zeros((20, 32), dtype=int)
-    cells[[0, -1], :] = cells[:, [0, -1]] = cells[:, 15] = 1
-    cells[6:11, 15], cells[11:18, 15] = 0, 2
-    path = np.array([[0.9, 2.9, 1.2], [1.5, 2.2, 0.4], [2.2, 1.7, 0], [3.1, 1.7, 0],
-                     [4.0, 1.8, -0.9], [5.2, 2.4, 2.6]])  # fmt: skip
+    cells = np.zeros((10, 16), dtype=int)
+    cells[[0, -1], :] = cells[:, [0, -1]] = cells[:, 7] = 1
+    cells[1:3, 7], cells[4:9, 7] = 0, 2
+    path = np.array([[0.9, 2.4, -0.4], [1.6, 1.9, -0.8], [2.1, 1.1, -0.5], [3.1, 0.8, 0.0],
+                     [3.9, 1.2, 1.7], [3.9, 2.0, 1.8]])  # fmt: skip
     return cells, path
 
 
@@ -1042,80 +1277,52 @@ check_record.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 5: a lidar on a drive
+# ## Solution 5: the map that leads into the glass
 #
 # What to notice: both headings are used twice, once to send the beam and once to place its end.
 # You add them when you send; `scan_to_points` adds them when it places. `resolution` appears where
 # metres become cells and where cells become metres, and nowhere else.
 
 # %% [markdown] tags=["solution"]
-# The pane of the picture. How many beams of each pose end on it, of those that would if it were a
-# wall?
-
-# %% active="ipynb" tags=["solution"]
-# plan = np.zeros((20, 32), dtype=int)
-# plan[[0, -1], :] = plan[:, [0, -1]] = plan[:, 15] = 1
-# plan[6:11, 15], plan[11:18, 15] = 0, 2
-# path = np.array([[0.9, 2.9, 1.2], [1.5, 2.2, 0.4], [2.2, 1.7, 0], [3.1, 1.7, 0],
-#                  [4.0, 1.8, -0.9], [5.2, 2.4, 2.6]])
-# seen = []
-# for cells in (plan, np.minimum(plan, 1)):
-#     _, ends = record(cells, 0.2, path, np.array([0.15, 0.1, -0.3]), 60, 4.0, 3.0)
-#     x, y = ends[..., 0], ends[..., 1]
-#     pane = (x > 2.99) & (x < 3.21) & (y > 2.2) & (y < 3.6)
-#     seen.append(pane.sum(axis=1))
-# print("on the glass, pose by pose: ", *seen[0])
-# print("on a wall in the same place:", *seen[1])
-
-# %% [markdown] tags=["solution"]
-# It vanishes just where the robot drives past it. A map of this drive has a wall there by some
-# scans and open floor by others, and a planner may take the floor.
-
-# %% [markdown] tags=["solution"]
-# Now a drive in a room whose truth is known, 60 by 80 cells of 10 cm with a fence and two boxes:
-# twelve poses along an ellipse. Your ranges beside those of the library; then the map that the
-# points draw, every end of a beam moved on by a millimetre into the cell that stopped it. No cell
-# of it may be free in truth.
-
-# %% active="ipynb" tags=["solution"]
-# room = np.zeros((60, 80), dtype=int)
-# room[[0, -1], :] = room[:, [0, -1]] = 1
-# room[12:20, 50:62] = room[40:48, 15:22] = 1
-# turn = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-# poses = np.column_stack([4 + 1.5 * np.cos(turn), 3 + 1.2 * np.sin(turn), turn + 1.3])
-#
-# def false_cells(ranges, points):
-#     beams = poses[:, 2:] + beam_angles(60, 2 * np.pi)
-#     behind = points + 1e-3 * np.stack([np.cos(beams), np.sin(beams)], -1)
-#     column, row = np.floor(behind[np.isfinite(ranges)] / 0.1).astype(int).T
-#     drawn = set(zip(row.tolist(), column.tolist()))
-#     return len(drawn), len(drawn - set(zip(*np.nonzero(room))))
-#
-# centre = np.zeros(3)
-# ranges, points = record(room, 0.1, poses, centre, 60, 2 * np.pi, 5.0)
-# library = Lidar(60, max_range=5.0).scan(BitmapWorld(room, 0.1), poses)
-# same = np.allclose(ranges, library, rtol=0, atol=1e-9)
-# drawn, wrong = false_cells(ranges, points)
-# print(f"{np.isfinite(ranges).sum()} beams came back, as in the library: {same}")
-# print(f"the points draw {drawn} cells, {wrong} of them free or outside")
-
-# %% [markdown] tags=["solution"]
 # A way to be wrong that a scan with heading zero cannot show: the beams are sent without the
-# heading, and their ends placed with it. From that one pose everything fits. On a drive the walls
-# fall apart:
+# heading of the robot, and their ends placed with it.
 
 # %% active="ipynb" tags=["solution"]
 # def forgets_the_heading(cells, resolution, poses, mount, *beams):
-#     ranges, _ = record(cells, resolution, poses * [1, 1, 0], mount, *beams)
-#     angles = beam_angles(*beams[:2])
-#     scans = zip(poses, ranges)
-#     points = [scan_to_points(pose, mount, scan, angles) for pose, scan in scans]
+#     angles, zero = beam_angles(*beams[:2], 0.0), np.zeros(1)
+#     lidar = [[*scan_to_points(p, mount, zero, zero)[0], mount[2]] for p in poses]
+#     sent = np.reshape(lidar, (-1, 3))
+#     ranges, _ = record(cells, resolution, sent, np.zeros(3), *beams)
+#     points = [scan_to_points(p, mount, r, angles) for p, r in zip(poses, ranges)]
 #     return ranges, np.reshape(points, (len(poses), len(angles), 2))
 #
-# wrongly = forgets_the_heading(room, 0.1, poses, centre, 60, 2 * np.pi, 5.0)
-# drawn, wrong = false_cells(*wrongly)
-# print(f"the points draw {drawn} cells, {wrong} of them free or outside")
 # check_record(forgets_the_heading)
+
+# %% [markdown] tags=["solution"]
+# Now the prediction. At a distance $D$ before the pane, 30° reach $D \tan 30° = 0.58\,D$ to each
+# side: pose 1, 1.9 m before it, has the pane from y = 1.3 to 3.5, pose 3, 0.7 m before it, from
+# 0.7 to 1.5, where no glass is. And the scans, with the mount:
+
+# %% active="ipynb" tags=["solution"]
+# plan = np.zeros((10, 16), dtype=int)
+# plan[[0, -1], :] = plan[:, [0, -1]] = plan[:, 7] = 1
+# plan[1:3, 7], plan[4:9, 7] = 0, 2
+# path = np.array([[0.9, 2.4, -0.4], [1.6, 1.9, -0.8], [2.1, 1.1, -0.5], [3.1, 0.8, 0.0],
+#                  [3.9, 1.2, 1.7], [3.9, 2.0, 1.8]])
+# mount = np.array([0.15, 0.1, -0.3])
+# _, points = record(plan, 0.4, path, mount, 90, 4.5, 4.0)
+# for k, (x, y) in enumerate(np.swapaxes(points, 1, 2), 1):
+#     there = y[(x > 2.79) & (x < 3.21) & (y > 1.61) & (y < 3.59)]
+#     part = f", y = {there.min():.1f} to {there.max():.1f}" if len(there) else ""
+#     print(f"pose {k}: {len(there)} beams end on the pane{part}")
+
+# %% [markdown] tags=["solution"]
+# Each pose has only the part of the pane that is straight before it; its other beams go through,
+# and on their way they count the glass as free. Above y = 2.5 only pose 1 has a wall, and in the
+# upper three cells at least three times as many beams passed as ended. So the lower two cells of
+# the pane are a wall in the map, and the upper three a hole of 1.2 m. A robot that is asked to
+# cross takes it: this is how exercise 1's robot met its door. What helps is a map that keeps
+# *from where* a cell was seen, or a second sensor: sound comes back from glass.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 06](../solutions/06_lidar_simulation.ipynb).

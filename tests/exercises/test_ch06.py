@@ -33,6 +33,13 @@ def by_all_crossings(cells, x, y, angle):
     return np.inf
 
 
+def beam_after_beam(n, view, turned):
+    """Another right answer: the mirror's clock, one beam after the other."""
+    gaps = n if view >= 2 * np.pi else max(n - 1, 1)
+    share = view / (2 * np.pi) / gaps
+    return [beam + i * share * turned for i, beam in enumerate(Lidar(n, view).beam_angles)]
+
+
 def by_transform(pose, mount, ranges, angles):
     pose = compose(pose, mount)
     with np.errstate(invalid="ignore"):
@@ -69,7 +76,7 @@ def by_lists(cells, resolution, poses, mount, n_beams, field_of_view, max_range)
     ("check", "answer"),
     [
         (ch.check_first_hit, by_all_crossings),
-        (ch.check_beam_angles, lambda n, view: Lidar(n, view).beam_angles),
+        (ch.check_beam_angles, beam_after_beam),
         (
             ch.check_beam_angles,
             lambda *g: list(wrap_angle(ch.check_beam_angles.reference(*g))),
