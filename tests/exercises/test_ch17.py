@@ -48,6 +48,8 @@ def loop_by_library(c):
 def loop_by_cramer(c):
     (a1, b1), (a2, b2), (a3, b3) = c[1:]
     det = a2 * b3 - a3 * b2
+    if abs(det) < 1e-13:
+        return [math.nan] * 2
     sigma, w = (a3 * b1 - a1 * b3) / det, (a1 * b2 - a2 * b1) / det
     product = sigma**2 - w
     roots = np.roots([1, -sigma, product])
