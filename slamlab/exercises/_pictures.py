@@ -86,7 +86,9 @@ def _attempt(picture: Picture, ax: Any, student: Function) -> str:
     """Draw what a function gives; say in words why it cannot be drawn."""
 
     def watched(*arguments: Any) -> Any:
-        came = student(*(np.copy(a) if isinstance(a, np.ndarray) else a for a in arguments))
+        came = student(
+            *(np.copy(a, subok=True) if isinstance(a, np.ndarray) else a for a in arguments)
+        )
         if came is None or came is Ellipsis:
             raise NotImplementedError
         return came

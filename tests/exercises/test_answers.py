@@ -144,7 +144,7 @@ WRONG = [
     ("ch09.check_add_landmark", lambda P, *a: answer("ch09.check_add_landmark")(P, *a)[:-1], ""),
     (
         "ch10.check_predict_cov",
-        answer("ch10.check_predict_cov", "F.T + Q => F.T - Q"),
+        answer("ch10.check_predict_cov", "A.T + N => A.T - N"),
         "`Q` counts with the wrong sign",
     ),
     ("ch11.check_one_by_one", lambda *a: -answer("ch11.check_one_by_one")(*a), "sign"),

@@ -7,27 +7,38 @@ from slamlab.exercises import ch10_convergence_consistency_and_cost as ch
 from slamlab.sensors import RangeBearing
 
 
-def by_a_matrix(P):
-    """Another right answer: m1 - m2 is a linear map of the state."""
+def along_the_door(mean, P):
+    """Another right answer: the difference is a linear map, the width a part of it."""
     A = np.zeros((2, 7))
     A[:, 3:5], A[:, 5:7] = np.eye(2), -np.eye(2)
-    return (A @ P @ A.T).tolist()
+    d = A @ mean
+    return np.linalg.norm(d), d @ (A @ P @ A.T) @ d / (d @ d)
 
 
-def block_by_block(P, F, Q):
-    """Another right answer: the blocks of P1 (11), in place of a copy."""
+def step_by_step(P, F, Q):
+    """Another right answer: every step moves the strips too."""
     P = P.copy()
-    P[:3, 3:] = F @ P[:3, 3:]
-    P[3:, :3] = P[:3, 3:].T
-    P[:3, :3] = F @ P[:3, :3] @ F.T + Q
+    for step, noise in zip(F, Q, strict=True):
+        P[:3, 3:] = step @ P[:3, 3:]
+        P[3:, :3] = P[:3, 3:].T
+        P[:3, :3] = step @ P[:3, :3] @ step.T + noise
     return P
 
 
-def by_square_roots(Phi, Psi, theta, H, S, v, K):
-    """Another right answer: whiten the measurement first."""
-    root = np.linalg.cholesky(S)
-    A, w = np.linalg.solve(root, H @ Phi), np.linalg.solve(root, v)
-    return [(np.eye(len(Phi)) - K @ H) @ Phi, Psi + A.T @ A, theta + A.T @ w]
+def by_whole_products(P, F, Q):
+    """Another right answer: every step is two products of matrices as large as the map."""
+    P = P.copy()
+    for step, noise in zip(F, Q, strict=True):
+        A, N = np.eye(len(P)), np.zeros(P.shape)
+        A[:3, :3], N[:3, :3] = step, noise
+        P = A @ P @ A.T + N
+    return P
+
+
+def by_one_matrix(Phi1, Psi1, y1, Phi2, Psi2, y2):
+    """Another right answer: Psi and y side by side."""
+    second = Phi1.T @ np.column_stack([Psi2 @ Phi1, y2])
+    return [Phi2 @ Phi1, second[:, :-1] + Psi1, second[:, -1] + y1]
 
 
 def by_the_jacobians(d, D, R):
@@ -85,9 +96,10 @@ def by_whole_matrices(P0, u, dt, V, z, ids, R):
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
-        (ch.check_difference_cov, by_a_matrix),
-        (ch.check_predict_cov, block_by_block),
-        (ch.check_accounts, by_square_roots),
+        (ch.check_door_width, along_the_door),
+        (ch.check_predict_cov, step_by_step),
+        (ch.check_predict_cov, by_whole_products),
+        (ch.check_joined, by_one_matrix),
         (ch.check_leaked, by_the_jacobians),
         (ch.check_update, by_information),
         (ch.check_slam, by_whole_matrices),
@@ -104,3 +116,42 @@ def test_each_bug_of_the_hunt_shows_in_its_picture():
     assert right < 0.2
     assert leak == right
     assert old > 1.0
+
+
+def test_the_picture_counts_what_a_prediction_costs():
+    """The map once, a strip in each step, or the whole map twice in each."""
+    answers = ch.predict_cov, step_by_step, by_whole_products
+    once, strips, whole = (ch._multiplications(answer) for answer in answers)
+    assert once == 9 * 200 + 20 * (27 + 54)
+    assert strips == 20 * (9 * 200 + 54)
+    assert whole == 20 * 2 * 203**3
+
+
+def test_the_corner_alone_is_no_covariance():
+    def corner(P, F, Q):
+        P = P.copy()
+        P[:3, :3] = ch.predict_cov(P[:3, :3], F, Q)
+        return P
+
+    titles = [ax.get_title(loc="left") for ax in ch.check_predict_cov.draw(corner).axes]
+    assert "eigenvalue -" in titles[0]
+    assert "eigenvalue +" in titles[1]
+
+
+def test_joined_accounts_are_those_of_the_whole_filter():
+    """The far landmarks are nearer in 18 of 20 drives, and as far off as is reported."""
+    off, scores = [], []
+    for seed in range(20):
+        _, error, moved, cov = ch._day(ch.joined, seed)
+        e = error - moved
+        off.append((np.abs(error).mean(), np.abs(e).mean()))
+        scores.append(e @ np.linalg.solve(cov, e) / len(e))
+    assert sum(after < before for before, after in off) >= 17
+    assert 0.7 < np.mean(scores) < 1.4
+
+
+def test_the_sum_is_a_limit_of_what_the_standing_filter_reports():
+    d, D, R, reported = ch._standing_robot()
+    for k in range(3, 101):
+        limit = 1 / np.sqrt(1 / np.deg2rad(10) ** 2 + ch.leaked(d[:k], D[:k], R))
+        assert reported[k - 1] >= np.rad2deg(limit) - 1e-6
