@@ -68,6 +68,7 @@ def with_dictionaries(start, odometry, noise, z, r, u):
     """A filter whose map is a dictionary, trees in the reverse order, paths as a list of poses."""
     M, tree = noise.shape[1], {}
     path, w = [np.repeat(start[None], M, 0)], np.ones(M) / M
+    lines = []
     for k, (step, slip) in enumerate(zip(odometry, noise, strict=True)):
         path.append(ch.drive(path[-1], step + slip))
         for j in reversed(range(z.shape[1])):
@@ -75,14 +76,16 @@ def with_dictionaries(start, odometry, noise, z, r, u):
                 w, *tree[j] = particle_by_particle(path[-1], w, *tree[j], z[k, j], r)
             elif not np.isnan(z[k, j]).any():
                 tree[j] = ch.place(path[-1], z[k, j], r)
+        lines.append(np.arange(M))
         if 1 / (w @ w) < M / 2:
             chosen = np.searchsorted(np.cumsum(w), (np.arange(M) + u[k]) / M)
             path = [poses[chosen] for poses in path]
+            lines = [line[chosen] for line in lines]
             tree = {j: (m[chosen], P[chosen]) for j, (m, P) in tree.items()}
             w = np.ones(M) / M
     none = np.full((M, 2), np.nan)
     means = [tree[j][0] if j in tree else none for j in range(z.shape[1])]
-    return np.stack(path, 1), np.stack(means, 1), w
+    return np.stack(path, 1), np.stack(means, 1), w, [len(set(line.tolist())) for line in lines]
 
 
 @pytest.mark.parametrize(
@@ -119,12 +122,40 @@ def test_a_particle_of_weight_zero_in_front_is_not_drawn_by_an_offset_of_zero():
 def test_the_filter_of_the_last_exercise_ends_nearer_to_the_robot_than_its_odometry():
     for seed in range(3):
         truth, _, given = ch._once_round(seed)
-        paths, _, weights = ch.fast_slam(*given)
-        drift = np.zeros((1, 3))
-        for one in given[1]:
-            drift = ch.drive(drift, one[None])
+        paths, _, weights, _ = ch.fast_slam(*given)
         squared, _ = ch._at_the_end(paths, weights, truth)
-        assert squared < np.sum((drift[0, :2] - truth[-1, :2]) ** 2)
+        assert squared < np.sum((ch._by_odometry(*given[:2])[-1] - truth[-1, :2]) ** 2)
+
+
+def test_the_drive_that_is_drawn_is_the_one_that_the_page_tells_of():
+    truth, trees, given = ch._once_round(2)
+    back, off = ch._first_back(given[3]), ch._by_odometry(*given[:2])[-1] - truth[-1, :2]
+    paths, _, weights, alive = ch.fast_slam(*given)
+    assert round(np.hypot(*off), 1) == 1.1
+    assert round(ch._at_the_end(paths, weights, truth)[0] ** 0.5, 2) == 0.17
+    assert alive[back] == 2 == len(np.unique(paths[:, back], axis=0))
+    axes = ch.check_fast_slam.draw(ch.fast_slam).axes[1]
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    assert (low < trees).all()
+    assert (trees + [0, 17] < high).all()
+    drives = [(one, given) for one, _, given in map(ch._once_round, range(20))]
+    ends = [ch._by_odometry(*given[:2])[-1] - one[-1, :2] for one, given in drives]
+    assert round(np.sqrt(np.mean(np.sum(np.square(ends), 1))), 1) == 1.6
+
+
+def test_the_heading_of_the_proposal_may_be_wrapped():
+    def wrapped(*given):
+        mean, cov = ch.proposal(*given)
+        return np.append(mean[:2], wrap_angle(mean[2])), cov
+
+    assert ch.check_proposal(wrapped).passed
+    for year in range(5):
+        assert ch.check_proposal.of_variant(year)(wrapped).passed
+
+
+def test_a_resampling_that_forgets_the_covariances_is_told():
+    wrong = ch.check_fast_slam.mistaken("paths, means, covs = res => paths, means, _ = res")
+    assert "covariances stayed" in ch.check_fast_slam(wrong).messages[0]
 
 
 def test_the_pair_is_for_the_particle_that_either_number_alone_is_against():
