@@ -93,9 +93,12 @@ document.addEventListener("DOMContentLoaded", function () {
 // nothing between them are stacked; any other wide figure scrolls in a box of its own.
 document.addEventListener("DOMContentLoaded", function () {
   var phone = window.matchMedia("(max-width: 600px)");
+  // How the alternative text of an exercise's picture begins; the rest is the caption below it.
+  var yours = "Two panels, yours and as it should be: ";
   // Middles of the empty stripes between panels, as parts of the width: one near a half, or two
-  // near the thirds. None if something crosses them.
-  function gaps(picture) {
+  // near the thirds; none if something crosses them. And where the panels end, as a part of the
+  // height: the caption of an exercise's picture stands below both.
+  function gaps(picture, captioned) {
     var canvas = document.createElement("canvas");
     var width = canvas.width = 600;
     var height = canvas.height = Math.round(width * picture.naturalHeight / picture.naturalWidth);
@@ -104,12 +107,18 @@ document.addEventListener("DOMContentLoaded", function () {
     context.fillRect(0, 0, width, height);
     context.drawImage(picture, 0, 0, width, height);
     var pixels = context.getImageData(0, 0, width, height).data;
+    var bottom = height;
+    function blank(x, y) {
+      var at = 4 * (y * width + x);
+      return pixels[at] + pixels[at + 1] + pixels[at + 2] >= 750;
+    }
     function empty(x) {
-      for (var y = 0; y < height; y++) {
-        var at = 4 * (y * width + x);
-        if (pixels[at] + pixels[at + 1] + pixels[at + 2] < 750) return false;
-      }
+      for (var y = 0; y < bottom; y++) if (!blank(x, y)) return false;
       return true;
+    }
+    function written(y) {
+      for (var x = 0; x < width; x++) if (!blank(x, y)) return true;
+      return false;
     }
     function gap(from, to) {
       var best = null, start = -1;
@@ -121,11 +130,16 @@ document.addEventListener("DOMContentLoaded", function () {
       return best && (best[0] + best[1]) / 2 / width;
     }
     var half = gap(0.4, 0.6);
+    while (captioned && !half && bottom > 0.75 * height) {
+      bottom -= 1;
+      half = gap(0.4, 0.6);
+    }
+    while (bottom < height && bottom > 0 && written(bottom - 1)) bottom -= 1;
     var thirds = [gap(0.26, 0.4), gap(0.58, 0.74)];
-    if (thirds[0] && thirds[1]) return thirds;
-    return half ? [half] : [];
+    if (thirds[0] && thirds[1]) return { cuts: thirds, bottom: bottom / height };
+    return { cuts: half ? [half] : [], bottom: bottom / height };
   }
-  function stack(whole, picture, cuts) {
+  function stack(whole, picture, cuts, bottom) {
     var box = document.createElement("div");
     box.className = "figure-panels";
     whole.replaceWith(box);
@@ -135,6 +149,7 @@ document.addEventListener("DOMContentLoaded", function () {
       var share = end - ends[k];
       var panel = document.createElement("div");
       panel.className = "figure-panel";
+      panel.style.aspectRatio = share * picture.naturalWidth / (bottom * picture.naturalHeight);
       var part = document.createElement("img");
       part.src = picture.src;
       part.alt = k ? "" : picture.alt;
@@ -143,16 +158,24 @@ document.addEventListener("DOMContentLoaded", function () {
       panel.appendChild(part);
       box.appendChild(panel);
     });
+    if (bottom === 1) return;
+    var caption = document.createElement("p");
+    caption.className = "panels-caption";
+    var text = picture.alt.slice(yours.length);
+    caption.textContent = text[0].toUpperCase() + text.slice(1);
+    box.appendChild(caption);
   }
   function place(picture) {
     var width = Number(picture.getAttribute("width")) || picture.naturalWidth;
     var whole = picture.closest("a") || picture;
     if (width < 480 || whole.parentElement.matches(".figure-panels, .figure-scroll")) return;
-    var cuts = [];
+    var found = { cuts: [] }, captioned = picture.alt.startsWith(yours);
     try {
-      if (picture.naturalWidth > 1.5 * picture.naturalHeight) cuts = gaps(picture);
+      if (captioned || picture.naturalWidth > 1.5 * picture.naturalHeight) {
+        found = gaps(picture, captioned);
+      }
     } catch (error) { /* a page from the disk may not look into its pictures */ }
-    if (cuts.length) stack(whole, picture, cuts);
+    if (found.cuts.length) stack(whole, picture, found.cuts, found.bottom);
     else scrollBox(whole, "figure-scroll", "Figure, scrolls sideways");
   }
   function placeAll() {

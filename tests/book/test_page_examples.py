@@ -38,9 +38,9 @@ def test_an_example_of_a_page_runs(code, tmp_path):
 def test_the_cell_for_other_graders_passes_a_right_answer_and_fails_a_wrong_one(tmp_path):
     cell = next(block for block in blocks("teachers_guide") if "assert report.passed" in block)
     assert run(tmp_path, cell).returncode == 0
-    wrong = run(tmp_path, cell.replace("weights.sum() ** 2", "weights.sum()"))
+    wrong = run(tmp_path, cell.replace("<= radius", "< radius"))
     assert wrong.returncode != 0
-    assert "the square of the sum is missing its square" in wrong.stderr
+    assert "exactly the radius away is near" in wrong.stderr
 
 
 def story(page):
