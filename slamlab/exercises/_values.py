@@ -185,11 +185,22 @@ def difference(came: Any, due: Any, tolerance: float, names: Sequence[str]) -> l
         place = tuple(int(i) for i in np.argwhere(wrong)[0])
         x, y = _apart(float(a[place]), float(b[place]))
         where = f"{name}{list(place) if place else ''}"
-        rest = f" ({int(wrong.sum())} of {wrong.size} entries differ)" if wrong.size > 1 else ""
+        rest = f" ({int(wrong.sum())} of {wrong.size} entries differ" if wrong.size > 1 else ""
+        rest += f"{_far_worse(a, b, place, name)})" if rest else ""
         lines.append(f"{where}: expected {y}, got {x}{rest}")
         if np.isnan(a[place]):
             lines[-1] += ": not a number"
     return lines
+
+
+def _far_worse(a: np.ndarray, b: np.ndarray, place: tuple[int, ...], name: str) -> str:
+    """Name the entry that differs most, if in a long result it is far from the first one."""
+    with np.errstate(invalid="ignore"):
+        gaps = np.nan_to_num(np.abs(a - b), nan=0.0, posinf=0.0)
+    most = tuple(int(i) for i in np.unravel_index(int(gaps.argmax()), gaps.shape))
+    if a.size <= 250 or not gaps[most] > 100 * gaps[place] > 0:
+        return ""
+    return f", {name}{list(most)} by {gaps[most]:.3g}"
 
 
 def _apart(a: float, b: float) -> tuple[str, str]:

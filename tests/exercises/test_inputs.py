@@ -145,6 +145,8 @@ def test_what_has_a_sign_comes_with_both(name):
 # Results of a run that the check makes, and what the run is of.
 OF_A_RUN = {
     "ch00.check_slam": {"omega_closure"},
+    "ch13.check_line": {"s", "s_c", "a", "b"},
+    "ch13.check_one_width": {"towns", "widths", "believed", "k"},
     "ch13.check_map": {"believed"},
     # On a map, whose corner is the origin; alpha, beta and a power are positive.
     "ch15.check_localize": {"track", "clouds", "maps", "march", "power"},
@@ -278,6 +280,7 @@ ELSEWHERE = {
     "ch09.check_slam": {"update"},
     "ch10.check_slam": {"update"},
     "ch12.check_fast_slam": {"drive", "observe_landmark"},
+    "ch13.check_reverse": {"reverse"},  # of a pose that is wrapped
     "ch16.check_fly": {"leave", "range_update"},
     "ch20.check_relaid": {"relaid"},
 }

@@ -7,6 +7,7 @@ import pytest
 
 from slamlab.exercises import Check
 from slamlab.exercises._report import Array, Ints
+from slamlab.exercises._values import difference
 from slamlab.gaussian import Gaussian
 
 
@@ -49,6 +50,19 @@ def test_a_known_mistake_is_named():
     assert "ok   zero changes nothing" in report.text
     assert "tried a = [1.0, 2.0], b = [3.0, 5.0]" in report.text
     assert "total[0]: expected 4, got -2 (2 of 2 entries differ)" in report.text
+
+
+def test_of_a_long_path_the_largest_difference_is_told_as_well():
+    path = np.zeros((100, 3))
+    came = path + 0.002
+    came[99, 0] = -15.5
+    (line,) = difference(came, path, 1e-6, ("poses",))
+    assert line.startswith("poses[0, 0]: expected 0, got 0.002 (300 of 300 entries differ, ")
+    assert line.endswith("poses[99, 0] by 15.5)")
+    (line,) = difference(path + 0.002, path, 1e-6, ("poses",))
+    assert line.endswith("(300 of 300 entries differ)")
+    (line,) = difference(came[:9, 0] * [*8 * [1.0], 1e4], path[:9, 0], 1e-6, ("x",))
+    assert line.endswith("(9 of 9 entries differ)")
 
 
 def test_a_mistake_that_does_not_explain_everything_is_not_named():
