@@ -182,7 +182,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch14.check_icp, lambda reference, normals, points, guess, cov: guess),
         (ch15.check_merged, lambda A, B, alpha, beta: (A.sum(0), B.sum(0))),
         (ch15.check_from_behind, lambda ended, sent, stretch: ended / sent),
-        (ch15.check_draw_scan, lambda parents, entries, node, cells: np.nan_to_num(entries)),
+        (ch15.check_branch, lambda parents, leaves, chosen: (parents, leaves[chosen])),
         (ch15.check_survivors, lambda parents, particles: parents >= 0),
         (ch15.check_weights, lambda a, b, c, z, L: ch15.weights(a, b, c[::-1], z, L)),
         (ch15.check_localize, lambda P, m, *more: ch15.localize(P, 0 * m, *more)),

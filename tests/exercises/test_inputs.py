@@ -37,8 +37,7 @@ density wanted information alphas betas S
 COUNTS = """
 edges closures doors sees_door steps indices n n_beams n_cells n_seen fewest pairs parents
 chosen counts ended sent node nodes i index particles left right entries entry hits successes
-runs state way turn best second back degrees beams per_cell lost regions alive
-rows k
+runs state way turn best second back degrees beams per_cell lost regions alive rows k leaves
 """
 ONE_SIGN = set((LENGTHS + SHARES + VARIANCES + COUNTS).split())
 # Names that are signed in one exercise and not in another.
