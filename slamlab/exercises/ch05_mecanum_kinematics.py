@@ -43,9 +43,9 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 # ## Exercise 1: a robot on omni wheels, with a pencil
 #
 # Your next robot is round and stands on three **omni wheels**. Their rollers do not stand at 45
-# degrees: they lie along the rim, so a wheel slides freely along its own axle and grips across it.
-# Every axle points to the centre of the robot. A wheel sits at the distance $d$ from the centre,
-# in the direction $\beta$ (0 ahead, $\pi/2$ to the left).
+# degrees: the roller's axis lies along the rim, so the wheel grips along its rim, and it slides
+# freely along its own axle. Every axle points to the centre of the robot. A wheel sits at the
+# distance $d$ from the centre, in the direction $\beta$ (0 ahead, $\pi/2$ to the left).
 #
 # ![Left, one omni wheel from above: its axle points to the centre of the robot, at the distance d
 # and the angle beta from ahead to the left; along the axle it slides freely, across the axle it
@@ -59,6 +59,9 @@ __all__ = ["check_noise", "check_odometry", "check_slip", "check_step", "check_w
 # drives to the left. Your function shall serve robots with any number of wheels. The picture
 # drives one with three up to a table and once round it, facing it all the time; no car can do
 # that.
+#
+# **Write down**, when your check holds: the residual (A) of the lesson's four wheels shows some
+# slip. Which slip can the encoders of three omni wheels show?
 
 
 # %% tags=["exercise"]
@@ -200,9 +203,10 @@ check_wheels.mistakes = {
 # $r s$ takes it all.
 
 # %% [markdown] tags=["solution"]
-# Three wheels, three speeds: the map can be inverted, and there is no fourth equation. Such a
-# robot cannot see slip in its encoders; one with four wheels can. The number of equations that
-# are left over, for three and for four wheels:
+# **Which slip can three wheels show?** None. Three wheels, three speeds: the map can be inverted,
+# so any three readings are those of some motion, and the residual is always zero. With four
+# wheels, one equation is left over, as in the lesson. The number of equations that are left over,
+# for three and for four wheels:
 
 # %% active="ipynb" tags=["solution"]
 # for degrees in ([60.0, 180.0, 300.0], [45.0, 135.0, 225.0, 315.0]):
@@ -264,17 +268,18 @@ def exact_step(pose: Array, u: Array, dt: float) -> Array:
 
 # %% [markdown] tags=["hint"]
 # In the world, the velocity at the time $t$ of the step is $(V_1, V_2)$ rotated by $\theta +
-# \omega t$. The way is its integral from 0 to $dt$.
+# \omega t$. The displacement is its integral from 0 to $dt$.
 
 # %% [markdown] tags=["hint"]
 # $V_1$ and $V_2$ are constant, so what is wanted is the mean of a unit vector that turns evenly,
-# from $-h$ to $+h$ about its middle direction; $h = \omega\,dt/2$. Draw it: which way does the
-# mean point? The parts across that direction cancel. What is the mean of the parts along it?
+# from $-h$ to $+h$ about its middle direction; $h = \omega\,dt/2$. Draw it: in which direction
+# does the mean point? The parts across that direction cancel. What is the mean of the parts along
+# it?
 
 # %% [markdown] tags=["hint"]
 # The mean along it is that of the cosine from $-h$ to $h$, which is $\sin(h)/h$. This is 0/0 at $h
-# = 0$, and 1 in the limit. NumPy has such a function that knows the limit; mind in its help by
-# which number the argument is multiplied.
+# = 0$, and 1 in the limit. NumPy's `np.sinc` knows this limit. Read its help before you use it:
+# `np.sinc(h)` is not $\sin(h)/h$.
 
 
 # %% tags=["cases"]
@@ -425,10 +430,10 @@ check_step.mistakes = {
 # ## Exercise 3: an ellipse across the cloud, two bugs to find
 #
 # A robot in a hurry reads its encoders about once per second, and drives curves. In each step the
-# program moves it with the constant velocity $u$ along the heading of the *middle* of the step,
-# $\theta + \omega\,dt/2$ (your exact step without its factor). How uncertain does one such step
-# make the pose, if $u$ has the covariance $V$? The lesson's $F_u$ belongs to Euler's step and is
-# not enough here: an error of $\omega$ also turns the middle heading, and the end of the step
+# program moves it straight, along the chord of the arc that it would drive in Exercise 2, as far
+# as the arc is long: it leaves out the factor by which the chord is shorter. How uncertain does
+# one such step make the pose, if $u$ has the covariance $V$? The lesson's $F_u$ belongs to Euler's
+# step and is not enough here: an error of $\omega$ also turns the chord, and the end of the step
 # moves with it.
 #
 # The program below knows that. On the test track, straight along $x$, its ellipse held 95 % of the
@@ -441,7 +446,7 @@ check_step.mistakes = {
 def process_noise(theta: float, u: Array, dt: float, V: Array) -> Array:
     """Covariance that a noisy velocity adds to the pose in one step.
 
-    The step moves the pose with u along the heading of the middle of the step.
+    The step goes along the chord of the arc, as far as the arc is long.
 
     Parameters
     ----------
@@ -499,8 +504,8 @@ def _moved(robots: Array, u: Array, dt: float) -> Array:
     """Move robots (n, 3), each with its own constant velocity (n, 3), exactly."""
     h = u[:, 2] * dt / 2
     c, s, chord = np.cos(robots[:, 2] + h), np.sin(robots[:, 2] + h), dt * np.sinc(h / np.pi)
-    way = [chord * (c * u[:, 0] - s * u[:, 1]), chord * (s * u[:, 0] + c * u[:, 1])]
-    moved: Array = robots + np.column_stack([*way, 2 * h])
+    place = [chord * (c * u[:, 0] - s * u[:, 1]), chord * (s * u[:, 0] + c * u[:, 1])]
+    moved: Array = robots + np.column_stack([*place, 2 * h])
     return moved
 
 
@@ -513,12 +518,12 @@ def _noise_drawn(ax: Any, function: Any) -> None:
     Q = np.asarray(function(theta, u, dt, V), float)[:2, :2]
     start = np.array([[0.0, 0.0, theta]])
     robots = _moved(start, rng.multivariate_normal(u, V, 1000), dt)[:, :2]
-    way = np.array([_moved(start, u[None], t)[0, :2] for t in np.linspace(0, dt, 30)])
-    e = robots - way[-1]
+    path = np.array([_moved(start, u[None], t)[0, :2] for t in np.linspace(0, dt, 30)])
+    e = robots - path[-1]
     inside = np.sum(e * np.linalg.solve(Q, e.T).T, axis=1) < 5.991
     plots.lidar_points(ax, robots, s=1.6)
-    plots.path(ax, way, "truth")
-    plots.ellipse(ax, way[-1], Q)
+    plots.path(ax, path, "truth")
+    plots.ellipse(ax, path[-1], Q)
     plots.floor(ax)
     ax.set_title(f"holds {inside.mean():.0%} of the robots")
 
@@ -562,18 +567,18 @@ check_noise.mistakes = {
     "the third column has the wrong sign: turning further to the left moves the end to the left": (
         f"{_SWING} => y / 2], [s, c, -x / 2]"
     ),
-    "an error of the turn rate moves the end across the way, not along it": (
+    "an error of the turn rate moves the end across the chord, not along it": (
         f"{_SWING} => x / 2], [s, c, y / 2]"
     ),
     "the heading of the middle turns by half of what the end turns": f"{_SWING} => -y], [s, c, x]",
     "this F_u is that of Euler's step: an error of omega turns the heading of the middle, too": (
         f"{_SWING} => 0], [s, c, 0]"
     ),
-    "the third column needs the way of the step, not its velocity": (
+    "the third column needs the displacement of the step, not its velocity": (
         "dt * (c * u[0] - s * u[1]), dt * (s * u[0] + c * u[1])"
         " => (c * u[0] - s * u[1]), (s * u[0] + c * u[1])"
     ),
-    "V_2 is missing in the way of the step": ("(c * u[0] - s * u[1]) => c * u[0]"),
+    "V_2 is missing in the displacement of the step": ("(c * u[0] - s * u[1]) => c * u[0]"),
     "dt is missing in F_u: a velocity acts for the time dt": "F_u = dt * np => F_u = np",
     "dt enters once: it stands in F_u on both sides": "F_u @ V @ F_u.T => F_u @ V @ F_u.T / dt",
     "the velocity was rotated the wrong way round: forward is (cos, sin) in the world": (
@@ -589,15 +594,17 @@ check_noise.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 3: the noise of a step in a curve
 #
-# The way of the step is $(x, y)$, along the middle heading. If $\omega$ is larger by $\delta$, the
-# middle heading is larger by $\delta\,dt/2$, and the way swings to the left: $x$ changes by
+# The displacement of the step is $(x, y)$, along the heading of its middle, $\theta +
+# \omega\,dt/2$. If $\omega$ is larger by $\delta$, the middle heading is larger by
+# $\delta\,dt/2$, and the displacement swings to the left: $x$ changes by
 # $-y\,\delta\,dt/2$, and $y$ by $+x\,\delta\,dt/2$. That is the third column. The program had
 # $+y$. Along $x$ this does not show, there $y = 0$. Its other bug took the heading of the end of
 # the step, and that shows in a turn only.
 
 # %% [markdown] tags=["solution"]
-# How much does the third column matter? The standard deviation of the place across the way, in one
-# step of the picture, and in one that is ten times shorter; with it, and with the lesson's $F_u$:
+# How much does the third column matter? The standard deviation of the place across the chord, in
+# one step of the picture, and in one that is ten times shorter; with it, and with the lesson's
+# $F_u$:
 
 # %% active="ipynb" tags=["solution"]
 # def lesson_noise(theta, u, dt, V):
@@ -612,7 +619,7 @@ check_noise.mistakes = {
 #     across = np.array([-np.sin(middle), np.cos(middle), 0])
 #     for name, noise in (("this F_u", process_noise), ("the lesson's", lesson_noise)):
 #         sigma = np.sqrt(across @ noise(0.3, u, dt, V) @ across)
-#         print(f"dt {dt} s, {name}: {1000 * sigma:.1f} mm across the way")
+#         print(f"dt {dt} s, {name}: {1000 * sigma:.1f} mm across the chord")
 
 # %% [markdown] tags=["solution"]
 # In short steps it hardly matters, and the lesson may leave it out; in a step of 0.8 s it makes
@@ -626,17 +633,22 @@ check_noise.mistakes = {
 #
 # A robot has a wheel that is worn by 1 %: at 10 rad/s it is 0.1 rad/s faster than the others. The
 # error of each wheel speed has a standard deviation of 0.2 rad/s. So in *one* reading the wear is
-# a quarter of a standard deviation of the residual (in the lesson, a tenth), and an alarm on
-# single readings cannot tell it from noise. But noise cancels in a sum of many readings, and wear
-# does not.
+# a quarter of a standard deviation of the residual, and an alarm on single readings cannot tell it
+# from noise. But in a sum of many readings the errors cancel in part, and the wear adds up, while
+# the wheels keep their direction.
 #
 # Build an alarm that sums for a while. From the wheel speeds of a drive (four mecanum wheels)
 # make, for every window of `n` readings in a row, one number: it is 0 without slip and noise,
 # whatever the robot drives, and it has standard deviation 1 if each wheel speed in each reading
 # has an independent error of standard deviation `sigma`.
+#
+# The picture shows the alarm on a drive of 150 s, ten readings per second, with windows of 400.
+# The wear begins at 50 s. At 100 s the robot reverses and drives home backward, as fast as it
+# drove out. **Write down** before you open it: about when does the alarm pass 3, and what does it
+# say while the robot drives home?
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def slip_alarm(wheels: Array, sigma: float, n: int) -> Any:
     """How far windows of wheel speeds are from any motion, in standard deviations.
 
@@ -653,7 +665,7 @@ def slip_alarm(wheels: Array, sigma: float, n: int) -> Any:
     -------
     ndarray, shape (T - n + 1,)
         Entry k is of the readings k to k + n - 1; positive if the front axle spins
-        too fast.
+        too fast while the robot drives forward.
     """
     slip = wheels @ np.array([1, 1, -1, -1])
     sums = np.convolve(slip, np.ones(n), "valid")
@@ -677,21 +689,25 @@ def slip_alarm(wheels: Array, sigma: float, n: int) -> Any:
 
 # %% tags=["cases"]
 def _slip_drawn(ax: Any, function: Any) -> None:
-    """Draw the alarm of single readings (thin) and of 400 in a row; 1 % of wear begins at 30 s."""
+    """Draw alarms of 1 reading (thin) and of 400 (thick); dotted: the wear begins, the way home."""
     from slamlab import plots
 
-    rng, t, half = np.random.default_rng(2), 0.1 * np.arange(1200), 0.385
+    rng, t, half = np.random.default_rng(2), 0.1 * np.arange(1500), 0.385
     u = np.column_stack([10 + 0 * t, 2 * np.sin(t), 3 * np.cos(0.5 * t)])
+    u[1000:] *= -1
     map_of_wheels = np.array([[1, -1, -half], [1, 1, half], [1, 1, -half], [1, -1, half]])
     wheels = u @ map_of_wheels.T
-    wheels[300:, 0] *= 1.01
+    wheels[500:, 0] *= 1.01
     wheels += rng.normal(0, 0.2, wheels.shape)
     for n, style in ((1, {"lw": 0.4, "alpha": 0.5}), (400, {"lw": 2.0})):
         alarm = np.asarray(function(wheels, 0.2, n), float)
         ax.plot(t[n - 1 :], alarm, color=plots.COLOURS["estimate"], **style)
     for level in (-3, 3):
         ax.axhline(level, **plots.line_style("truth"))
-    ax.set(xlabel="time (s)", ylabel="alarm (standard deviations)", ylim=(-6, 9))
+    for when, what in ((50, "wear"), (100, "home")):
+        ax.axvline(when, color="0.4", lw=1.2, ls=":")
+        ax.text(when + 2, 7.2, what, fontsize=10)
+    ax.set(xlabel="time (s)", ylabel="alarm (standard deviations)", ylim=(-7, 9))
 
 
 @drawn
@@ -758,8 +774,8 @@ check_slip.mistakes = {
 # ## Solution 4: a worn wheel
 #
 # Front minus rear is the one combination that vanishes for all three motions. Its variance is
-# four times that of a wheel, and that of a sum of $n$ such numbers $4 n \sigma^2$. What is always
-# of the same sign grows with $n$, the noise with $\sqrt n$.
+# four times that of a wheel, and that of a sum of $n$ such numbers $4 n \sigma^2$. What keeps its
+# sign grows with $n$, the noise with $\sqrt n$.
 
 # %% [markdown] tags=["solution"]
 # Dividing by $n$ looks natural, as a mean. But then the number that a worn wheel gives is on
@@ -782,14 +798,38 @@ check_slip.mistakes = {
 # %% [markdown] tags=["solution"]
 # What this buys: 400 readings, forty seconds at ten per second, make five standard deviations of a
 # wear of which one reading shows a quarter of one. The price is a delay: for forty seconds the
-# window still holds readings of before. The alarm tells that an axle is wrong, not which wheel.
+# window still holds readings of before, and it takes 24 of them to pass 3, on average.
+
+# %% [markdown] tags=["solution"]
+# **What does the alarm say on the way home?** It goes back to 0, and then to the other side. Wear
+# is 1 % of the wheel's *speed*, and changes its sign with the direction. Twenty seconds after the
+# robot has turned back, half of the window is forward and half is backward, and the two cancel;
+# forty seconds after, the alarm is near -5, as if a rear wheel were worn. Where a robot drives to
+# and fro within each window, the wear does not show at all. The same without noise, for three
+# windows of 400 and one of the whole drive:
+
+# %% active="ipynb" tags=["solution"]
+# direction = np.repeat([1, -1], 400)[:, None]
+# to_and_fro = direction * np.array([10.1, 10, 10, 10])
+# alarm = slip_alarm(to_and_fro, 0.2, 400)
+# whole = slip_alarm(to_and_fro, 0.2, 800)[0]
+# print(f"out {alarm[0]:+.1f}, half and half {abs(alarm[200]):.1f}, "
+#       f"home {alarm[400]:+.1f}, the whole drive {abs(whole):.1f}")
+# forward = np.sign(to_and_fro.mean(axis=1))[:, None]  # -1 where it drives backward
+# alarm = slip_alarm(forward * to_and_fro, 0.2, 400)
+# print(f"with the sign of the direction: {alarm.min():+.1f} to {alarm.max():+.1f}")
+
+# %% [markdown] tags=["solution"]
+# Turn the sign of the readings that are driven backward, and the alarm is at +5 all along. It
+# tells that an axle is wrong, not which wheel.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: your odometry, and 1000 robots that test it
 #
-# The front-left encoder of the lesson's mecanum robot was replaced by a cheap one, so the wheels
-# are no longer equally good. Assemble an odometry that knows it. From four wheel speeds comes a
-# body velocity, $u = A\,\omega_w$ with (9a) of the lesson,
+# One wheel of the lesson's mecanum robot, the front-left one, has grease on its rollers. It slips
+# at random, five times as much as each of the others, and slip adds up. Assemble an odometry that
+# knows it. From four wheel speeds comes a body velocity, $u = A\,\omega_w$ with (9a) of the
+# lesson,
 #
 # $$
 # A = \frac r4\begin{bmatrix} 1 & 1 & 1 & 1\\ -1 & 1 & 1 & -1\\ -1/l & 1/l & -1/l & 1/l
@@ -799,18 +839,14 @@ check_slip.mistakes = {
 # The errors of the four speeds are independent, each with its own standard deviation. Move the
 # pose with your `exact_step`; move its covariance with $P \leftarrow F P F^\top + Q$, where $F$ is
 # the derivative of *that* step by the pose before it (the lesson's is Euler's), and $Q$ is your
-# `process_noise` for the heading before the step.
+# `process_noise` for the heading before the step. This $Q$ is an approximation: it leaves out the
+# factor $\sin(h)/h$ of the chord, which is 0.998 in the corner of the picture.
 #
-# The picture tests it: 1000 robots drive one metre straight ahead ($l$ = 0.38 m), and their wheels
-# do not do quite what the encoders say; the front-left one is five times worse than the others.
-# **Write down** before you open it:
-#
-# - If only the front-left wheel is faster than its encoder says, the body is faster forward and to
-#   the right, by the same amount, and it turns right. Along which line do the robots lie at the
-#   end: ahead, across, or at which angle between?
-# - A program takes all four wheels for equally good, with the mean of their variances. Which test
-#   finds it: the share of robots in the 95 % ellipse of the place, which should be 95 %, or the
-#   mean NEES of the whole pose, which should be 3?
+# The picture tests it: 1000 robots drive one metre ahead, round a corner to the left and one metre
+# more ($l$ = 0.38 m), and their wheels do not do quite what the encoders say. **Write down**
+# before you open it: along which line do the robots lie after the first metre: ahead, across, or
+# at which angle between? If the front-left wheel alone moves the robot more than its encoder says,
+# the body is faster forward and to the right, by the same amount, and it turns right.
 
 
 # %% tags=["exercise", "predict"]
@@ -865,8 +901,8 @@ def odometry(
 # sides.
 
 # %% [markdown] tags=["hint"]
-# How do $x$ and $y$ after a step change if the heading before it was a little larger? The way that
-# was driven swings to the left. That is the third column of $F$; the rest is the identity.
+# How do $x$ and $y$ after a step change if the heading before it was a little larger? The whole
+# displacement swings to the left. That is the third column of $F$; the rest is the identity.
 
 # %% [markdown] tags=["hint"]
 # Order matters: the noise at the old heading, and $F$ from the old place to the new one.
@@ -886,34 +922,64 @@ def _driving(
     return a_pose(rng), scale * root @ root.T, wheels, *robot, sigma * np.array([3, 1, 0.5, 1])
 
 
+_GREASY = np.array([2.5, 0.5, 0.5, 0.5])
+_TURNING = np.array([-1, 1, -1, 1]) / 0.38
+_NINE_A = 0.05 / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], _TURNING])
+
+
 def _odometry_drawn(ax: Any, function: Any) -> None:
-    """Draw 1000 robots that drove 1 m ahead (green), the odometry and its 95 % ellipses (blue)."""
+    """Draw 1000 robots and 95 % ellipses after 1 m (also enlarged), the corner and 1 m more.
+
+    Numbers: share inside, mean NEES of the place (2 is expected) and of the pose (3).
+    """
     from slamlab import plots
 
-    rng, dt, r, lever = np.random.default_rng(5), 0.2, 0.05, 0.38
-    sigma = np.array([2.5, 0.5, 0.5, 0.5])
-    wheels, start = np.full((10, 4), 10.0), np.zeros(3)
+    rng, dt, robots = np.random.default_rng(5), 0.2, np.zeros((1000, 3))
+    u = np.repeat([[0.5, 0, 0], [0.4, 0, np.pi / 3.2], [0.5, 0, 0]], [10, 8, 10], axis=0)
+    wheels = u @ np.linalg.pinv(_NINE_A).T
+    start = np.zeros(3)
     poses, covs = (
         np.asarray(part, float)
-        for part in function(start, np.zeros((3, 3)), wheels, dt, r, lever, sigma)
+        for part in function(start, np.zeros((3, 3)), wheels, dt, 0.05, 0.38, _GREASY)
     )
-    A = r / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], np.array([-1, 1, -1, 1]) / lever])
-    robots = np.zeros((1000, 3))
-    for speeds in wheels:
-        robots = _moved(robots, (speeds + sigma * rng.normal(size=(1000, 4))) @ A.T, dt)
-    e = robots - poses[-1]
-    e[:, 2] = wrap_angle(e[:, 2])
-    nees = np.sum(e * np.linalg.solve(covs[-1], e.T).T, axis=1).mean()
-    inside = np.sum(e[:, :2] * np.linalg.solve(covs[-1, :2, :2], e[:, :2].T).T, axis=1) < 5.991
-    plots.lidar_points(ax, robots[:, :2], s=0.7, label="robots")
-    plots.path(ax, np.vstack([start, poses]), label="odometry")
-    for k in (3, 6, 9):
-        plots.ellipse(ax, poses[k, :2], covs[k, :2, :2])
-    ax.plot(0, 0, "o", color=plots.COLOURS["estimate"], markersize=6, label="start")
+    lines = []
+    zoom = ax.inset_axes((0.04, 0.42, 0.46, 0.56), xticks=[], yticks=[])
+    for k, speeds in enumerate(wheels):
+        robots = _moved(robots, (speeds + _GREASY * rng.normal(size=(1000, 4))) @ _NINE_A.T, dt)
+        if k not in (9, 17, 27):
+            continue
+        for panel in (ax, zoom) if k == 9 else (ax,):
+            plots.lidar_points(panel, robots[:, :2], s=0.5)
+            plots.ellipse(panel, poses[k, :2], covs[k, :2, :2])
+        e = robots - poses[k]
+        e[:, 2] = wrap_angle(e[:, 2])
+        place, pose = (
+            np.sum(e[:, :m] * np.linalg.solve(covs[k, :m, :m], e[:, :m].T).T, axis=1)
+            for m in (2, 3)
+        )
+        lines.append(f"{(place < 5.991).mean():.0%}, {place.mean():.1f}, {pose.mean():.1f}")
+    plots.path(ax, np.vstack([start, poses]))
+    ax.plot(0, 0, "o", color=plots.COLOURS["estimate"], markersize=6)
     plots.floor(ax)
-    ax.set(xlim=(-0.05, 1.1), ylim=(-0.3, 0.45))
-    ax.legend(loc="upper left", fontsize=9).legend_handles[0].set_markersize(4)
-    ax.set_title(f"place: {inside.mean():.0%} inside\npose: mean NEES {nees:.1f}")
+    ax.set(xlim=(0, 1.9), ylim=(-0.15, 1.65))
+    zoom.set_aspect("equal", adjustable="box")
+    zoom.set(xlim=(0.82, 1.18), ylim=(-0.22, 0.22))
+    zoom.spines[:].set(visible=True, color="0.6")
+    box = np.array([[0.82, 1.18, 1.18, 0.82, 0.82], [-0.22, -0.22, 0.22, 0.22, -0.22]])
+    ax.plot(*box, color="0.6", lw=0.8)
+    ax.set_title(f"after 1 m: {lines[0]}\nat the end: {lines[-1]}")
+
+
+def draw_equal_wheels(odometry: Any) -> Any:
+    """Draw an odometry that takes all wheels for equally good, beside one that knows better."""
+    from slamlab.exercises._pictures import side_by_side
+
+    def equal(*given: Any) -> Any:
+        mean = np.full(4, np.sqrt(np.mean(given[-1] ** 2)))
+        return odometry(*given[:-1], mean)
+
+    names = "Yours, all wheels alike", "As it should be"
+    return side_by_side(_odometry_drawn, equal, check_odometry.reference, names)
 
 
 check_odometry = Check(
@@ -970,7 +1036,7 @@ check_odometry.mistakes = {
         "        P = F @ P @ F.T + process_noise(pose[2], u, dt, V)\n        pose = new\n"
         " =>         pose = new\n        P = F @ P @ F.T + process_noise(pose[2], u, dt, V)\n"
     ),
-    "F is that of Euler's step: this step is exact, and its way swings as a whole": (
+    "F is that of Euler's step: this step is exact, and its displacement swings as a whole": (
         "F[:2, 2] = pose[1] - new[1], new[0] - pose[0]"
         " => F[:2, 2] = np.diff([pose, euler(pose, u, dt)], axis=0)[0, [1, 0]] * [-1, 1]"
     ),
@@ -980,7 +1046,7 @@ check_odometry.mistakes = {
     "the noise is that of Euler's step: an error of omega moves the end, too (`process_noise`)": (
         "process_noise(pose[2], u, => process_noise(pose[2], 0 * u,"
     ),
-    "the way swings the wrong way round: a heading that is larger moves the end to the left": (
+    "the displacement swings to the wrong side: a heading that is larger moves the end to the left": (
         "pose[1] - new[1], new[0] - pose[0] => new[1] - pose[1], pose[0] - new[0]"
     ),
     "the lever multiplies: turning at omega needs wheel speeds of lever omega": (
@@ -998,18 +1064,32 @@ check_odometry.mistakes = {
     ),
 }
 
+# %% [markdown] tags=["statement"]
+# ### Which test finds it?
+#
+# The numbers above each panel are tests, after the first metre and at the end: the share of robots
+# inside the 95 % ellipse of the place, the mean NEES of the place (2 is expected), and that of the
+# whole pose (3 is expected). A colleague saves a line: all four wheels get one sigma, the root of
+# the mean of their variances. **Write down**: which of the three tests find this after the first
+# metre, and which at the end? Then open the picture; it runs your odometry.
+
+# %% active="ipynb" tags=["statement", "hide-output"] mystnb={"image": {"alt": "Two panels, your odometry with all wheels alike and the right one: 1000 robots after 1 m, after a corner and at the end, with 95 % ellipses and three tests of them."}}
+# from slamlab.exercises.ch05_mecanum_kinematics import draw_equal_wheels
+#
+# draw_equal_wheels(odometry)
+
 # %% [markdown] tags=["solution"]
 # ## Solution 5: odometry
 #
 # **Along which line?** A front-left wheel that is faster than its encoder says makes the body
 # faster forward and to the right by the same amount. That alone would be a line at 45 degrees
 # between ahead and right. But it also turns the body right, by $1/l$ of that amount, and the rest
-# of the way swings to the right with it: at the start, with 1 m to go and $l$ = 0.38 m, by 2.6
-# times as much as the direct error. So the line is nearer to across the way.
+# of the path swings to the right with it: at the start, with 1 m to go and $l$ = 0.38 m, by 2.6
+# times as much as the direct error. So the line is nearer to across the path.
 
 # %% [markdown] tags=["solution"]
-# $F$ is what makes the way swing. With $F$ the identity the noise of the steps is added up without
-# it (but for the swing within each step):
+# $F$ is what makes the path swing. With $F$ the identity the noise of the steps is added up
+# without it (but for the swing within each step):
 
 # %% active="ipynb" tags=["solution"]
 # def covariance_that_stays(pose, P, wheels, dt, r, lever, sigma):
@@ -1024,9 +1104,9 @@ check_odometry.mistakes = {
 # check_odometry(covariance_that_stays)
 
 # %% [markdown] tags=["solution"]
-# The drive of the picture, computed by both. With $F$ the line is at 69 degrees, far nearer to
-# across the way than the 45 that a first guess gives; without it, at 49, and the ellipse is little
-# more than half as long:
+# The first metre of the picture, computed by both. With $F$ the line is at 69 degrees, far nearer
+# to across the path than the 45 that a first guess gives; without it, at 49, and the ellipse is
+# little more than half as long:
 
 # %% active="ipynb" tags=["solution"]
 # wheels, sigma = np.full((10, 4), 10.0), np.array([2.5, 0.5, 0.5, 0.5])
@@ -1041,11 +1121,10 @@ check_odometry.mistakes = {
 #           f"correlation of x and y {xy[0, 1] / np.sqrt(xy[0, 0] * xy[1, 1]):.2f}")
 
 # %% [markdown] tags=["solution"]
-# **Which test?** Take all four wheels for equally good, and the ellipse is upright and too round:
-# it covers empty floor and misses the ends of the cloud. The mean NEES does not find it: each
-# wheel has the same share in the least squares, so the variances of forward, left and turn stay
-# what they are, and only the entries beside the diagonal of $V$ are lost. The share of robots
-# inside finds it, and so does the eye:
+# **Which test?** Take all four wheels for equally good, and the ellipse of the first metre is
+# upright and too round: it covers empty floor and misses the ends of the cloud. Both tests of the
+# place find it, after the first metre and at the end. The mean NEES of the pose finds it at the
+# end only: after the first metre it is near 3, as it should be.
 
 # %% active="ipynb" tags=["solution"]
 # def equally_good(pose, P, wheels, dt, r, lever, sigma):
@@ -1054,12 +1133,38 @@ check_odometry.mistakes = {
 #
 # check_odometry(equally_good)
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: 1000 robots that drove 1 m ahead, ellipses along the way; in the left one the last ellipse is upright and holds 88 % of the leaning cloud with a mean NEES near 3, in the right one it leans with the cloud and holds 95 %."}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: 1000 robots after 1 m, after a corner and at the end; in the left one the first ellipse is upright and too round and holds 88 % of its leaning cloud, in the right one the ellipses lean with the clouds and hold 95 %."}}
 # check_odometry.draw(equally_good)
 
 # %% [markdown] tags=["solution"]
-# A mean NEES near 3 says that the errors are as large as the covariance says, on average over its
-# three axes. That each of them is right, it does not say.
+# Is that luck? If the errors have the covariance $P$ and the program says $\hat P$, the mean NEES
+# to expect is the trace of $\hat P^{-1} P$, the sum of its eigenvalues; no robot has to drive for
+# it. For the first metre, and for a corner to either side:
+
+# %% active="ipynb" tags=["solution"]
+# turning = np.array([-1, 1, -1, 1]) / 0.38
+# A = 0.05 / 4 * np.array([[1, 1, 1, 1], [-1, 1, 1, -1], turning])
+# drives = {"first metre": 0, "corner to the left": 1, "to the right": -1}
+# for name, side in drives.items():
+#     parts = [0.5, 0, 0], [0.4, 0, side * np.pi / 3.2], [0.5, 0, 0]
+#     u = np.repeat(parts, [10, 8, 10], axis=0)
+#     wheels = u[: 28 if side else 10] @ np.linalg.pinv(A).T
+#     drive = np.zeros(3), np.zeros((3, 3)), wheels, 0.2, 0.05, 0.38, sigma
+#     P, said = (method(*drive)[1][-1] for method in (odometry, equally_good))
+#     place, pose = (np.linalg.eigvals(np.linalg.solve(said[:m, :m], P[:m, :m])).real
+#                    for m in (2, 3))
+#     ratios = " + ".join(f"{ratio:.2f}" for ratio in np.sort(pose))
+#     print(f"{name}: mean NEES of the place {place.sum():.2f}, "
+#           f"of the pose {pose.sum():.2f} = {ratios}")
+
+# %% [markdown] tags=["solution"]
+# On the straight metre the mean NEES of the pose is 3.00 with the bug, too. Each wheel has the
+# same share in the least squares, so the variances of forward, left and turn stay what they are,
+# and only the entries beside the diagonal of $V$ are lost. In one direction the variance is 2.5
+# times what the program says, in the two others it is less than half, and the sum hides it. In the
+# corner to the right the sum of the *place* hides it. A mean NEES that is right says that the
+# errors are as large as the covariance says on average over the directions, on this drive. So test
+# on several drives, and draw the cloud.
 
 # %% [markdown] tags=["solution"]
 # You have now an odometry that says how far it may be off, for any robot whose wheel map you can

@@ -46,6 +46,21 @@ def by_library(wheels, sigma, n):
     return (sums[n:] - sums[:-n]) / np.sqrt(n)
 
 
+def odometry_by_small_moves(pose, P, wheels, dt, r, lever, sigma):
+    """Another right answer to exercise 5: the derivative of the step by moving the heading."""
+    A = np.linalg.pinv(Mecanum(r, lever / 2, lever / 2).wheel_map)
+    poses, covs = [], []
+    for u in wheels @ A.T:
+        ahead, behind = (ch.exact_step(pose + [0, 0, h], u, dt) for h in (1e-6, -1e-6))
+        F = np.eye(3)
+        F[:2, 2] = (ahead - behind)[:2] / 2e-6
+        P = F @ P @ F.T + ch.process_noise(pose[2], u, dt, (A * sigma**2) @ A.T)
+        pose = ch.exact_step(pose, u, dt)
+        poses.append(pose)
+        covs.append(P)
+    return poses, covs
+
+
 @pytest.mark.parametrize(
     ("check", "answer"),
     [
@@ -54,7 +69,16 @@ def by_library(wheels, sigma, n):
         (ch.check_step, by_sines_where_they_keep_their_digits),
         (ch.check_noise, noise_by_library),
         (ch.check_slip, by_library),
+        (ch.check_odometry, odometry_by_small_moves),
     ],
 )
 def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
+
+
+def test_wheels_that_are_alike_are_drawn_before_and_after_the_exercise_is_solved():
+    left, right = ch.draw_equal_wheels(lambda *given: None).axes
+    assert [text.get_text() for text in left.texts] == ["nothing returned yet"]
+    left, right = ch.draw_equal_wheels(ch.odometry).axes
+    assert left.get_title(loc="left").startswith("Yours, all wheels alike\nafter 1 m: 88%")
+    assert right.get_title(loc="left").startswith("As it should be\nafter 1 m: 95%")
