@@ -28,7 +28,7 @@ __all__ = [
 # # Exercises 02: the Kalman filter
 #
 # One robot, six exercises. A shuttle carries boxes on a rail in a warehouse. It has an
-# accelerometer, and the accelerometer has a fault. You predict with it, correct with readings that
+# accelerometer, whose readings are off by a constant. You predict with it, correct with readings that
 # come one by one, find out what a wrong gain costs, repair a program with a bug, write the test
 # that finds wrong noises, and drive 100 shuttles with a filter of your own pieces. The chapter is
 # [The Kalman filter](../02_kalman_filter.ipynb). Replace each `...` and run the check below it as
@@ -46,9 +46,11 @@ __all__ = [
 # ## Exercise 1: an accelerometer with an offset
 #
 # The lesson's cart was pushed at random. This shuttle *measures* how it is pushed: in each step of
-# `dt` seconds its accelerometer reads $u$ (m/s²). But at standstill it reads 0.3 and not 0: it was
-# mounted a little askew. How large this **offset** is, is not known; it is constant. So the filter
-# estimates it as a third number of the state, beside position and speed. In each step
+# `dt` seconds its accelerometer reads $u$ (m/s²). But a loaded shuttle leans a little, forwards or
+# backwards, and a part of gravity enters the reading: for 1.75° it is 9.81 sin 1.75° = 0.3 m/s².
+# This **offset** is constant on a drive and another one after each loading, and there is no time to
+# measure it at standstill. So the filter estimates it as a third number of the state, beside
+# position and speed. In each step
 #
 # $$
 # u = a + b + n,
@@ -59,16 +61,17 @@ __all__ = [
 # a\,dt^2/2$, and its speed $v$ grows by $a\,dt$. Write P5 (3), with the known command, and (4): $x
 # \leftarrow F x + B u$ and $P \leftarrow F P F^\top + Q$. $F$, $B$ and $Q$ are yours to find.
 #
-# **On paper first.** The filter knows the offset as 0 with σ = 0.3 m/s², and all else exactly. How
-# large is the σ of the position after 10 s in one step, without noise? Speed and offset: do they
-# now err in the same direction or in opposite ones?
+# **On paper first.** A shuttle stands at 0, exactly. Of its offset only the spread over many
+# loadings is known: mean 0, σ = 0.3 m/s². For 10 s, one step, its accelerometer reads 0.5, without
+# noise. Where does the filter expect the shuttle, with which σ? Do speed and offset now err in the
+# same direction or in opposite ones? Run the check, then open the picture: a step of 1000 shuttles.
 
 # %% tags=["private"]
 Belief = tuple[Array, Array]
 Case = tuple[Any, ...]
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def predict(mean: Array, cov: Array, u: float, dt: float, sigma: float) -> Belief:
     """Move the belief of the shuttle by one step.
 
@@ -95,7 +98,7 @@ def predict(mean: Array, cov: Array, u: float, dt: float, sigma: float) -> Belie
 
 
 # %% active="ipynb" tags=["try"]
-# predict(np.zeros(3), np.diag([0.0, 0.0, 0.3]) ** 2, 0.3, 10.0, 0.0)
+# predict(np.zeros(3), np.diag([0.0, 0.0, 0.3]) ** 2, 0.5, 10.0, 0.0)
 
 # %% [markdown] tags=["hint"]
 # Solve the equation of the accelerometer for $a$, put it into the motion of position and speed,
@@ -145,10 +148,10 @@ check_predict = Check(
     predict,
     "mean, cov",
     {
-        "the call below the stub: at standstill it reads 0.3": (
+        "the call below the stub: it reads 0.5": (
             np.zeros(3),
             np.diag([0.0, 0.0, 0.09]),
-            0.3,
+            0.5,
             10.0,
             0.0,
         ),
@@ -221,9 +224,10 @@ check_predict.mistakes = {
 # Put $a = u - b - n$ into the motion and sort. What multiplies the state is $F$; the offset has
 # $-dt^2/2$ and $-dt$, because what the accelerometer reads too much has to be taken off. What
 # multiplies $u$ is $B = (dt^2/2, dt, 0)$, and the noise enters by the same way: $Q = \sigma^2 B
-# B^\top$, the lesson's $Q$ with another cause. On paper: $0.3 \cdot 10^2/2 = 15$ m, and in
-# opposite directions: the larger the offset, the slower the shuttle really is. This correlation is
-# why a later reading of the position can correct the offset, which nothing measures.
+# B^\top$, the lesson's $Q$ with another cause. On paper: $0.5 \cdot 10^2/2 = 25$ m, with a σ of
+# $0.3 \cdot 10^2/2 = 15$ m. Speed and offset err in opposite directions: the larger the offset,
+# the slower the shuttle really is, and the cloud falls to the right. This correlation is why a
+# later reading of the position can correct the offset, which nothing measures.
 
 # %% [markdown] tags=["solution"]
 # An accelerometer whose offset is taken off the mean, while $F$ does not have it, gives the right
@@ -234,9 +238,10 @@ check_predict.mistakes = {
 #     F, B = np.array([[1, dt, 0], [0, 1, 0], [0, 0, 1]]), np.array([dt**2 / 2, dt, 0])
 #     return F @ mean + B * (u - mean[2]), F @ cov @ F.T + sigma**2 * np.outer(B, B)
 #
-# given = np.zeros(3), np.diag([0.0, 0.0, 0.3]) ** 2, 0.3, 10.0, 0.0
+# given = np.zeros(3), np.diag([0.0, 0.0, 0.3]) ** 2, 0.5, 10.0, 0.0
 # for f in (predict, off_the_mean_only):
-#     print(f"after 10 s: σ of the position {np.sqrt(f(*given)[1][0, 0]):.0f} m")
+#     mean, cov = f(*given)
+#     print(f"after 10 s: position {mean[0]:.0f} m, σ {np.sqrt(cov[0, 0]):.0f} m")
 # check_predict(off_the_mean_only)
 
 # %% [markdown] tags=["statement"]
@@ -249,8 +254,11 @@ check_predict.mistakes = {
 # division.
 #
 # Write an update that does so. Row $i$ of $H$ says what reading $i$ measures, `variances[i]` is
-# the variance of its noise. A lost reading is NaN; it is left out. Here at least one arrives; in
-# exercise 6 it may be none.
+# the variance of its noise. A lost reading is NaN; it is left out. If all are lost, the belief
+# stays as it was.
+#
+# Make new arrays. `mean += ...` would change the array that the caller still holds; a second call
+# with it would then correct what is corrected already, so the check refuses it.
 #
 # **On paper first.** The lesson's robot, at 4 m with variance 4 m², is read twice: 6 m, then 5 m,
 # each with variance 1 m². Where is it, and how sure? Does the order matter?
@@ -445,7 +453,8 @@ def _averaged(mean: Array, cov: Array, z: Array, H: Array, variances: Array) -> 
 # correction is made with it all the same, $x \leftarrow x + K (z - H x)$. How uncertain is the
 # state then? P5 (9), $P - K H P$, was derived for the best gain, and this is another.
 #
-# Write the covariance after an update with *any* gain. **On paper first**, with one number: $P = R
+# Write the covariance after an update with *any* gain: then a controller that computes no gain can
+# still report the right σ. **On paper first**, with one number: $P = R
 # = H = 1$, so the best gain is 0.5. What is the variance of the error after $K = 0.9$? What does
 # $(1 - K) P$ report?
 
@@ -548,7 +557,7 @@ check_cov_after_update.mistakes = {
 # The error after the update is $(I - KH)\,e - K v$: two independent parts, so their covariances
 # add. Nothing in this asks the gain to be optimal. It is called **Joseph's form**;
 # [02b](../02b_kalman_filter.ipynb) shows its other merit. On paper: $0.1^2 + 0.9^2 = 0.82$. What
-# this buys: a controller whose gain is a constant can still report the right σ.
+# this buys on a drive is at the end of solution 6.
 
 # %% [markdown] tags=["solution"]
 # The short form agrees for the optimal gain, and for no gain at all. For one number it reports too
@@ -585,8 +594,11 @@ check_cov_after_update.mistakes = {
 # Q = q \begin{pmatrix} dt^3/3 & dt^2/2 \\ dt^2/2 & dt \end{pmatrix}.
 # $$
 #
-# It has a useful property: two predictions over $dt/2$ are one prediction over $dt$. $F$ and $Q$
-# are right in the program. Find the bug.
+# It has a useful property: two predictions over $dt/2$ are one prediction over $dt$.
+#
+# **First without the program**: at the first reading behind the tunnel, where did the program
+# expect the shuttle, too far ahead or too far behind? Why does it report one that rolls backwards?
+# Then find the bug.
 
 
 # %% tags=["exercise"]
@@ -655,7 +667,7 @@ def tunnel(times: Array, z: Array, q: float, r: float) -> Belief:
 
 # %% [markdown] tags=["hint"]
 # The belief has an age: it holds for one moment. Write down, turn by turn, the moment for which
-# `mean` holds after the prediction, and beside it what `last` is at the next turn.
+# `mean` holds before the prediction, and beside it the `dt` by which it is moved.
 
 # %% [markdown] tags=["hint"]
 # A lost reading leaves the loop by `continue`. Which lines does it skip, and which of them should
@@ -766,12 +778,15 @@ check_tunnel.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 4: a program with a bug, behind the tunnel
 #
+# Backwards means: the reading was far behind the prediction. The shuttle is expected too far
+# ahead, so time is counted more than once.
+#
 # At every turn the belief is moved to `time`; so from then on it holds for `time`, also if the
 # reading is lost. The program says so only at the end of the loop, where a lost reading does not
 # come. In the picture readings come every 0.5 s, so in the tunnel it moves the belief by 0.5 s,
-# then by 1 s, then by 1.5 s, and so on: by 45.5 s in all, where 6.5 s have passed. The shuttle is
-# then predicted far ahead, the reading is far behind, and a speed that is too small explains it.
-# Two repairs are right: note the time before the `continue`, or predict behind it, in one long
+# then by 1 s, then by 1.5 s, and so on: by 45.5 s in all, where 6.5 s have passed. In the long
+# prediction position and speed err together, so the reading far behind lowers the speed, too. Two
+# repairs are right: note the time before the `continue`, or predict behind it, in one long
 # step. That both give the same is the useful property of $Q$.
 
 # %% [markdown] tags=["solution"]
@@ -785,22 +800,24 @@ check_tunnel.mistakes = {
 # check_tunnel(steps_all_alike)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: a test that says what is wrong
+# ## Exercise 5: a test of the noises
 #
 # The cable of the older shuttle was changed, and its laser got a new window. How hard it is pushed
 # now ($Q$) and how well the laser reads ($R$) is not known, and there is no truth to compare with.
 # There are only the innovations $\nu_k$ and their variances $S_k$, as the filter reported them.
-# Two numbers from them say which noise is wrong. With $e_k = \nu_k/\sqrt{S_k}$, $k = 1 \dots T$,
+# Two numbers from them say which noise is wrong. With the innovations in units of their σ, $d_k =
+# \nu_k/\sqrt{S_k}$, $k = 1 \dots T$,
 #
 # $$
-# \mathrm{NIS} = \frac{1}{T} \sum_{k=1}^{T} e_k^2, \qquad
-# c = \sum_{k=2}^{T} e_k\, e_{k-1} \Big/ \sum_{k=1}^{T} e_k^2 .
+# \mathrm{NIS} = \frac{1}{T} \sum_{k=1}^{T} d_k^2, \qquad
+# c = \sum_{k=2}^{T} d_k\, d_{k-1} \Big/ \sum_{k=1}^{T} d_k^2 .
 # $$
 #
 # In a filter with the right noises the NIS is near 1, and $c$ near 0: no innovation predicts the
-# next. The bands that hold 99 of 100 such filters are about $1 \pm 2.58 \sqrt{2/T}$ and $\pm 2.58/
-# \sqrt T$. No mean is subtracted from the $e_k$: in a right filter it is 0, so a mean that is not
-# 0 has to count.
+# next. About 99 of 100 such filters are in the band $1 \pm 2.58 \sqrt{2/T}$, and as many in $\pm
+# 2.58/ \sqrt T$. Use exactly these two (the lesson's `chi2_band(1, T)`, the exact form of the
+# first, is a little different). No mean is subtracted from the $d_k$: in a right filter it is 0, so
+# a mean that is not 0 has to count.
 #
 # **Think first.** Multiply $Q$ and $R$ both by 4: which of the two numbers changes? Does the gain?
 # Now multiply only $Q$: what happens to the gain? If the gain is too small, the estimate is late:
@@ -811,10 +828,10 @@ check_tunnel.mistakes = {
 # respect to $R$. So $Q$ goes up or down by `level + ratio` small steps, and $R$ by `level -
 # ratio`. The picture has this as an arrow, for 49 pairs of $Q$ and $R$, on one drive of 600
 # readings; and a walk from a corner follows your advice. Does it find the true noises, which your
-# function never sees?
+# function never sees? Run the check, then open the picture.
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def innovation_test(nu: Array, S: Array) -> tuple[int, int]:
     """Say which noises are wrong, from the innovations of a drive.
 
@@ -834,8 +851,8 @@ def innovation_test(nu: Array, S: Array) -> tuple[int, int]:
         1 if Q should be larger with respect to R, -1 if smaller, 0 if c is in its band.
         The very end of a band is not tried.
     """
-    e, T = nu / np.sqrt(S), len(nu)
-    nis, c = np.mean(e**2), np.sum(e[1:] * e[:-1]) / np.sum(e**2)
+    d, T = nu / np.sqrt(S), len(nu)
+    nis, c = np.mean(d**2), np.sum(d[1:] * d[:-1]) / np.sum(d**2)
     level = np.sign(nis - 1) * (abs(nis - 1) > 2.58 * np.sqrt(2 / T))
     ratio = np.sign(c) * (abs(c) > 2.58 / np.sqrt(T))
     return int(level), int(ratio)
@@ -855,7 +872,7 @@ def innovation_test(nu: Array, S: Array) -> tuple[int, int]:
 # late, or does it overshoot?
 
 # %% [markdown] tags=["hint"]
-# `e[1:] * e[:-1]` are the T - 1 products of neighbours; below the line all T squares are summed.
+# `d[1:] * d[:-1]` are the T - 1 products of neighbours; below the line all T squares are summed.
 # This is $c$ as it is printed, without a mean that is subtracted first (`np.corrcoef` would).
 
 
@@ -962,11 +979,11 @@ check_innovation_test.mistakes = {
     "S is a variance: an innovation is divided by its square root": "nu / np.sqrt(S) => nu / S",
     "the innovations were not divided by their sigma": "nu / np.sqrt(S) => nu",
     "the mean of the innovations was subtracted: it must be zero, and is a mistake if it is not": (
-        "np.sum(e[1:] * e[:-1]) / np.sum(e**2)"
-        " => np.sum((e - e.mean())[1:] * (e - e.mean())[:-1]) / np.sum((e - e.mean()) ** 2)"
+        "np.sum(d[1:] * d[:-1]) / np.sum(d**2)"
+        " => np.sum((d - d.mean())[1:] * (d - d.mean())[:-1]) / np.sum((d - d.mean()) ** 2)"
     ),
     "`np.corrcoef` subtracts the mean: the mean of an innovation must be zero": (
-        "np.sum(e[1:] * e[:-1]) / np.sum(e**2) => np.corrcoef(e[1:], e[:-1])[0, 1]"
+        "np.sum(d[1:] * d[:-1]) / np.sum(d**2) => np.corrcoef(d[1:], d[:-1])[0, 1]"
     ),
     "too large a NIS is overconfidence: the noises must be raised": (
         "np.sign(nis - 1) => np.sign(1 - nis)"
@@ -995,11 +1012,42 @@ check_innovation_test.mistakes = {
         " * (abs(nis - 1) > 2.58 * np.sqrt(2 / T)) => ",
         " * (abs(c) > 2.58 / np.sqrt(T)) => ",
     ),
-    "c was not divided by the sum of squares": " / np.sum(e**2) => / T",
+    "c was not divided by the sum of squares": " / np.sum(d**2) => / T",
+    "the band of the NIS is the lesson's `chi2_band(1, T)`: here 1 ± 2.58 sqrt(2/T) is asked": (
+        lambda nu, S: (_outside_chi2(nu**2 / S), innovation_test(nu, S)[1])
+    ),
+    "the advice is (1, 1) on every drive: it has to follow from the innovations": (
+        lambda nu, S: (1, 1)
+    ),
+    "the advice is (-1, -1) on every drive: it has to follow from the innovations": (
+        lambda nu, S: (-1, -1)
+    ),
+    "the advice is (1, 0) on every drive: it has to follow from the innovations": (
+        lambda nu, S: (1, 0)
+    ),
+    "the advice is (0, 1) on every drive: it has to follow from the innovations": (
+        lambda nu, S: (0, 1)
+    ),
+    "the advice is (1, -1) on every drive: it has to follow from the innovations": (
+        lambda nu, S: (1, -1)
+    ),
+    "the advice is (-1, 1) on every drive: it has to follow from the innovations": (
+        lambda nu, S: (-1, 1)
+    ),
 }
 
+
+def _outside_chi2(squares: Array) -> int:
+    """Say on which side of the lesson's band the NIS is."""
+    from slamlab.evaluation import chi2_band  # the checks themselves need numpy only
+
+    low, high = chi2_band(1, len(squares))
+    nis = float(np.mean(squares))
+    return int(nis > high) - int(nis < low)
+
+
 # %% [markdown] tags=["solution"]
-# ## Solution 5: a test that says what is wrong
+# ## Solution 5: a test of the noises
 #
 # If $Q$ and $R$ are both multiplied by 4, so are $P$ and $S$ (after the start is forgotten), and
 # the gain stays: the estimates are the same, only the reported σ is twice as large. So the NIS
@@ -1011,14 +1059,19 @@ check_innovation_test.mistakes = {
 # this buys: a robot can set the noises of its filter from its own drive, without any truth.
 
 # %% [markdown] tags=["solution"]
+# The test sees noises only. Where something else is missing, an input say, it still answers with
+# noises: innovations that are all on one side have a large $c$, so it says *raise Q*. A larger $Q$
+# makes the filter follow more quickly; the cause is left. So look at the innovations, too.
+
+# %% [markdown] tags=["solution"]
 # `np.corrcoef` subtracts the mean. Where the mean is 0 that changes little. But the innovations of
 # a shuttle whose cable always pulls one way are all on one side, and there its advice is the
 # opposite one, -1 instead of 1:
 
 # %% active="ipynb" tags=["solution"]
 # def by_corrcoef(nu, S):
-#     e, T = nu / np.sqrt(S), len(nu)
-#     nis, c = np.mean(e**2), np.corrcoef(e[1:], e[:-1])[0, 1]
+#     d, T = nu / np.sqrt(S), len(nu)
+#     nis, c = np.mean(d**2), np.corrcoef(d[1:], d[:-1])[0, 1]
 #     level = np.sign(nis - 1) * (abs(nis - 1) > 2.58 * np.sqrt(2 / T))
 #     return int(level), int(np.sign(c) * (abs(c) > 2.58 / np.sqrt(T)))
 #
@@ -1027,11 +1080,11 @@ check_innovation_test.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 6: 100 shuttles, and 20 loose screws
 #
-# The warehouse buys 100 shuttles. Each accelerometer has an offset of its own; the filter begins
-# at 0, with σ = 0.3 m/s², and no sensor measures it. And in 20 of the shuttles a screw is loose:
-# the accelerometer rattles, and its noise has four times the `sigma` that the filter expects.
-# Which shuttles these are is not known, and in the warehouse there is no truth to compare with.
-# Your own pieces find the offsets, and the loose screws.
+# The warehouse buys 100 shuttles. Each leans in its own way, so each accelerometer has its own
+# offset; the filter begins at 0, with σ = 0.3 m/s², and no sensor measures it. And in 20 of the
+# shuttles a screw is loose: the accelerometer rattles, and its noise has four times the `sigma`
+# that the filter expects. Which shuttles these are is not known, and in the warehouse there is no
+# truth to compare with. Your own pieces find the offsets, and the loose screws.
 #
 # Assemble them. In every step the accelerometer reads (`predict`), then the sensors do (`update`).
 # Any of them may be lost, or all; time passes all the same, as in the tunnel. The first sensor is
@@ -1039,14 +1092,19 @@ check_innovation_test.mistakes = {
 # before any reading of this step is used. (At least one arrives in a drive.) After the drive, hand
 # them to `innovation_test`.
 #
-# **Guess first.** A shuttle with an offset of 0.3 m/s² drives to and fro for 60 s. Sketch over
-# time the offset that your filter estimates, with its ±2σ: in the first seconds, in two clouds of
-# dust where nothing is read, at the end. Then the same for a shuttle with -0.3 m/s² and a loose
-# screw, about which its filter knows nothing. The picture has both, and says how large the NEES is
-# and how many of the 100 your test reports, rightly and wrongly.
+# **Guess first.** A shuttle with an offset of 0.3 m/s² drives to and fro for 60 s. In two clouds of
+# dust, of 12 s and 10 s, nothing is read. Sketch over time the offset that your filter estimates,
+# with its ±2σ: in the first seconds, in the dust, at the end. Below it, sketch the error of the
+# position. Then both for a shuttle with -0.3 m/s² and a loose screw, about which its filter knows
+# nothing.
+#
+# And: a loose screw is in the accelerometer, not in the laser. Which pair (`level`, `ratio`) says
+# this, $Q$ up and $R$ as it is? The picture counts the shuttles of which your test says exactly
+# that, rightly (20 are loose) and falsely, and has the mean NEES at the end. Run the check, then
+# open it.
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def track(
     mean: Array,
     cov: Array,
@@ -1107,8 +1165,8 @@ def track(
 # should it find for the offset?
 
 # %% [markdown] tags=["hint"]
-# `zip(u, z)` gives what the accelerometer read in a step, and a row of readings after it. What has
-# your `update` to do where the whole row is lost? Try it alone.
+# `zip(u, z)` gives what the accelerometer read in a step, and a row of readings after it. Your
+# `update` leaves out what is lost, be it the whole row; and time passes all the same.
 
 # %% [markdown] tags=["hint"]
 # An innovation compares a reading with what was predicted for its moment. Between which two lines
@@ -1155,7 +1213,7 @@ def _noises(rng: np.random.Generator, noise: float, laser: float) -> Case:
 
 
 def _hundred(function: Any, first: int = 0) -> list[Any]:
-    """Return drives of 100 shuttles: means, covariances, truth, NEES at the end, any advice."""
+    """Return drives of 100 shuttles: means, covariances, truth, NEES at the end, the advice."""
     found = []
     for k in range(100):
         offset = {0: -0.3, 1: 0.3}.get(k)
@@ -1164,36 +1222,51 @@ def _hundred(function: Any, first: int = 0) -> list[Any]:
         means, covs, *advice = function(np.zeros(3), _START, u, z, _SENSORS, _VARIANCES, 0.5, 0.2)
         means, covs = np.asarray(means, float), np.asarray(covs, float)
         error = means[-1] - truth[-1]
-        found.append((means, covs, truth, error @ np.linalg.solve(covs[-1], error), any(advice)))
+        score = error @ np.linalg.solve(covs[-1], error)
+        found.append((means, covs, truth, score, tuple(int(part) for part in advice)))
     return found
 
 
 def _track_drawn(ax: Any, function: Any) -> None:
-    """Draw true offsets (black) and estimates with ±2σ: blue tight, purple with a loose screw."""
+    """Draw the offset, true (black) and estimated with ±2σ, and below it the position's error.
+
+    Blue: a tight shuttle, purple: one with a loose screw. (1, 1) says: the accelerometer, not the
+    laser.
+    """
     from slamlab import plots
 
     drives, times = _hundred(function), 0.5 * np.arange(121)
+    below = ax.inset_axes((0, 0, 1, 0.38))
     for first, last in ((15.25, 27.25), (40.25, 50.25)):
-        ax.axvspan(first, last, color="0.85", lw=0)
-    ax.text(21.25, 0.68, "dust", ha="center", va="center", fontsize=9)
-    for k, kind in ((1, "estimate"), (0, "wrong")):
+        for each in (ax, below):
+            each.axvspan(first, last, color="0.85", lw=0)
+    ax.text(21.25, 0.71, "dust", ha="center", va="center", fontsize=9)
+    for k, kind in ((0, "wrong"), (1, "estimate")):
         means, covs, truth, *_ = drives[k]
-        mean, sigma = np.append(0, means[:, 2]), np.append(0.3, np.sqrt(covs[:, 2, 2]))
+        sigmas = np.vstack([np.sqrt(np.diag(_START)), np.sqrt(covs[:, [0, 1, 2], [0, 1, 2]])])
+        offset, error = np.append(0, means[:, 2]), means[:, 0] - truth[:, 0]
         ax.plot([0, 60], truth[[0, 0], 2], **plots.line_style("truth"))
-        band, colour = (mean - 2 * sigma, mean + 2 * sigma), plots.COLOURS[kind]
-        ax.fill_between(times, *band, color=colour, alpha=0.25, lw=0)
-        ax.plot(times, mean, **plots.line_style(kind))
+        shade: dict[str, Any] = {"color": plots.COLOURS[kind], "alpha": 0.25, "lw": 0}
+        ax.fill_between(times, offset - 2 * sigmas[:, 2], offset + 2 * sigmas[:, 2], **shade)
+        ax.plot(times, offset, **plots.line_style(kind))
+        below.fill_between(times, -2 * sigmas[:, 0], 2 * sigmas[:, 0], **shade)
+        below.plot(times[1:], error, **plots.line_style(kind))
     tight, loose = (
         [drive[3:] for k, drive in enumerate(drives) if (k % 5 == 0) == rattles]
         for rattles in (False, True)
     )
-    scores = [np.mean([score for score, _ in group]) for group in (tight, loose)]
-    told = [sum(advice for _, advice in group) for group in (tight, loose)]
-    ax.set(xlabel="time (s)", ylabel="offset (m/s²)", xlim=(0, 60), ylim=(-0.75, 0.75))
-    ax.set_title(
-        f"found {told[1]} of 20, false {told[0]} of 80\n"
-        f"NEES tight {scores[0]:.1f}, loose {scores[1]:.1f}"
-    )
+    scores = [float(np.mean([score for score, _ in group])) for group in (tight, loose)]
+    shown = [f"{score:.{1 if score < 100 else 0}f}" for score in scores]
+    named = [sum(advice == (1, 1) for _, advice in group) for group in (tight, loose)]
+    ax.set(xlabel="time (s)", ylabel="error (m)      offset (m/s²)", xlim=(0, 60))
+    ax.set(ylim=(-1.75, 0.6), yticks=[-0.5, 0, 0.5])
+    below.set(xlim=(-6, 66), ylim=(-15, 48), xticks=[], yticks=[0, 20, 40])
+    for y, text, kind in (
+        (0.47, f"tight: NEES {shown[0]}, expected 3", "estimate"),
+        (-0.62, f"loose: NEES {shown[1]}", "wrong"),
+    ):
+        ax.text(64, y, text, ha="right", va="center", fontsize=9, color=plots.COLOURS[kind])
+    ax.set_title(f"(1, 1): {named[1]} of 20, false {named[0]} of 80")
 
 
 check_track = Check(
@@ -1332,19 +1405,26 @@ check_track.mistakes = {
 #
 # Three functions, once they are right, and two lines between them. The offset is found although no
 # sensor measures it: in each prediction its error spreads into speed and position, and each
-# reading of these corrects it by the correlation. In the dust nothing is learnt, so the band stays
-# as wide as it is. The loose shuttle has nearly the same band, since a covariance does not depend
-# on the data; but on this drive the true offset is outside it most of the time. Its NEES tells so,
-# but needs the truth. Your test needs none: it reports all 20, and in nearly every one it says (1,
-# 1), raise $Q$. Of the 80 others one or two are to be expected, since each of the two bands leaves
-# out 1 in 100. In ten other fleets it was 20 of 20 every time, and 0 to 2 of the 80.
+# reading of these corrects it by the correlation. In the dust nothing is learnt of the offset, so
+# its band stays as wide as it is; the error of the position grows, within its ±2σ of some 10 m, and
+# one reading behind the dust ends it. The loose shuttle has nearly the same bands, since a
+# covariance does not depend on the data; but its true offset is outside most of the time, and in
+# the dust it is lost by 40 m. Its NEES tells so, but needs the truth.
+
+# %% [markdown] tags=["solution"]
+# Your test needs none, and it *names* the part: $Q$ goes up by `level + ratio`, $R$ by `level -
+# ratio`, so (1, 1) raises $Q$ alone, the noise of the accelerometer. In this fleet it says (1, 1) of
+# all 20 loose shuttles and of none of the 80 others. In ten other fleets it was 17 to 20 of the 20
+# (the rest (1, 0): something is too small, but not which), and 0 of the 80 in each. Any advice at
+# all is more often false, on up to 2 of the 80, since each of the two bands leaves out 1 in 100.
 
 # %% [markdown] tags=["solution"]
 # A first program that takes the offset off the mean, while its $F$ does not have it, never
 # corrects the offset: its estimate stays at 0, with the σ of the start, and position and speed are
-# reported as if the offset were known. The test then reports tight shuttles, too:
+# reported as if the offset were known. In the dust the tight shuttle is now lost, and your test
+# accuses many a tight accelerometer:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: the offsets of two shuttles over 60 s; in the left one both estimates stay at 0 with a wide band, in the right one each is found."}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: the offsets of two shuttles over 60 s; in the left one both estimates stay at 0 with a wide band, and in the dust the position of the tight one is off by 25 m; in the right one its offset is found and its position stays within 2σ."}}
 # def without_correlation(mean, cov, u, z, H, variances, dt, sigma):
 #     means, covs, nu, S = [], [], [], []
 #     for push, readings in zip(u, z):
@@ -1359,9 +1439,45 @@ check_track.mistakes = {
 #
 # check_track.draw(without_correlation)
 
+# %% [markdown] tags=["solution"]
+# **Not the laser?** 60 tight shuttles whose laser has a dirty window, three times its σ, are
+# reported as well, but none of them as (1, 1). (They stand still; that is enough here.)
+
+# %% active="ipynb" tags=["solution"]
+# H, rng, said = np.array([[1.0, 0.0, 0.0]]), np.random.default_rng(0), {}
+# for _ in range(60):
+#     offset, noise = 0.3 * rng.standard_normal(), rng.standard_normal((2, 120))
+#     advice = track(np.zeros(3), np.diag([0, 0, 0.09]), offset + 0.2 * noise[0],
+#                    0.6 * noise[1][:, None], H, np.array([0.04]), 0.5, 0.2)[2:]
+#     said[advice] = said.get(advice, 0) + 1
+# print("dirty lasers:", said)
+
+# %% [markdown] tags=["solution"]
+# **And exercise 3?** 100 shuttles with the gain of last year, when the laser had a σ of 0.05 m and
+# not 0.2 m. $P - K H P$ is then what last year's filter would report; with your
+# `cov_after_update` the same estimates have the right σ:
+
+# %% active="ipynb" tags=["solution"]
+# scores = []
+# for _ in range(100):
+#     mean, offset = np.zeros(3), 0.3 * rng.standard_normal()
+#     joseph = short = np.diag([0, 0, 0.09])
+#     for _ in range(120):
+#         u, z = offset + 0.2 * rng.standard_normal(), 0.2 * rng.standard_normal(1)
+#         short = predict(mean, short, u, 0.5, 0.2)[1]
+#         mean, joseph = predict(mean, joseph, u, 0.5, 0.2)
+#         K = short @ H.T @ np.linalg.inv(H @ short @ H.T + 0.05**2)
+#         mean = mean + K @ (z - H @ mean)
+#         joseph = cov_after_update(joseph, K, H, np.array([[0.04]]))
+#         short = short - K @ H @ short
+#     error = mean - [0, 0, offset]
+#     scores.append([error @ np.linalg.solve(P, error) for P in (joseph, short)])
+# joseph, short = np.mean(scores, axis=0)
+# print(f"NEES, expected is 3: with exercise 3 {joseph:.1f}, with P - K H P {short:.1f}")
+
 # %% [markdown] tags=["statement"]
 # **What you have now**: the core of an inertial navigation system, every line yours. It finds the
 # offset of its accelerometer while it drives, gets through dust by prediction, reports a σ that is
-# right, and says, without any truth, when its noises are wrong.
+# right where its noises are; where they are not, it says so without any truth, and names the part.
 #
 # The solutions are in [Solutions 02](../solutions/02_kalman_filter.ipynb).

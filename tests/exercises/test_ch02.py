@@ -98,8 +98,8 @@ def test_the_advice_leads_near_the_right_noises_from_every_corner(seed, monkeypa
 
 @pytest.mark.parametrize("first", [500, 800])
 def test_the_loose_screws_are_found_in_other_fleets(first):
-    """What solution 6 says of ten fleets, in those two where the advice is least uniform."""
-    drives = ch._hundred(ch.track, first)
-    reported = [advice for *_, advice in drives]
-    assert sum(reported[::5]) == 20
-    assert sum(reported) - 20 <= 2
+    """What solution 6 says of ten fleets, in one with 18 and one with 17 that are named."""
+    said = [advice for *_, advice in ch._hundred(ch.track, first)]
+    assert sum(advice == (1, 1) for advice in said[::5]) in (17, 18)
+    assert {*said[::5]} == {(1, 1), (1, 0)}
+    assert (1, 1) not in [advice for k, advice in enumerate(said) if k % 5]
