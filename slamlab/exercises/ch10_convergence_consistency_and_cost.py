@@ -10,6 +10,7 @@ EKF joined, and first-estimates Jacobians (Huang, Mourikis and Roumeliotis, 2008
 from __future__ import annotations
 
 from functools import cache
+from math import erfc
 from typing import Any
 
 import numpy as np
@@ -67,12 +68,17 @@ __all__ = [
 #
 # The state is $(x, y, \theta, m_1, m_2)$, each landmark two numbers. Write the width of the door,
 # $w = \|m_1 - m_2\|$, and its variance, to first order: the derivative of $w$ with respect to the
-# seven numbers is the whole task. **On paper first**: along one axis the lesson finds
-# $\mathrm{Var}(m_1 - m_2) = 2r/K$ after $K$ observations of both, here with $r = 0.3^2$ m². What σ
-# has the *width* then, after 10 and after 100? And why does the uncertain heading not count?
+# seven numbers is the whole task.
+#
+# **On paper first.** The lesson finds $\mathrm{Var}(m_1 - m_2) = 2r/N$ along one axis, after $N$
+# observations of both. Here the noise is $r = 0.3^2$ m² on *both* axes, so any direction of the
+# door has it. Which σ has the *width* then, after 10 observations and after 100? The map says 0.94
+# m, the robot is 0.80 m wide. **Decide**: may it drive after 10 observations, and after 100? And
+# why does the uncertain heading not count?
 #
 # Grey in the picture are the widths in 2000 maps that the robot may have, each with its own turn
-# and its own readings; the curves are the widths as you report them.
+# and its own readings; the curves are the widths as you report them. The title has, by your σ, how
+# probable it is that the robot sticks.
 
 
 # %% tags=["exercise", "predict"]
@@ -138,25 +144,27 @@ def _door_width_drawn(ax: Any, function: Any) -> None:
     """Draw the width of a door in 2000 maps (grey) and as it is reported, twice."""
     from slamlab import plots
 
-    rng, widths = np.random.default_rng(1), np.linspace(0.4, 1.5, 400)
+    rng, widths, robot = np.random.default_rng(1), np.linspace(0.4, 1.5, 400), 0.80
     turn, said = np.deg2rad(10) * rng.standard_normal(2000), []
     c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
     P = _rigid(_DOOR, 0.2, np.deg2rad(10))[1]
-    for K, style in ((10, "--"), (100, "-")):
-        noisy = P + np.diag([0.0] * 3 + [0.09 / K] * 4)
+    for n, style in ((10, "--"), (100, "-")):
+        noisy = P + np.diag([0.0] * 3 + [0.09 / n] * 4)
         width, variance = (float(one) for one in function(np.array(_DOOR), noisy))
         sigma = np.sqrt(max(variance, 1e-8))
-        said.append(f"{100 * sigma:.1f} cm")
-        posts = np.array(_DOOR[3:]).reshape(2, 2) + rng.normal(0, 0.3 / np.sqrt(K), (2000, 2, 2))
+        sticks = 50 * erfc((width - robot) / sigma / np.sqrt(2))
+        said.append(f"σ {100 * sigma:.1f} cm, sticks {sticks:{'.0f' if sticks > 1 else '.2f'}} %")
+        posts = np.array(_DOOR[3:]).reshape(2, 2) + rng.normal(0, 0.3 / np.sqrt(n), (2000, 2, 2))
         x, y = posts[..., 0], posts[..., 1]
         x, y = c * x - s * y, s * x + c * y
         true = np.hypot(x[:, 0] - x[:, 1], y[:, 0] - y[:, 1])
         ax.hist(true, 40, density=True, color="0.5", alpha=0.4)
         curve = np.exp(-0.5 * ((widths - width) / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
-        ax.plot(widths, curve, style, color=plots.COLOURS["estimate"], label=f"{K} observations")
+        ax.plot(widths, curve, style, color=plots.COLOURS["estimate"], label=f"{n} observations")
+    ax.axvline(robot, color=plots.COLOURS["truth"], lw=1.2, label="robot, 0.80 m")
     ax.set(xlabel="width of the door (m)", ylabel="how often", yticks=[], ylim=(0, 12))
     ax.legend(loc="upper right", fontsize=7)
-    ax.set_title(f"σ of the width: {said[0]},\nafter 100: {said[1]}")
+    ax.set_title(f"10: {said[0]};\n100: {said[1]}")
 
 
 check_door_width = Check(
@@ -236,9 +244,13 @@ check_door_width.mistakes = {
 # A post that moves along the door changes the width by as much; across the door it changes
 # nothing, to first order. So the derivative is the unit vector of the door, once with each sign. A
 # turn of the map moves the far end of the door *across* it, and a shift moves both ends alike:
-# neither is in the width. Two readings of a post along one axis remain, (B): $\sqrt{2 \cdot 0.09 /
-# 10}$ is 13.4 cm, and with 100 observations 4.2 cm. No observation made the posts themselves
-# better than the start.
+# neither is in the width. The noise of the readings along the door remains, of both posts:
+# $\sqrt{2 \cdot 0.09 / 10}$ is 13.4 cm, and with 100 observations 4.2 cm. No observation made the
+# posts themselves better than the start.
+#
+# Does it fit? The door is 14 cm wider than the robot, on the map. After 10 observations that is
+# little more than one σ, and one robot in seven sticks. After 100 it is more than three, and fewer
+# than one in 2000 stick: drive.
 
 # %% [markdown] tags=["solution"]
 # With the variances of both axes added, the turn counts: a door that is known exactly, but for its
@@ -256,35 +268,36 @@ check_door_width.mistakes = {
 # ## Exercise 2: twenty steps of the wheels, one of the map
 #
 # The wheels report a hundred times per second, the scanner five times. Between two scans the pose
-# moves in $K = 20$ small steps; step $k$ has the derivative $F_k$ and the noise $Q_k$, and the
+# moves in $T = 20$ small steps; step $k$ has the derivative $F_k$ and the noise $Q_k$, and the
 # landmarks do not move. One step at a time, [P2](../../book/bibliography.md#p2complexity) prints
 # in its formula (9) what becomes of the covariance of the *pose*, $P_{xx} \leftarrow F P_{xx}
 # F^\top + Q$, and no more. A program that stops there moves the pose, and not what the pose
 # shares with the map.
 #
-# Predict the *whole* covariance over all $K$ steps. The lesson multiplies matrices as large as the
+# Predict the *whole* covariance over all $T$ steps. The lesson multiplies matrices as large as the
 # map in each step: $203 \times 203$ with 100 landmarks, two products per step. How few
 # multiplications can it be, if nothing is left out? **Guess** how many thousand, for 100
 # landmarks.
 #
 # The picture has the correlations of a pose and three landmarks after twenty steps on a curve.
 # Above it are two numbers: the smallest eigenvalue of that covariance, and how many
-# multiplications your products with `@` took with 100 landmarks. Then draw (9) alone as well, with
-# the other blocks left as they were: what is wrong with its eigenvalue?
+# multiplications your products took with 100 landmarks (`@` is counted, `einsum` cannot be). Then
+# draw (9) alone as well, with the other blocks left as they were: what is wrong with its
+# eigenvalue?
 
 
 # %% tags=["exercise", "predict"]
 def predict_cov(P: Array, F: Array, Q: Array) -> Array:
-    """Covariance of pose and map after K steps without an observation.
+    """Covariance of pose and map after T steps without an observation.
 
     Parameters
     ----------
     P : ndarray, shape (3 + 2n, 3 + 2n)
         Before the first step.
-    F : ndarray, shape (K, 3, 3)
+    F : ndarray, shape (T, 3, 3)
         Of each step, the first one first: derivative of the new pose by the old one.
-    Q : ndarray, shape (K, 3, 3)
-        Of each step: covariance of the motion noise that it adds. K may be 0.
+    Q : ndarray, shape (T, 3, 3)
+        Of each step: covariance of the motion noise that it adds. T may be 0.
 
     Returns
     -------
@@ -317,10 +330,10 @@ def predict_cov(P: Array, F: Array, Q: Array) -> Array:
 
 # %% tags=["cases"]
 @drawn
-def _drive(rng: np.random.Generator, K: int, landmarks: int, noise: float = 1.0) -> Any:
-    F = np.eye(3) + np.round(rng.normal(0, 0.5, (K, 3, 3)), 2)
-    Q = [noise * a_covariance(rng, 3, 0.3) for _ in range(K)]
-    return a_covariance(rng, 3 + 2 * landmarks), F, np.reshape(Q, (K, 3, 3))
+def _drive(rng: np.random.Generator, T: int, landmarks: int, noise: float = 1.0) -> Any:
+    F = np.eye(3) + np.round(rng.normal(0, 0.5, (T, 3, 3)), 2)
+    Q = [noise * a_covariance(rng, 3, 0.3) for _ in range(T)]
+    return a_covariance(rng, 3 + 2 * landmarks), F, np.reshape(Q, (T, 3, 3))
 
 
 class _Counted(np.ndarray):
@@ -373,8 +386,10 @@ def _predict_cov_drawn(ax: Any, function: Any) -> None:
     ax.imshow(np.abs(P / np.outer(sigma, sigma)), cmap="Blues", vmin=0, vmax=1)
     ax.grid(visible=False)
     ax.set(xlabel="x, y, heading, landmarks", xticks=[], yticks=[])
-    work = f"{count / 1000:,.0f} thousand" if count else "`np.array` hides the"
-    ax.set_title(f"smallest eigenvalue {low:+.4f}\n{work} multiplications")
+    work = (
+        f"{count / 1000:,.0f} thousand multiplications" if count else "products cannot be counted"
+    )
+    ax.set_title(f"smallest eigenvalue {low:+.4f}\n{work}")
 
 
 check_predict_cov = Check(
@@ -463,9 +478,9 @@ check_predict_cov.mistakes = {
 # give the same numbers. Exercise 3 uses the same product, there called $\Phi$.
 
 # %% [markdown] tags=["solution"]
-# (9) read alone touches the corner only. Each variance is right and each block is a covariance,
-# but the smallest eigenvalue of the whole is below zero: there is a direction in the map whose
-# variance is negative. The lesson's row B is a filter with that.
+# (9) read alone touches the corner only. Each variance is right and each diagonal block is a
+# covariance, but the smallest eigenvalue of the whole is below zero: there is a direction, of pose
+# and map together, whose variance is negative. The lesson's row B is a filter with that.
 
 # %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: the correlations of a pose and three landmarks; the smallest eigenvalue is negative on the left and positive on the right."}}
 # def corner_only(P, F, Q):
@@ -492,8 +507,8 @@ check_predict_cov.mistakes = {
 # $$
 #
 # The accounts of one prediction are $F,\ 0,\ 0$. Those of one update, with $H$, gain $K$,
-# innovation $\nu$ and its covariance $S$, are $I - K H,\ H^\top S^{-1} H,\ H^\top S^{-1} \nu$. In
-# the code $\vartheta$ is `y`.
+# innovation $\nu$ and its covariance $S$, are $I - K H,\ H^\top S^{-1} H,\ H^\top S^{-1} \nu$.
+# A day is many of these, joined one after the other.
 #
 # At noon the robot writes its accounts to a file and begins new ones, at $I,\ 0,\ 0$. In the
 # evening the server has two files, and $P_{ab}^0$, $P_{bb}^0$, $\hat x_b^0$ from before the
@@ -509,7 +524,7 @@ check_predict_cov.mistakes = {
 
 # %% tags=["exercise"]
 def joined(
-    Phi1: Array, Psi1: Array, y1: Array, Phi2: Array, Psi2: Array, y2: Array
+    Phi1: Array, Psi1: Array, theta1: Array, Phi2: Array, Psi2: Array, theta2: Array
 ) -> tuple[Array, Array, Array]:
     """Accounts of the compressed EKF over two stretches, one after the other.
 
@@ -517,19 +532,19 @@ def joined(
     ----------
     Phi1, Psi1 : ndarray, shape (a, a)
         Of the first stretch.
-    y1 : ndarray, shape (a,)
+    theta1 : ndarray, shape (a,)
         The third account: what b is corrected by.
     Phi2, Psi2 : ndarray, shape (a, a)
         Of the second stretch, begun at I and 0.
-    y2 : ndarray, shape (a,)
+    theta2 : ndarray, shape (a,)
 
     Returns
     -------
     Phi, Psi : ndarray, shape (a, a)
         Of both together.
-    y : ndarray, shape (a,)
+    theta : ndarray, shape (a,)
     """
-    return Phi2 @ Phi1, Psi1 + Phi1.T @ Psi2 @ Phi1, y1 + Phi1.T @ y2
+    return Phi2 @ Phi1, Psi1 + Phi1.T @ Psi2 @ Phi1, theta1 + Phi1.T @ theta2
 
 
 # %% active="ipynb" tags=["try"]
@@ -651,7 +666,7 @@ def _joined_drawn(ax: Any, function: Any) -> None:
 
 check_joined = Check(
     joined,
-    "Phi, Psi, y",
+    "Phi, Psi, theta",
     {
         "one number each": ([[5 / 6]], [[1 / 6]], [0.5], [[6 / 7]], [[6 / 35]], [-0.2]),
         "a prediction, then an update": _stretch_and_update(True),
@@ -663,39 +678,39 @@ check_joined = Check(
 )
 
 # %% tags=["mistakes"]
-_PSI, _Y = "Phi1.T @ Psi2 @ Phi1", "Phi1.T @ y2"
+_PSI, _Y = "Phi1.T @ Psi2 @ Phi1", "Phi1.T @ theta2"
 
 
 check_joined.mistakes = {
-    "Psi and y took the Phi of the whole day: the afternoon speaks of the region at noon": (
+    "Psi and theta took the Phi of the whole day: the afternoon speaks of the region at noon": (
         f"{_PSI} => (Phi2 @ Phi1).T @ Psi2 @ Phi2 @ Phi1",
-        f"{_Y} => (Phi2 @ Phi1).T @ y2",
+        f"{_Y} => (Phi2 @ Phi1).T @ theta2",
     ),
-    "Psi and y were only added: what the afternoon gathers speaks of noon, not of the morning": (
+    "Psi and theta were only added: what the afternoon gathers speaks of noon, not of the morning": (
         f"{_PSI} => Psi2",
-        f"{_Y} => y2",
+        f"{_Y} => theta2",
     ),
     "Psi was only added: the second speaks of noon, not of the morning": f"{_PSI} => Psi2",
-    "y was only added: the second speaks of noon, not of the morning": f"{_Y} => y2",
-    "Psi and y took the second Phi: the first leads from the morning to noon": (
+    "theta was only added: the second speaks of noon, not of the morning": f"{_Y} => theta2",
+    "Psi and theta took the second Phi: the first leads from the morning to noon": (
         f"{_PSI} => Phi2.T @ Psi2 @ Phi2",
-        f"{_Y} => Phi2.T @ y2",
+        f"{_Y} => Phi2.T @ theta2",
     ),
     "Phi has the wrong order: the first stretch comes first, on the right": (
         "Phi2 @ Phi1 => Phi1 @ Phi2"
     ),
-    "Psi and y need the transpose on the left: P_ba is the transpose of P_ab": (
+    "Psi and theta need the transpose on the left: P_ba is the transpose of P_ab": (
         f"{_PSI} => Phi1 @ Psi2 @ Phi1.T",
-        f"{_Y} => Phi1 @ y2",
+        f"{_Y} => Phi1 @ theta2",
     ),
     "Psi needs Phi from both sides": f"{_PSI} => Phi1.T @ Psi2",
-    "y needs the transposed Phi": f"{_Y} => Phi1 @ y2",
+    "theta needs the transposed Phi": f"{_Y} => Phi1 @ theta2",
     "Psi is Phi^T Psi Phi, with the transpose on the left": f"{_PSI} => Phi1 @ Psi2 @ Phi1.T",
     "the Psi of the morning is missing: information adds up": f"Psi1 + {_PSI} => {_PSI}",
-    "the y of the morning is missing": f"y1 + {_Y} => {_Y}",
+    "the theta of the morning is missing": f"theta1 + {_Y} => {_Y}",
     "the morning was carried to noon, not the afternoon back: P_ab^0 is that of the morning": (
         f"Psi1 + {_PSI} => Psi2 + Phi2 @ Psi1 @ Phi2.T",
-        f"y1 + {_Y} => y2 + Phi2 @ y1",
+        f"theta1 + {_Y} => theta2 + Phi2 @ theta1",
     ),
     "Phi was added: two linear maps one after the other are a product": (
         "return Phi2 @ Phi1 => return Phi2 + Phi1"
@@ -723,9 +738,9 @@ check_joined.mistakes = {
 # that it has corrected already. The price is in the panel's title:
 
 # %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: eight landmarks that were never seen; in the left one they stay about a metre off, in the right one they move to their stars."}}
-# def phi_first(Phi1, Psi1, y1, Phi2, Psi2, y2):
+# def phi_first(Phi1, Psi1, theta1, Phi2, Psi2, theta2):
 #     Phi = Phi2 @ Phi1
-#     return Phi, Psi1 + Phi.T @ Psi2 @ Phi, y1 + Phi.T @ y2
+#     return Phi, Psi1 + Phi.T @ Psi2 @ Phi, theta1 + Phi.T @ theta2
 #
 # check_joined.draw(phi_first)
 
@@ -756,22 +771,29 @@ check_joined.mistakes = {
 # $$
 #
 # Nothing remains but $d = m - p$ and $D = m_0 - p_0$. Then add up the information about the turn,
-# $(H t)^\top R^{-1} (H t)$, over all observations. It is an *upper limit* of what leaks in, so it
-# gives a *lower* limit of the σ that the filter can report.
+# $(H t)^\top R^{-1} (H t)$, over all observations. With the robot at the origin and the heading
+# known to $\sigma_0$ at the start, the filter then has $t^\top P^{-1} t = 1 / \sigma_0^2 +
+# \text{sum}$ along $t$. A heading can be known no better than that ($t_\theta = 1$):
 #
-# The picture has both, for a robot that stands among three landmarks: the σ that its EKF really
-# reports, and below it the limit from your sum and the 10° of the start.
+# $$
+# \sigma_\theta^2 \ge \frac{t_\theta^2}{t^\top P^{-1} t} = \frac{1}{1/\sigma_0^2 + \text{sum}} .
+# $$
+#
+# So the sum is an *upper* limit of what leaks in, and gives a *lower* limit of the σ that the
+# filter can report. The picture has both, for a robot that stands among three landmarks: the σ
+# that its EKF really reports, and the limit from your sum. **Guess first**: it begins at 10°. How
+# far will the reported σ fall after 100 observations, with nothing to learn?
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def leaked(d: Array, D: Array, R: Array) -> float:
     """Information about a turn of the whole world that leaks into a filter, at most.
 
     Parameters
     ----------
-    d : ndarray, shape (T, 2)
+    d : ndarray, shape (N, 2)
         Newest estimate of landmark minus robot, at every observation (m).
-    D : ndarray, shape (T, 2)
+    D : ndarray, shape (N, 2)
         First estimate of landmark minus robot, of the same pair (m).
     R : ndarray, shape (2, 2)
         Covariance of range (m) and bearing (rad).
@@ -848,11 +870,11 @@ def _leaked_drawn(ax: Any, function: Any) -> None:
     steps = np.arange(3, 101)
     known = np.array([float(function(d[:k].copy(), D[:k].copy(), R.copy())) for k in steps])
     least = np.rad2deg(1 / np.sqrt(1 / np.deg2rad(10) ** 2 + known))
-    ax.plot(steps, reported[2:], color=plots.COLOURS["truth"], lw=1.2, label="reported")
-    ax.plot(steps, least, **plots.line_style("estimate"), label="limit from the sum")
+    ax.plot(steps, reported[2:], **plots.line_style("estimate"), label="reported")
+    ax.plot(steps, least, ":", color=plots.COLOURS["truth"], lw=1.5, label="limit from the sum")
     ax.axhline(10, **plots.line_style("dead_reckoning"))
     ax.set(xlabel="observation", ylabel="σ of the heading (°)", ylim=(0, 11))
-    ax.legend(loc="upper right", bbox_to_anchor=(1, 0.88), fontsize=7)
+    ax.legend(loc="upper right", bbox_to_anchor=(1, 0.8), fontsize=7)
     ax.set_title(f"reported {reported[-1]:.1f}°,\nby the sum at least {least[-1]:.1f}°")
 
 
@@ -940,20 +962,28 @@ check_leaked.mistakes = {
 #     print(f"{name:8s}: 10 deg before, then at least {np.rad2deg(known**-0.5):.1f} deg")
 
 # %% [markdown] tags=["solution"]
-# It is a limit: the filter of the picture reports 2.3° where the sum allows 0.9°. The sum counts
-# what is known along $t$ alone. The heading may also change along other directions of the state,
-# in which the landmarks do not move exactly as in $t$, and along one of these less is known.
+# The guess: after 100 observations the filter of the picture reports 2.3°, and the sum would allow
+# 0.9°. The limit is the inequality of Cauchy and Schwarz. With $e = (0, 0, 1, 0, \dots)$ the
+# heading's own entry of $t$ is $1 = e^\top t = (P^{1/2} e)^\top (P^{-1/2} t)$, so
+#
+# $$
+# 1 \le (e^\top P e)\,(t^\top P^{-1} t) = \sigma_\theta^2 \left(1/\sigma_0^2 + \text{sum}\right) .
+# $$
+#
+# It would be reached if $t$ were along $P e$. But the heading may also change along other
+# directions of the state, in which the landmarks do not move exactly as in $t$, and along one of
+# these less is known.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: a repair with two bugs
 #
 # The update below is to be the repair, *first-estimates Jacobians*: beside `mean` it is given a
 # second state, `first`. A trial on a bench, with `first` and `mean` still equal, went well. From
-# the hall come two complaints. A robot that stands still and has no compass becomes certain of its
-# heading all the same: its curve in the picture should stay at 10°. And a robot that comes back to
-# a map which it knows well sees four posts in one step, and is further off after them than before;
-# the title has both in metres, the mean of twenty robots. There are two bugs. Find and repair
-# them.
+# the hall come two complaints. A robot that stands still and has no compass reports a smaller σ
+# of its heading all the same: its curve in the picture should stay at 10°. And robots that come back to a
+# map which they know well see four posts in one step, and are turned as far from the truth after
+# them as before: the title has their heading errors, the mean of twenty. There are two bugs. Find
+# and repair them: each repair moves the score and the picture.
 
 
 # %% tags=["exercise"]
@@ -996,13 +1026,14 @@ def update(mean: Array, P: Array, first: Array, z: Array, i: int, R: Array) -> t
 
 # %% active="ipynb" tags=["stub"]
 #     k = 3 + 2 * i
-#     dx, dy = mean[k : k + 2] - first[:2]
-#     squared = dx**2 + dy**2
-#     rho = np.sqrt(squared)
+#     x, y, theta = first[:3]
+#     dx, dy = first[k] - x, first[k + 1] - y
+#     east, north = mean[k : k + 2] - mean[:2]
+#     rho = np.hypot(east, north)
 #     H = np.zeros((2, len(mean)))
-#     H[:, :3] = [[-dx / rho, -dy / rho, 0], [dy / squared, -dx / squared, -1]]
-#     H[:, k : k + 2] = [[dx / rho, dy / rho], [-dy / squared, dx / squared]]
-#     v = z - np.array([rho, np.arctan2(dy, dx) - first[2]])
+#     H[:, :3] = [[-dx / rho, -dy / rho, 0], [dy / rho**2, -dx / rho**2, -1]]
+#     H[:, k : k + 2] = [[dx / rho, dy / rho], [-dy / rho**2, dx / rho**2]]
+#     v = z - np.array([rho, np.arctan2(north, east) - theta])
 #     v[1] = wrap_angle(v[1])
 #     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
 #     new = mean + K @ v
@@ -1014,17 +1045,19 @@ def update(mean: Array, P: Array, first: Array, z: Array, i: int, R: Array) -> t
 # update(state, 0.1 * np.eye(5), state, z, 0, 0.01 * np.eye(2))[0].round(3)
 
 # %% [markdown] tags=["hint"]
-# Which of the two states does each line use? Write it beside the line. Which lines are about what
-# the filter knows of a *turn*, and which about what it *expects to measure now*?
+# Which of the two states does each *name* come from? Write an F or an M over every name in every
+# line. Which lines are about what the filter knows of a *turn*, and which about what it *expects
+# to measure now*?
 
 # %% [markdown] tags=["hint"]
 # Corrections move `mean` alone. So the landmarks of the two states differ after a while; the poses
 # differ when a second landmark is seen in the same step, for the first one has moved `mean`
-# already. Which complaint belongs to which difference?
+# already. Which complaint belongs to which difference? Which rows of the report?
 
 # %% [markdown] tags=["hint"]
-# The same $dx, dy$ serve two purposes here. Can they? Take a landmark that was corrected ten
-# times: where was it when its first Jacobian was taken, and where does the filter expect it now?
+# Work out $H t$ of exercise 4 with this `H`, for a landmark that has moved outward: which of its
+# two entries is not zero? Then the innovation: every number in the prediction of `z` must be of
+# one state. Is it?
 
 
 # %% tags=["cases"]
@@ -1044,27 +1077,39 @@ def _in_a_map(
     return mean, a_covariance(rng, len(mean), 0.05), first, z, i, a_covariance(rng, 2, 0.02)
 
 
+def _along_a_circle(landmark_moves: bool) -> Any:
+    """A state of which the landmark alone has moved, or the pose, on a circle round it."""
+    first = np.array([0.0, 0.0, 0.2, 3.0, 1.0])
+    mean = first.copy()
+    if landmark_moves:
+        mean[3:] = [3.4, 1.2]
+    else:
+        mean[:3] = [3 - np.hypot(3, 1) * np.cos(0.5), 1 - np.hypot(3, 1) * np.sin(0.5), 0.4]
+    return mean, np.diag([0.1, 0.1, 0.05, 0.1, 0.1]), first, [3.2, 0.1], 0, 0.01 * np.eye(2)
+
+
 def _four_posts(function: Any) -> float:
-    """Let twenty robots, a metre off (sigma), see four posts of a map in one step: metres off."""
+    """Let twenty robots see four posts of a map in one step: error of the heading (deg)."""
     posts, off = np.array([[4, 1], [2, -3], [-3, -1], [-1, 4.0]]), []
     R = np.diag([0.05, 0.02]) ** 2
     for seed in range(20):
         rng = np.random.default_rng(seed)
         mean = np.append(np.zeros(3), posts.ravel())
-        P, true, first = np.diag([1.0, 1.0, 1e-3] + [1e-4] * 8), rng.standard_normal(2), mean
-        for i, d in enumerate(posts - true):
-            z = np.array([np.hypot(*d), np.arctan2(d[1], d[0])])
+        P, first = np.diag([0.09, 0.09, 0.04] + [1e-4] * 8), mean
+        x, y, heading = rng.normal(0, [0.3, 0.3, 0.2])
+        for i, d in enumerate(posts - [x, y]):
+            z = np.array([np.hypot(*d), wrap_angle(np.arctan2(d[1], d[0]) - heading)])
             z = z + rng.normal(0, [0.05, 0.02])
             mean, P = (np.asarray(one, float) for one in function(mean, P, first, z, i, R))
-        off.append(np.hypot(*(mean[:2] - true)))
-    return float(np.mean(off))
+        off.append(abs(wrap_angle(mean[2] - heading)))
+    return float(np.rad2deg(np.mean(off)))
 
 
 def _update_drawn(ax: Any, function: Any) -> None:
     """Draw the reported sigma of the heading of a robot that stands still: 10 degrees remain."""
     from slamlab import plots
 
-    rng, stones = np.random.default_rng(3), np.array([[3.0, 1.0], [4.0, -2.0], [-2.0, 1.5]])
+    rng, stones = np.random.default_rng(5), np.array([[3.0, 1.0], [4.0, -2.0], [-2.0, 1.5]])
     sigma, R = np.deg2rad(10), np.diag([0.05, 0.02]) ** 2
     seen = stones @ np.array([[np.cos(0.2), np.sin(0.2)], [-np.sin(0.2), np.cos(0.2)]])
     seen += rng.normal(0, 0.1, (3, 2))
@@ -1083,7 +1128,7 @@ def _update_drawn(ax: Any, function: Any) -> None:
     ax.set(xlabel="observation", ylabel="σ of the heading (°)", ylim=(0, 12))
     before = _four_posts(lambda mean, P, *seen: (mean, P))
     after = _four_posts(function)
-    ax.set_title(f"four posts: {before:.2f} m off,\nthen {after:.2f} m")
+    ax.set_title(f"four posts: {before:.1f}° off,\nthen {after:.1f}°")
 
 
 check_update = Check(
@@ -1091,7 +1136,9 @@ check_update = Check(
     "mean, P",
     {
         "estimates that have not moved since the first": _in_a_map(2, 1, 0.0),
-        "one landmark that has moved": _in_a_map(1, 0),
+        "the landmark alone has moved since it was placed": _along_a_circle(True),
+        "the pose alone has moved, the distance is as before": _along_a_circle(False),
+        "one landmark, all has moved": _in_a_map(1, 0),
         "the second of three landmarks": _in_a_map(3, 1),
         "the last of four": _in_a_map(4, 3),
         "a landmark ahead, across half a turn": _in_a_map(2, 1, past=True),
@@ -1139,6 +1186,10 @@ check_update.mistakes = {
         "wrap_angle(v[1]) => z[1] - wrap_angle(z[1] - v[1])"
     ),
     "the range was wrapped too: it is no angle": "v[1] = wrap_angle(v[1]) => v = wrap_angle(v)",
+    "H divides by the latest distance: in H everything is at the first estimates": (
+        "rho = np.sqrt(squared)"
+        " => squared = np.sum((mean[k : k + 2] - mean[:2]) ** 2)\n    rho = np.sqrt(squared)"
+    ),
     "H takes the landmark at its latest estimate: expected its first one, for ever": (
         "first[k : k + 2] - first[:2] => mean[k : k + 2] - first[:2]"
     ),
@@ -1181,11 +1232,13 @@ check_update.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 5: a repair with two bugs
 #
-# One pair $dx, dy$ cannot serve two purposes. The first bug: in `H` it took the landmark at its
-# newest estimate; that is the leak through which the filter learns its heading. The second:
-# in the innovation it took the pose where it was predicted; the filter compares a measurement
-# with what it no longer expects, and each of four posts makes a correction again that the first
-# has made.
+# Everything in `H` belongs to the first estimates, everything in the prediction of `z` to the
+# latest. In this program two names come from the wrong one. The first is `rho`: right in the
+# prediction, but `H` has its directions from `first` and its lengths from `mean`. By exercise 4
+# the range stays clean, and the bearing gets $(H t)_2 = \|D\|^2 / \rho^2 - 1$: a landmark that has
+# moved outward leaks. The second is `theta`, unpacked on the first line from the pose *as
+# predicted*. The first of four posts has turned the robot already; each of the others is compared
+# with the heading from before, and makes the same correction again.
 
 # %% [markdown] tags=["solution"]
 # Who takes *everything* at the first estimates has a filter whose Jacobians agree and whose
@@ -1219,21 +1272,23 @@ check_update.mistakes = {
 #
 # The usual EKF takes the way from the *corrected* pose of the last step. Here `first` still holds
 # it *as it was predicted*. After that the new prediction goes into `first`. Your `predict_cov`
-# takes `F[None]` and `Q[None]`, one step.
+# takes `F[None]` and `Q[None]`, one step. **On paper**: $P$ stores the turn $t = (J p,\ 1,\ J m)$
+# of exercise 4 at the places in `first`. Why does $F t_{old} = t_{new}$ hold with this $F$, and
+# not with the usual one?
 #
 # **Add, then correct.** New landmarks come in first, all from the predicted pose, and stay in
-# `first` as they came; the sensor is at the centre of the robot. Then the known ones correct by
-# your `update`, in the order given. (The lesson corrects first, and must then write $J(m -
-# \mathtt{at})$ into $G_x$. Before the corrections `mean` and `first` have the same pose, and $G_x$
-# is that of chapter 09.)
+# `first` as they came; the sensor is at the centre of the robot. Then those that were known
+# *before this step* correct by your `update`, in the order given. (The lesson corrects first, and
+# must then write $J(m - \mathtt{at})$ into $G_x$. Before the corrections `mean` and `first` have
+# the same pose, and $G_x$ is that of chapter 09.)
 #
 # Then draw: forty robots, each with a heading uncertain by 10° (σ) and no compass, drive in a
 # circle among four stones and see two in each step. Each begins its map with the heading zero, so
-# the forty maps of the stones are turned about the start. Blue ellipses are what your filter
-# reports, dashed ones what the usual EKF reports on the same drives, both for 95 %. The title has
-# the σ of the last heading and its NEES, which in 99 of 100 such sets is between 0.52 and 1.67 if
-# the filter is consistent. **Guess first**: how certain of north is the usual EKF after 20 s? And
-# if the robots stood still?
+# the forty maps of the stones (grey) are turned about the start. Blue ellipses are what your
+# filter reports, orange ones what the usual EKF reports on the same drives, both for 95 %. The
+# title has the σ of the last heading and its NEES, which in 99 of 100 such sets is between 0.52
+# and 1.67 if the filter is consistent; in the middle is the σ of forty robots that *stand still*.
+# **Guess first**: how certain of north is the usual EKF after 20 s? Less, or more, if it stands?
 
 
 # %% tags=["exercise", "predict"]
@@ -1346,15 +1401,16 @@ _STONES = np.array([[4.0, 2.0], [3.0, -4.0], [-4.0, 3.0], [-3.0, -3.0]])
 
 
 @cache
-def _forty_drives() -> list[tuple[Any, ...]]:
+def _forty_drives(speed: float = 0.5) -> list[tuple[Any, ...]]:
     """Drive forty robots in a circle among four stones: what `slam` is given, last heading."""
     P0, R = np.diag([1e-6, 1e-6, np.deg2rad(10) ** 2]), np.diag([0.05, 0.03]) ** 2
-    V, u = 0.03**2 * np.eye(2), np.tile([0.5, 0.4], (40, 1))
+    noise = 0.03 if speed else 0.0
+    V, u = noise**2 * np.eye(2), np.tile([speed, 0.8 * speed], (40, 1))
     ids, found = (np.arange(40)[:, None] + [0, 1]) % 4, []
     for seed in range(40):
         rng = np.random.default_rng(seed)
         pose, z = np.array([0.0, 0.0, np.deg2rad(10) * rng.standard_normal()]), []
-        for names, (v, omega) in zip(ids, u + rng.normal(0, 0.03, u.shape), strict=True):
+        for names, (v, omega) in zip(ids, u + rng.normal(0, noise, u.shape), strict=True):
             pose = pose + 0.5 * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])
             d = _STONES[names] - pose[:2]
             bearing = wrap_angle(np.arctan2(d[:, 1], d[:, 0]) - pose[2])
@@ -1365,16 +1421,22 @@ def _forty_drives() -> list[tuple[Any, ...]]:
 
 
 def _forty_maps(function: Any) -> tuple[Array, Array, list[float]]:
-    """Maps (40, 4, 2) of the forty robots, mean covariances (4, 2, 2); sigma (deg) and NEES."""
-    maps, covs, sigma, nees = [], [], [], []
-    for given, heading in _forty_drives():
-        mean, P = (np.asarray(one, float) for one in function(*given))
-        maps.append(mean[3:11].reshape(4, 2))
-        covs.append([P[k : k + 2, k : k + 2] for k in (3, 5, 7, 9)])
-        variance = max(P[2, 2], 1e-12)
-        sigma.append(np.rad2deg(np.sqrt(variance)))
-        nees.append(wrap_angle(mean[2] - heading) ** 2 / variance)
-    return np.array(maps), np.mean(covs, 0), [float(np.mean(sigma)), float(np.mean(nees))]
+    """Maps (40, 4, 2) of the forty robots, mean covariances (4, 2, 2); sigma (deg) and NEES.
+
+    The third number is the sigma of forty robots that stand still.
+    """
+    maps, covs, nees, sigma = [], [], [], {0.5: [], 0.0: []}
+    for speed, reported in sigma.items():
+        for given, heading in _forty_drives(speed):
+            mean, P = (np.asarray(one, float) for one in function(*given))
+            variance = max(P[2, 2], 1e-12)
+            reported.append(np.rad2deg(np.sqrt(variance)))
+            if speed:
+                maps.append(mean[3:11].reshape(4, 2))
+                covs.append([P[k : k + 2, k : k + 2] for k in (3, 5, 7, 9)])
+                nees.append(wrap_angle(mean[2] - heading) ** 2 / variance)
+    numbers = [float(np.mean(one)) for one in (sigma[0.5], nees, sigma[0.0])]
+    return np.array(maps), np.mean(covs, 0), numbers
 
 
 @cache
@@ -1383,24 +1445,28 @@ def _usual_maps() -> tuple[Array, Array, list[float]]:
 
 
 def _slam_drawn(ax: Any, function: Any) -> None:
-    """Draw the maps of forty robots, the ellipses reported, and those of the usual EKF dashed."""
+    """Draw the maps of forty robots (grey), ellipses reported (blue), the usual EKF's (orange)."""
     from slamlab import plots
 
-    maps, covs, (sigma, nees) = _forty_maps(function)
-    _, usual, (usual_sigma, usual_nees) = _usual_maps()
+    maps, covs, mine = _forty_maps(function)
+    _, usual, theirs = _usual_maps()
     for one in maps:
-        colour = plots.COLOURS["estimate"]
-        ax.plot(*one[[0, 1, 3, 2, 0]].T, ".-", color=colour, lw=0.3, ms=4, alpha=0.35)
-    for stone, mine, theirs in zip(_STONES, covs, usual, strict=True):
-        plots.ellipse(ax, stone, mine)
-        dashed = plots.ellipse(ax, stone, theirs, "dead_reckoning")
-        dashed.set(linestyle="--", lw=1.3, facecolor="none", zorder=5)
+        ax.plot(*one[[0, 1, 3, 2, 0]].T, "-", color="0.6", lw=0.3, alpha=0.35)
+    ax.plot(*maps.reshape(-1, 2).T, ".", color="0.35", ms=3, alpha=0.6, mew=0)
+    for stone, cov, narrow in zip(_STONES, covs, usual, strict=True):
+        plots.ellipse(ax, stone, cov).set(facecolor="none", lw=1.3, zorder=6)
+        drawn_over = plots.ellipse(ax, stone, narrow, "dead_reckoning")
+        drawn_over.set(facecolor="none", lw=1.2, alpha=1, zorder=7)
     turn = np.linspace(0, 2 * np.pi, 60)
     ax.plot(1.25 * np.sin(turn), 1.25 * (1 - np.cos(turn)), **plots.line_style("truth"))
-    plots.landmarks(ax, _STONES).set_markersize(6)
     ax.set_aspect("equal")
     ax.set(xlabel="x (m)", ylabel="y (m)", xlim=(-5, 5), ylim=(-5, 5))
-    ax.set_title(f"σ {sigma:.1f}°, NEES {nees:.1f};\ndashed: {usual_sigma:.1f}°, {usual_nees:.1f}")
+    (sigma, nees, still), (usual_sigma, usual_nees, usual_still) = mine, theirs
+    at_rest = f"standing: {still:.1f}°,\nusual EKF: {usual_still:.1f}°"
+    ax.text(0, -1.3, at_rest, ha="center", va="center", fontsize=7)
+    ax.set_title(
+        f"σ {sigma:.1f}°, NEES {nees:.1f};\nusual EKF: {usual_sigma:.1f}°, {usual_nees:.1f}"
+    )
 
 
 _USUAL = (
@@ -1453,14 +1519,14 @@ def _sorted(*given: Any) -> Any:
     return mean[[0, 1, 2, *order]], P[np.ix_([0, 1, 2, *order], [0, 1, 2, *order])]
 
 
-_LEAK = "first[k : k + 2] - first[:2] => mean[k : k + 2] - first[:2]"
-_OLD_POSE = (
-    "mean[k : k + 2] - mean[:2] => mean[k : k + 2] - first[:2]",
-    "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]",
+_LEAK = (
+    "rho = np.sqrt(squared)"
+    " => squared = np.sum((mean[k : k + 2] - mean[:2]) ** 2)\n    rho = np.sqrt(squared)"
 )
+_OLD_POSE = "np.arctan2(north, east) - mean[2] => np.arctan2(north, east) - first[2]"
 _with_leak = check_update.mistaken(_LEAK)
 _with_old_pose = check_update.mistaken(_OLD_POSE)
-_with_both = check_update.mistaken((_LEAK, *_OLD_POSE))
+_with_both = check_update.mistaken((_LEAK, _OLD_POSE))
 
 
 check_slam.mistakes = {
@@ -1484,7 +1550,20 @@ check_slam.mistakes = {
         "        G = dt * np.array([[c, 0.0], [s, 0.0], [0.0, 1.0]])\n"
         "        F = np.eye(3)\n"
     ),
+    "a new landmark was corrected by its own reading: those known *before* the step correct": (
+        "            if name in old:\n                mean, P ="
+        " =>             if name in known:\n                mean, P ="
+    ),
     "only the first landmark of a step was used": "zip(seen, names) => zip(seen[:1], names[:1])",
+    "each reading placed a landmark and corrected it at once: add first, correct those known before": (
+        "name in old:\n                continue => name in old:\n                if name in old:\n"
+        "                    mean, P = update(mean, P, first, (r, phi), known.index(name), R)\n"
+        "                continue",
+        "        for one, name in zip(seen, names):\n            if name in old:\n"
+        "                mean, P = update(mean, P, first, one, known.index(name), R)\n => ",
+        "known.append(name)\n => known.append(name)\n"
+        "            mean, P = update(mean, P, first, (r, phi), known.index(name), R)\n",
+    ),
     "new landmarks come in first, from the predicted pose; then the known ones correct": (
         "name in old:\n                continue => name in old:\n                if name in old:\n"
         "                    mean, P = update(mean, P, first, (r, phi), known.index(name), R)\n"
@@ -1548,6 +1627,11 @@ check_slam.mistakes = {
 # What to notice: it is the filter of chapter 09 with one more vector, and that vector is written
 # in two places only, after a prediction and when a landmark comes in. A correction changes nothing
 # that stands in it.
+#
+# On paper: let $p$ be the place in `first` before the step and $p'$ the new one. The third column
+# of $F$ adds $(-\Delta y, \Delta x) = J (p' - p)$ to the turn's $J p$, and $J p + J (p' - p) = J
+# p'$: the turn as it will be stored. With the corrected place $p + c$ the way is $p' - p - c$, and
+# $F t_{old}$ misses $t_{new}$ by $J c$, in each step by another correction.
 
 # %% [markdown] tags=["solution"]
 # The usual EKF beside it: the way in $F$ from the corrected pose, and `update` at the latest
@@ -1586,8 +1670,8 @@ check_slam.mistakes = {
 # check_slam(usual)
 
 # %% [markdown] tags=["solution"]
-# And the guess? The usual EKF reports 2.7° on the drives of the picture. Forty robots that stand
-# still, with the same readings per step:
+# And the guess? The usual EKF reports 2.7° on the drives of the picture. The forty robots that
+# stand still have as many readings per step. With their NEES:
 
 # %% active="ipynb" tags=["solution"]
 # def standing(seed):

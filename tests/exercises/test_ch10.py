@@ -35,10 +35,10 @@ def by_whole_products(P, F, Q):
     return P
 
 
-def by_one_matrix(Phi1, Psi1, y1, Phi2, Psi2, y2):
-    """Another right answer: Psi and y side by side."""
-    second = Phi1.T @ np.column_stack([Psi2 @ Phi1, y2])
-    return [Phi2 @ Phi1, second[:, :-1] + Psi1, second[:, -1] + y1]
+def by_one_matrix(Phi1, Psi1, theta1, Phi2, Psi2, theta2):
+    """Another right answer: Psi and theta side by side."""
+    second = Phi1.T @ np.column_stack([Psi2 @ Phi1, theta2])
+    return [Phi2 @ Phi1, second[:, :-1] + Psi1, second[:, -1] + theta1]
 
 
 def by_the_jacobians(d, D, R):
@@ -113,9 +113,21 @@ def test_each_bug_of_the_hunt_shows_in_its_picture():
     """The one in H in the heading's sigma, the one in the innovation after four posts."""
     updates = ch.update, ch._with_leak, ch._with_old_pose
     right, leak, old = (ch._four_posts(update) for update in updates)
-    assert right < 0.2
-    assert leak == right
-    assert old > 1.0
+    assert right < 1
+    assert leak < 1
+    assert old > 8
+    ends = []
+    for update in updates:
+        ax = ch.check_update.draw(update).axes[0]
+        ends.append(ax.lines[0].get_ydata()[-1])
+    assert abs(ends[0] - 10) < 1e-6
+    assert ends[1] < 8
+    assert abs(ends[2] - 10) < 1e-6
+
+
+def test_each_repair_of_the_hunt_moves_the_score():
+    held = [ch.check_update(f).held for f in (ch._with_both, ch._with_leak, ch._with_old_pose)]
+    assert held[1] == held[2] == held[0] + 1
 
 
 def test_the_picture_counts_what_a_prediction_costs():
