@@ -50,9 +50,10 @@ __all__ = [
 # ## Exercise 1: a cubic that joins without a kink
 #
 # The lesson's cubics join: each begins at the point where the last one ends. But they join with a
-# kink, of some 40° on the way of exercise 5. A robot that heads where its path heads has to stop
-# there and turn. So let a piece begin with the *slope* with which the last one ended as well: its
-# direction, and its length too (how far the curve moves in a metre of the polygon).
+# kink, of some 40° on the way of exercise 5. The lesson's robot aims at a point ahead and rounds
+# it off. A robot that drives close to its path turns as the path bends, and no turn rate turns it
+# by 40° at once: it leaves its path (exercise 5 shows how far). So let a piece begin with the slope
+# with which the last one ended as well.
 #
 # As in the lesson, the points $d_0, \dots, d_n$ have the parameters $\tau_i = t_i / t_n$, where
 # $t_i$ is the length of the polygon up to $d_i$ (m), and the cubic is
@@ -61,8 +62,8 @@ __all__ = [
 # c(\tau) = d_0 + (d_n - d_0)\,\tau + \tau(1-\tau)(\lambda + \mu\tau).
 # $$
 #
-# Its slope per metre at the beginning, $c'(0)/t_n$, is given now. The lesson fits $\lambda$ and
-# $\mu$. Which of the two is decided by the slope? Fit the other one by least squares to all
+# Its slope per metre of the polygon is $c'(\tau)/t_n$, a vector with a direction and a length. At
+# the beginning, $c'(0)/t_n$, it is given now. The lesson fits $\lambda$ and $\mu$. Which of the two is decided by the slope? Fit the other one by least squares to all
 # points. Two points leave nothing to fit: take $\mu = 0$ there, and the curve is a parabola.
 
 
@@ -288,12 +289,12 @@ def _turned_round(c: Array) -> Array:
 # check_smooth_fit.draw(exchanged)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 2: where does a cubic meet itself?
+# ## Exercise 2: where does a cubic meet itself? (A side road)
 #
-# An operator draws ways for a robot on a tablet: a cubic, and two handles that pull it. Where the
+# No later exercise needs this one. An operator draws ways for a robot on a tablet: a cubic, and two handles that pull it. Where the
 # handles were pulled across each other the cubic may have a curl, and the robot would drive it.
-# The lesson seeks a loop with 64 chords, 1953 pairs of them in one cubic, and does not see a curl
-# that is shorter than a chord. Inside one cubic a square root is enough.
+# The lesson seeks a loop with 64 chords, 1953 pairs of them in one cubic, and may miss a curl that
+# is shorter than two chords (neighbours are left out). Inside one cubic a square root is enough.
 #
 # A loop is one place with two parameters $t_a < t_b$. With $(x, y)(t) = c_0 + c_1 t + c_2 t^2 +
 # c_3 t^3$ and $c_m = (a_m, b_m)$ it must hold that $x(t_a) = x(t_b)$ and $y(t_a) = y(t_b)$. Both
@@ -520,8 +521,8 @@ check_loop.mistakes = {
 # limits.
 #
 # In the first corridor the robot backed out as it should. In the next one its front swung round
-# and hit the wall. The picture has four such robots. What do those have in common that hit the
-# wall? Find the bug and repair it.
+# and hit the wall. Begin with the picture, not with the report: four robots back out, each in its
+# corridor. What do those have in common that hit the wall? Find the bug and repair it.
 
 
 # %% tags=["exercise"]
@@ -654,8 +655,8 @@ check_steer = Check(
         ),
         "a robot that faces west": _towards_west(),
         "exactly beside it": ([0, 0, 0.0], [0.0, 0.1], [1.0, 0.3], [0.2, 1.5]),
-        "behind, a little to one side": _aim(around=np.pi - 0.5),
-        "behind, a little to the other side": _aim(around=0.5 - np.pi),
+        "behind, A": _aim(around=np.pi - 0.5),
+        "behind, B": _aim(around=0.5 - np.pi),
         "limits that never hold": _aim(limits=(9.0, 99.0)),
         "any point": _aim(limits=(0.25, 1.2)),
     },
@@ -789,11 +790,11 @@ def gains(speed: float, lookahead: float, damping: float) -> tuple[float, float]
 # is $P_f$, seen from the path's direction? From the robot's front?
 
 # %% [markdown] tags=["hint"]
-# $\dot e = v\,\varphi$, and $\dot\varphi = \omega = k_\omega\alpha$ with $\alpha = -e/L -
-# \varphi$. Differentiate the first, and put the second in.
+# $\dot e = v\,\varphi$, and $\dot\varphi = \omega = k_\omega\alpha$. Write $\alpha$ with $e$, $L$
+# and $\varphi$; differentiate the first, and put the second in.
 
 # %% [markdown] tags=["hint"]
-# The factor of $\dot e$ is $k_\omega$, that of $e$ is $k_\omega v / L$. So $\omega_0$ is known,
+# $\alpha = -e/L - \varphi$. The factor of $\dot e$ is $k_\omega$, that of $e$ is $k_\omega v / L$. So $\omega_0$ is known,
 # and with it $\zeta$. Solve for $k_\omega$.
 
 
@@ -803,7 +804,10 @@ def _a_robot(rng: np.random.Generator) -> Any:
 
 
 def _gains_drawn(ax: Any, function: Any) -> None:
-    """Draw how three robots, set beside a straight path, come back to it."""
+    """Draw how three robots, set 5 cm beside a straight path, come back to it.
+
+    L is the look-ahead distance; no limit holds.
+    """
     from slamlab import plots
 
     past, driven = 0.0, list[float]()
@@ -816,7 +820,7 @@ def _gains_drawn(ax: Any, function: Any) -> None:
             pose = compose(pose, [0.01 * v, 0.0, 0.01 * omega])
         x, y, _ = np.array(path).T
         ax.plot(0.01 * np.arange(400), 100 * y, style, color=plots.COLOURS["estimate"],
-                label=f"{speed:g} m/s")  # fmt: skip
+                label=f"{speed:g} m/s, L = {ahead:g} m")  # fmt: skip
         past, driven = max(past, -y.min()), [*driven, (x[-1] - x[200]) / 1.99]
     ax.axhline(0, color=plots.COLOURS["truth"], linewidth=1)
     ax.set(xlabel="time (s)", ylabel="beside the path (cm)", xlim=(0, 4), ylim=(-2.5, 5.5))
@@ -894,6 +898,11 @@ check_gains.mistakes = {
 # counts is their ratio.
 
 # %% [markdown] tags=["solution"]
+# All this holds for small $e$ and $\varphi$, and without limits. The robot of exercise 6 has
+# $k_\omega = 4 \cdot 0.2/0.15 = 5.3$ per second: its limit of 1.5 rad/s holds from $|\alpha| =
+# 0.28$ on, 16°. Farther off it turns as fast as it can, and no longer by this equation.
+
+# %% [markdown] tags=["solution"]
 # This is how the robots swing with the lesson's $k_\omega = 2$ at their own speeds:
 
 # %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels: on the left all three robots swing past the path, on the right all three come back without that."}}
@@ -914,8 +923,20 @@ check_gains.mistakes = {
 # of a cubic, metres while $\tau$ goes from 0 to 1. From the second piece on the length of the
 # slope per metre need not be 1: carry the slope along as it is, not its direction alone.
 #
-# The lesson's `remember` stores the way of the picture in three cubics, with a kink of 41°.
-# **Guess** before you unfold the picture: how many are needed without kinks?
+# The lesson's `remember` stores the way of the picture in three cubics, with a kink of 41°. The
+# picture drives along them, and along yours: a robot of 0.5 m/s that stays close. It turns by the
+# curvature $\kappa$ at the nearest point of the curve (rad per metre), corrected by how far it is
+# to the left of the curve, $e$, and by how far it heads to the left of it, $\varphi$ (with
+# exercise 4's pencil: the damping ratio is 1):
+#
+# $$
+# \omega = v\,\kappa - v\,(e/\ell^2 + 2\varphi/\ell), \qquad \ell = 0.15\ \mathrm{m}.
+# $$
+#
+# It turns at 1.5 rad/s at most, and slows down where the curve is so sharp that $v\,|\kappa|$
+# would be above 1.35 rad/s. **Guess** before you unfold the picture: how many cubics are needed
+# without kinks? How far from its curve does the robot come, with kinks and without? With which of
+# them is it earlier at the end?
 
 
 # %% tags=["exercise", "predict"]
@@ -986,18 +1007,53 @@ def _way_out() -> Array:
     return np.round(way + np.random.default_rng(7).normal(0, 0.004, way.shape), 4)
 
 
+def _ridden(cubics: Array, speed: float, theta: float) -> tuple[Array, float, float]:
+    """Places of a drive without look-ahead, its seconds, how far from the curve it comes (m)."""
+    tau, k = np.linspace(0, 1, 200)[:, None], np.arange(4)
+    p = (tau**k @ cubics).reshape(-1, 2)
+    d = (k[1:] * tau ** k[:3] @ cubics[:, 1:]).reshape(-1, 2)
+    dd = (k[2:] * k[1:3] * tau ** k[:2] @ cubics[:, 2:]).reshape(-1, 2)
+    bend = (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3
+    s, along = np.append(0.0, np.cumsum(np.hypot(*np.diff(p, axis=0).T))), np.arctan2(*d.T[::-1])
+    i, far, pose = 0, 0.0, [np.array([*p[0], theta])]
+    while i < len(p) - 2 and len(pose) < 2000:
+        x, y, theta = pose[-1]
+        seen = slice(i, int(np.searchsorted(s, s[i] + 0.1)) + 1)
+        i += int(np.hypot(p[seen, 0] - x, p[seen, 1] - y).argmin())
+        e = (y - p[i, 1]) * np.cos(along[i]) - (x - p[i, 0]) * np.sin(along[i])
+        v = min(speed, 1.35 / max(abs(bend[i]), 1e-9))
+        omega = v * (bend[i] - e / 0.15**2 - 2 * wrap_angle(theta - along[i]) / 0.15)
+        half = 0.01 * min(max(omega, -1.5), 1.5)
+        step = [0.02 * v * np.cos(half), 0.02 * v * np.sin(half), 2 * half]
+        far, pose = max(far, abs(e)), [*pose, compose(pose[-1], step)]
+    return np.array(pose)[:, :2], 0.02 * (len(pose) - 1), far
+
+
 def _remember_drawn(ax: Any, function: Any) -> None:
-    """Draw the points of a way of four metres, the cubics that are stored, and where they join."""
+    """Draw the points of a way, the cubics that are stored, and a drive along them (dashed).
+
+    Below: the lesson's cubics, with kinks, and a drive along those.
+    """
     from slamlab import plots
 
-    points = _way_out()
-    cubics = np.asarray(function(points, 1.15, 0.03), float).reshape(-1, 4, 2)
-    plots.lidar_points(ax, points, s=3)
-    for c in cubics:
-        plots.path(ax, _curve(c, np.linspace(0, 1, 40)))
-        ax.plot(*_curve(c, [0.0, 1.0]).T, "o", color=plots.COLOURS["estimate"], markersize=6)
-    ax.set_title(f"{len(cubics)} cubics, largest kink {_kink(cubics):.0f}°")
+    points, blue = _way_out(), plots.COLOURS["estimate"]
+    yours = np.asarray(function(points, 1.15, 0.03), float).reshape(-1, 4, 2)
+    said = []
+    for cubics, low in ((yours, 0.0), (_pieces(points, 1.15, 0.03), 2.3)):
+        down = np.array([0.0, low])
+        plots.lidar_points(ax, points - down, s=2)
+        for c in cubics:
+            plots.path(ax, _curve(c, np.linspace(0, 1, 40)) - down)
+            ax.plot(*(_curve(c, [0.0, 1.0]) - down).T, "o", color=blue, markersize=5)
+        places, seconds, far = _ridden(cubics, 0.5, 1.15)
+        ax.plot(*(places - down).T, "--", color=plots.COLOURS["dead_reckoning"], lw=1.8)
+        said += [f"{len(cubics)} cubics, largest kink {_kink(cubics):.0f}°,\n"
+                 f"{1000 * far:.0f} mm from its curve, {seconds:.1f} s"]  # fmt: skip
+    ax.set_title(said[0])
+    ax.text(1.2, -1.12, "The lesson's: " + said[1], ha="center", va="center", fontsize=9.5)
     plots.floor(ax)
+    ax.set(xlim=(-0.05, 2.45), ylim=(-2.85, 1.1))
+    ax.figure.set_size_inches(7, 6.2)
 
 
 check_remember = Check(
@@ -1105,10 +1161,16 @@ check_remember.mistakes = {
 # multiplies by its own.
 
 # %% [markdown] tags=["solution"]
-# The lesson's pieces on the left, with both factors free. They need fewer cubics, and have kinks:
+# The guesses: without kinks the way needs six cubics, with them three, and along the three the
+# robot is at the end a second earlier. But at the kink it drives past: it turns as fast as it can,
+# and comes 18 cm from a curve that was stored to 3 cm. The curvature tells it where to
+# slow down; at a kink the curvature does not grow.
+#
+# Is it the kink? The same robot on the same pieces, one by one: it stops where one ends and turns
+# on the spot. Twenty other ways, the same curve with other noise:
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels: on the left few cubics that join with kinks, on the right more of them without."}}
-# def two_free(points):
+# %% active="ipynb" tags=["solution"]
+# def lesson_fit(points):
 #     t = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
 #     tau, chord, free = t / t[-1], points[-1] - points[0], np.zeros((2, 2))
 #     shapes = (tau * (1 - tau))[:, None] * np.stack([np.ones_like(tau), tau], 1)
@@ -1117,37 +1179,77 @@ check_remember.mistakes = {
 #     lam, mu = free
 #     c = np.array([points[0], chord + lam, mu - lam, -mu])
 #     return c, np.hypot(*(tau[:, None] ** np.arange(4) @ c - points).T).max()
-#
+
+# %% active="ipynb" tags=["solution"]
 # def with_kinks(points, heading, tolerance):
 #     cubics, run = [], [points[0]]
 #     for d in points[1:]:
-#         if len(run) > 1 and two_free(np.array([*run, d]))[1] > tolerance:
-#             cubics.append(two_free(np.array(run))[0])
+#         if len(run) > 1 and lesson_fit(np.array([*run, d]))[1] > tolerance:
+#             cubics.append(lesson_fit(np.array(run))[0])
 #             run = run[-1:]
 #         run.append(d)
-#     return np.array([*cubics, two_free(np.array(run))[0]])
-#
-# check_remember.draw(with_kinks)
-
-# %% [markdown] tags=["solution"]
-# The way of the picture needs six cubics without kinks and three with them. Is that the rule?
-# Twenty other ways, the same curve with other noise:
+#     return np.array([*cubics, lesson_fit(np.array(run))[0]])
 
 # %% active="ipynb" tags=["solution"]
-# def median_of_twenty(store):
-#     s = np.linspace(0, 1, 121)
-#     way = np.stack([2.4 * s, 0.9 * np.sin(6.0 * s) + 0.4 * s**2], 1)
-#     rngs = [np.random.default_rng(seed) for seed in range(20)]
-#     ways = [way + rng.normal(0, 0.006, way.shape) for rng in rngs]
-#     return np.median([len(store(one, 1.15, 0.03)) for one in ways])
-#
-# print(f"cubics, median of 20: {median_of_twenty(remember):g} without kinks, "
-#       f"{median_of_twenty(with_kinks):g} with kinks")
+# def ride(cubics, theta, speed=0.5):
+#     """Seconds that the picture's robot drives; how far from the curve it comes (m)."""
+#     tau, k = np.linspace(0, 1, 200)[:, None], np.arange(4)
+#     p = (tau**k @ cubics).reshape(-1, 2)
+#     d = (k[1:] * tau**k[:3] @ cubics[:, 1:]).reshape(-1, 2)             # c'
+#     dd = (k[2:] * k[1:3] * tau**k[:2] @ cubics[:, 2:]).reshape(-1, 2)   # c''
+#     bend = (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3
+#     s = np.append(0.0, np.cumsum(np.hypot(*np.diff(p, axis=0).T)))
+#     along, pose = np.arctan2(d[:, 1], d[:, 0]), np.array([*p[0], theta])
+#     i, n, far = 0, 0, 0.0
+#     while i < len(p) - 2:
+#         high = np.searchsorted(s, s[i] + 0.1)
+#         i += np.hypot(*(p[i:high + 1] - pose[:2]).T).argmin()
+#         x, y = pose[:2] - p[i]
+#         e = y * np.cos(along[i]) - x * np.sin(along[i])
+#         v = min(speed, 1.35 / max(abs(bend[i]), 1e-9))
+#         phi = wrap_angle(pose[2] - along[i])
+#         omega = v * (bend[i] - e / 0.15**2 - 2 * phi / 0.15)
+#         half = 0.01 * np.clip(omega, -1.5, 1.5)
+#         ds = 0.02 * v
+#         pose = compose(pose, [ds * np.cos(half), ds * np.sin(half), 2 * half])
+#         n, far = n + 1, max(far, abs(e))
+#     return 0.02 * n, far
+
+# %% active="ipynb" tags=["solution"]
+# def stop_and_turn(cubics, theta):
+#     found = []
+#     for c in cubics:
+#         begin, end = c[1], c[1] + 2 * c[2] + 3 * c[3]
+#         found.append(ride(c[None], np.arctan2(*begin[::-1])))
+#         turn = abs(wrap_angle(np.arctan2(*begin[::-1]) - theta))
+#         found.append((turn / 1.5, 0.0))
+#         theta = np.arctan2(*end[::-1])
+#     seconds, far = np.array(found).T
+#     return seconds.sum(), far.max()
+
+# %% active="ipynb" tags=["solution"]
+# s = np.linspace(0, 1, 121)
+# curve = np.stack([2.4 * s, 0.9 * np.sin(6.0 * s) + 0.4 * s**2], 1)
+# rngs = [np.random.default_rng(seed) for seed in range(20)]
+# ways = [curve + rng.normal(0, 0.004, curve.shape) for rng in rngs]
+# for text, store, drive in (("without kinks", remember, ride),
+#                            ("with kinks", with_kinks, ride),
+#                            ("kinks, stops there", with_kinks, stop_and_turn)):
+#     kept = [store(way, 1.15, 0.03) for way in ways]
+#     seconds, far = np.array([drive(cubics, 1.15) for cubics in kept]).T
+#     print(f"{text:19} {np.median([len(c) for c in kept]):g} cubics, "
+#           f"{np.median(seconds):.1f} s, "
+#           f"{1000 * far.min():.0f} to {1000 * far.max():.0f} mm from the curve")
 
 # %% [markdown] tags=["solution"]
-# About twice as many: each piece has one free factor in place of two. It is worth it for a robot
-# that heads where its path heads. A law that aims 0.15 m ahead, as yours in exercise 6, rounds the
-# kinks off: along the lesson's pieces it ends as near to the start.
+# It is the kink: with a stop at each joint the robot stays on the same pieces. So this is what
+# smoothness buys: a robot that drives close to its way need not stop. The price is twice the
+# memory (each piece has one free factor in place of two) and sharper bends, where it slows down.
+# No seconds are won here, where braking and starting again cost none.
+#
+# And it buys nothing for a law that looks ahead. The one of exercise 6 aims at a point 0.15 m on,
+# rounds the kinks off, and ends as near to the start along the lesson's pieces: there half of the
+# memory would do.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 6: the way home
@@ -1166,7 +1268,8 @@ check_remember.mistakes = {
 #
 # Four rules, those of the lesson. The cubics become points at most 1 cm apart (400 in each cubic
 # are enough here). The nearest point of the way is sought only in the 0.3 m before the last one
-# found, towards the start; at first the end of the way is the last one found. $P_f$ is 0.15 m
+# found, towards the start (some centimetres to the other side do no harm, the whole way does); at
+# first the end of the way is the last one found. $P_f$ is 0.15 m
 # nearer to the start along the way, or the start itself if that is nearer. The robot stops when
 # less than 0.03 m of the way are left.
 #
@@ -1374,13 +1477,14 @@ def _astray(poses: Array, believed: Array, cubics: Array) -> float:
 
 
 def _come_home_drawn(ax: Any, function: Any) -> None:
-    """Draw what one robot stores, the way home that it believes and the true one, and twelve ends.
+    """Draw one robot: what it keeps, the way home that it believes and the true one.
 
-    The dotted ring is at 16 % of the way's length.
+    Below: where twelve robots end, enlarged. The dotted ring is at 16 % of the way's length.
     """
     from slamlab import plots
 
     ends, colours = [], plots.COLOURS
+    blue, orange, black = colours["estimate"], colours["dead_reckoning"], colours["truth"]
     for seed in _TWELVE:
         rng = np.random.default_rng(seed)
         true, believed = _driven_out(np.zeros(3), _BENDS, _NOISE, rng)
@@ -1390,24 +1494,39 @@ def _come_home_drawn(ax: Any, function: Any) -> None:
         if seed == _SHOWN:
             size, points = sum(one.size for one in kept[:1]), 2 * len(_noted(believed))
             plots.path(ax, true[:, :2], "truth", "way out", linewidth=1)
-            stored = {"color": colours["estimate"], "lw": 4, "alpha": 0.45}
+            stored = {"color": blue, "lw": 4, "alpha": 0.45}
             for c in kept[0].reshape(-1, 4, 2) if kept else ():
                 ax.plot(*_curve(c, np.linspace(0, 1, 60)).T, **stored)
-                ax.plot(*_curve(c, [0.0, 1.0]).T, "o", color=colours["estimate"], ms=3)
+                ax.plot(*_curve(c, [0.0, 1.0]).T, "o", color=blue, ms=3)
             ax.plot([], [], **stored, label="cubics kept")
-            orange = colours["dead_reckoning"]
             ax.plot(*poses[:, :2].T, "--", lw=1.2, color=orange, label="home, believed")
-            ax.plot(*trail[:, :2].T, "-", lw=1.6, color=orange, label="home, true")
-    limit, angle = 0.16 * 4.37, np.linspace(0, 2 * np.pi, 90)
+            place = np.where(trail[:, 1:2] > -0.5, trail[:, :2], np.nan)  # below are the ends
+            ax.plot(*place.T, "-", lw=1.6, color=orange, label="home, true")
+            ax.plot(*place[-1], "s", color=orange, ms=7, label="its true end")
+    ax.plot(0, 0, "*", color=black, markersize=11)
     off = np.hypot(*np.array(ends).T)
-    ax.plot(limit * np.cos(angle), limit * np.sin(angle), ":", color=colours["wrong"])
-    label = f"12 ends: {np.sum(off <= limit)} in ring"
-    ax.plot(*np.array(ends).T, "x", color=colours["truth"], ms=5, label=label)
-    ax.plot(0, 0, "*", color=colours["truth"], markersize=11)
-    ax.set_title(f"kept: {size} numbers of {points},\n{np.median(off):.2f} m off (median)")
     plots.floor(ax)
-    ax.set(xlim=(-0.8, 3.1), ylim=(-0.8, 1.3))
-    ax.legend(loc="center right", fontsize=8, frameon=False, borderaxespad=0, handlelength=1.4)
+    ax.set(xlim=(-0.5, 1.5), ylim=(-3.1, 1.35))
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 0.605), fontsize=8, frameon=False, ncols=2)
+    limit, angle = 0.16 * 4.37, np.linspace(0, 2 * np.pi, 90)
+    ring = np.stack([np.cos(angle), np.sin(angle)], 1)
+    middle, larger = np.array([0.5, -2.1]), 1.25
+    ax.plot(*(middle + larger * limit * ring).T, ":", color=colours["wrong"])
+    for seed, end in zip(_TWELVE, ends, strict=True):
+        shown = {"color": orange, "marker": "s", "ms": 7} if seed == _SHOWN else {}
+        shown = shown or {"color": black, "marker": "x", "ms": 6}
+        if np.hypot(*end) < 1.2 * limit:
+            ax.plot(*(middle + larger * end), ls="", **shown)
+    ax.plot(*middle, "*", color=black, markersize=11)
+    away = int(np.sum(off >= 1.2 * limit))
+    text = f"twelve ends (ring: {limit:.2f} m)" + f",\n{away} too far off to be shown" * (away > 0)
+    ax.text(0.5, -1.17, text, ha="center", fontsize=9)
+    ax.set_yticks([0.0, 0.5, 1.0])
+    ax.set_title(
+        f"kept: {size} of {points} numbers,\n"
+        f"{np.sum(off <= limit)} in ring, {np.median(off):.2f} m (median)"
+    )
+    ax.figure.set_size_inches(7, 7.2)
 
 
 _TWELVE, _SHOWN = range(36, 48), 38
@@ -1510,7 +1629,7 @@ def _front_first(pose: Any, point: Any, law: Any, limits: Any) -> tuple[float, f
 # %% [markdown] tags=["solution"]
 # ## Solution 6: the way home
 #
-# The robot keeps forty or fifty numbers in place of 220, and drives by them alone. With a copy of
+# Each of the twelve robots keeps 32 to 48 numbers in place of 220, and drives by them alone. With a copy of
 # the points it would come home as well, but a way of an hour has thousands of them.
 #
 # The robot acts on the pose that it believes; its true place is known to the picture alone. In its

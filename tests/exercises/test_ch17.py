@@ -136,6 +136,12 @@ def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
 
 
+@pytest.mark.parametrize("back", [11, 61])
+def test_the_nearest_point_may_be_sought_a_little_to_the_other_side(back):
+    wider = f"way[low : near + 1] => way[low : near + {back}]"
+    assert ch.check_come_home(ch.check_come_home.mistaken(wider)).passed
+
+
 def test_a_copy_of_the_points_is_no_memory():
     """The robot keeps cubics, and drives along its points all the same."""
 
