@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from scipy.stats import norm
 
 from slamlab.exercises import ch12_fastslam as ch
@@ -167,3 +168,21 @@ def test_the_pair_is_for_the_particle_that_either_number_alone_is_against():
         for z in ([2.7, np.nan], [np.nan, -0.08], [2.7, -0.08])
     ]
     np.testing.assert_allclose(left, [0.43, 0.38, 0.86], atol=0.005)
+
+
+def test_the_trees_of_the_pair_are_where_the_page_says():
+    d = np.array([1.211 - 0.9, 2.581])
+    np.testing.assert_allclose([np.hypot(*d), np.degrees(np.arctan2(*d))], [2.6, 6.9], atol=0.05)
+    assert round(np.degrees(0.08), 1) == 4.6
+
+
+@pytest.mark.parametrize(
+    ("check", "function", "words"),
+    [
+        (ch.check_proposal, ch.proposal, ("227 of 300", "alone: 11")),
+        (ch.check_ancestors, ch.distinct_ancestors, ("24 of 30",)),
+    ],
+)
+def test_the_bets_of_the_page_have_the_answers_of_its_solutions(check, function, words):
+    said = [text.get_text() for ax in check.draw(function).axes for text in ax.findobj(Text)]
+    assert any(all(word in text for word in words) for text in said)
