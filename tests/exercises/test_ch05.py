@@ -80,5 +80,25 @@ def test_wheels_that_are_alike_are_drawn_before_and_after_the_exercise_is_solved
     left, right = ch.draw_equal_wheels(lambda *given: None).axes
     assert [text.get_text() for text in left.texts] == ["nothing returned yet"]
     left, right = ch.draw_equal_wheels(ch.odometry).axes
-    assert left.get_title(loc="left").startswith("Yours, all wheels alike\nafter 1 m: 88%")
-    assert right.get_title(loc="left").startswith("As it should be\nafter 1 m: 95%")
+    one, other = (ax.get_title(loc="left") for ax in (left, right))
+    assert one.startswith("Yours, all wheels alike\ninside, place, pose\nafter 1 m: 88%, 2.6")
+    assert other.startswith("As it should be\ninside, place, pose\nafter 1 m: 95%, 2.0")
+
+
+@pytest.mark.parametrize(
+    ("heading", "sign", "said"),
+    [(1.0, 1, "two bugs of Exercise 3"), (0.5, 1, "along y"), (1.0, -1, "in a curve")],
+)
+def test_bugs_of_exercise_3_are_named_in_a_right_odometry(monkeypatch, heading, sign, said):
+    def noise(theta, u, dt, V):
+        c, s = np.cos(theta + heading * u[2] * dt), np.sin(theta + heading * u[2] * dt)
+        x, y = dt * (c * u[0] - s * u[1]), dt * (s * u[0] + c * u[1])
+        F_u = dt * np.array([[c, -s, sign * y / 2], [s, c, x / 2], [0, 0, 1]])
+        return F_u @ V @ F_u.T
+
+    known = ch.check_odometry.due  # by the right noise
+    assert len(known) == len(ch.check_odometry.inputs)
+    with monkeypatch.context() as patch:
+        patch.setattr(ch, "process_noise", noise)
+        seen = ch.check_odometry.observe(ch.odometry)
+    assert said in ch.check_odometry.judge(seen).messages[0]
