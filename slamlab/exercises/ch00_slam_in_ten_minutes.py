@@ -306,9 +306,9 @@ check_path_through.mistakes = {
 # check_path_through(negated)
 
 # %% [markdown] tags=["statement"]
-# *What you have now*: with $k = 0$ it is dead reckoning, and exercise 5 starts from it. And you
-# have seen what the lesson says of every map of relative measurements: it is drawn on tracing
-# paper, and one known pose, whichever it is, pins it down.
+# *What you have now*: with $k = 0$ it is dead reckoning, and exercise 5 starts from it. The lesson
+# says that a map of relative measurements is defined up to a rigid motion: one known pose,
+# whichever it is, fixes it.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: the scanner is not the robot
@@ -323,9 +323,8 @@ check_path_through.mistakes = {
 # $\mathbf z$, if it has no error? (There is no zero in it.) The call below tells: with
 # $\mathbf z = 0$ the error is what $\mathbf z$ should have been.
 #
-# Then write the error of such an edge. As in the lesson: stand at scanner i, walk to where
-# $\mathbf z$ says that scanner j should be, and look from there to where the map has it. You need
-# no rotation of your own.
+# Then write the error of such an edge: three numbers, as in the lesson, but between two scanners.
+# For a scanner on the axle that looks ahead (`mount` zero) it is the error (A) of the lesson.
 
 
 # %% tags=["exercise"]
@@ -360,12 +359,13 @@ def edge_error(pose_i: Array, pose_j: Array, z: Array, mount: Array) -> Array:
 # of the robot.
 
 # %% [markdown] tags=["hint"]
-# Two scanners in the world: the second one, seen from the first, is what the map predicts. What
-# was measured is a pose in the same frame.
+# As in the lesson: stand at scanner i, walk to where $\mathbf z$ says that scanner j should be, and
+# look from there to where the map has it. The second scanner, seen from the first, is what the map
+# predicts, and $\mathbf z$ is a pose in the same frame.
 
 # %% [markdown] tags=["hint"]
-# *Seen from* is `between`. You use it twice, and both times the place where you stand comes
-# first.
+# You need no rotation of your own. *Seen from* is `between`. You use it twice, and both times the
+# place where you stand comes first.
 
 
 # %% tags=["cases"]
@@ -567,8 +567,7 @@ check_edge_error.mistakes = {
 # Gauss-Newton asks how $\mathbf e$ changes when the robot moves a little, and when the lamp does:
 # two rows (ahead, left) and five columns ($x_i$, $y_i$, $\theta_i$ of the robot, $l_x$, $l_y$).
 # The measurement $z$ drops out, so your function does not get it. (B) of the lesson is of help
-# for a camera on the axle that looks ahead. This one swings with the robot: does the lever begin
-# at the camera or at the axle?
+# for a camera on the axle that looks ahead; this one is at the tail and may look to any side.
 #
 # Derive the five columns with a pencil. The lesson has shown that a wrong Jacobian may converge,
 # to a wrong map; so test yours as the lesson does, before you run the check. The test comes
@@ -807,10 +806,8 @@ check_lamp_jacobian.mistakes = {
 # ## Exercise 4: two bugs to find
 #
 # One step of Gauss-Newton, written for speed, with $H = \sum A^\top \Omega A$, $b = \sum A^\top
-# \Omega\, \mathbf e$ and $H\,\delta = -b$, the first pose held fixed. ($A$ holds both Jacobians of
-# (B) side by side. Pose j is a lamp with a heading: the first two rows of $A$ are the lamp's
-# Jacobian of exercise 3, for a camera on the axle that is turned by $\theta_z$, and a sixth column
-# of zeros. The lesson's $b$ has the minus already; both are in use.)
+# \Omega\, \mathbf e$ and $H\,\delta = -b$, the first pose held fixed. ($A$ holds the two Jacobians
+# of (B) side by side; the lesson has the minus in $b$.)
 #
 # On the bench the program passed. The robot drove four metres straight ahead, a closure said that
 # it was 3.8 m, and the step moved the poses to 0.96, 1.92, 2.88 and 3.84 m: five equally sure
@@ -1057,24 +1054,29 @@ check_relax.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 4: two bugs to find
 #
-# The first bug: with an array of indices, `b[edges[:, 1]] += ...` reads, adds and writes once.
-# Where a pose occurs twice, only the last of its edges is left. `np.add.at` adds them all, and so
-# does a `+=` inside the loop. The second bug: (B) is the derivative by $x$ and $y$ of the *world*,
-# so the step is added to the poses. `compose` turns it by their headings. A pose that faces back
-# moves away from where it should go.
+# The first bug: (B) is the derivative by $x$ and $y$ of the *world*, so the step is added to the
+# poses. `compose` turns it by their headings. A pose that faces back moves away from where it
+# should go. The second bug: with an array of indices, `b[edges[:, 1]] += ...` reads, adds and
+# writes once. Where a pose occurs twice, only the last of its edges is left. `np.add.at` adds them
+# all, and so does a `+=` inside the loop.
 
 # %% [markdown] tags=["solution"]
 # Neither is seen on the bench. All its headings are zero, so both ways of moving a pose are one.
 # And from dead reckoning the motions have no error yet: what the closure overwrites is zero. In a
-# second step it no longer is, and the first bug is seen on the bench, too (last column). Round the
-# block each of them alone is enough:
+# second step it no longer is, and the second bug is seen on the bench, too (last column). Round
+# the block each of them alone is enough:
 
 # %% active="ipynb" tags=["solution"]
 # def first_bug(poses, edges, z, omega):
+#     step = relax(poses, edges, z, omega) - poses
+#     return compose(poses, np.column_stack([step[:, :2], wrap_angle(step[:, 2])]))
+#
+# def second_bug(poses, edges, z, omega):
 #     n = len(poses)
 #     H, first, second = np.zeros((3 * n, 3 * n)), np.zeros((n, 3)), np.zeros((n, 3))
 #     for k, (i, j) in enumerate(edges):
 #         A = np.zeros((3, 6))
+#         # pose j is a lamp with a heading, the camera is turned by the heading of z
 #         A[:2, :5] = lamp_jacobian(poses[i], poses[j, :2], np.array([0, 0, z[k, 2]]))
 #         A[2, 2], A[2, 5] = -1.0, 1.0
 #         pull = A.T @ omega[k] @ between(z[k], between(poses[i], poses[j]))
@@ -1084,10 +1086,6 @@ check_relax.mistakes = {
 #     step = np.linalg.solve(H[3:, 3:], -(first + second)[1:].ravel())
 #     new = poses + np.append(np.zeros(3), step).reshape(n, 3)
 #     return np.column_stack([new[:, :2], wrap_angle(new[:, 2])])
-#
-# def second_bug(poses, edges, z, omega):
-#     step = relax(poses, edges, z, omega) - poses
-#     return compose(poses, np.column_stack([step[:, :2], wrap_angle(step[:, 2])]))
 
 # %% active="ipynb" tags=["solution"]
 # lap = np.tile([[1.0, 0.0, np.pi / 8]], (16, 1))
@@ -1102,16 +1100,19 @@ check_relax.mistakes = {
 #          np.array([[1.0, 0, 0]] * 4 + [[3.8, 0, 0]]), [np.eye(3)] * 5)
 # for step in (relax, first_bug, second_bug):
 #     poses, off = path_through(np.zeros(3), 0, seen[:16]), []
-#     for _ in range(4):
+#     for _ in range(61):
 #         off.append(np.hypot(*(poses - truth)[:, :2].T).mean())
 #         poses = step(poses, edges, seen, omega)
+#     late = f"{off[60]:.2f}" if off[60] < 100 else "more than 100"
 #     once = step(along, *bench)
-#     print(f"{step.__name__:10s} off by", ", ".join(f"{one:.2f}" for one in off),
-#           f"m; bench {once[-1, 0]:.3f} m, then {step(once, *bench)[-1, 0]:.3f} m")
+#     print(f"{step.__name__:10s} off by", ", ".join(f"{one:.2f}" for one in off[:6]),
+#           f"m, after sixty steps {late} m;\n{'':10s} bench "
+#           f"{once[-1, 0]:.3f} m, then {step(once, *bench)[-1, 0]:.3f} m")
 
 # %% [markdown] tags=["solution"]
-# With the first bug the lap ends further from the truth than dead reckoning, with the second it is
-# further off after each step. On the bench, step after step, only the first one is seen.
+# With the first bug the lap is further off after each step. With the second it is further off than
+# dead reckoning for four steps, and after sixty it is still 0.65 m off, where the right program has
+# 0.02 m. On the bench, step after step, only the second one is seen.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: SLAM in ten minutes, yours
@@ -1128,10 +1129,11 @@ check_relax.mistakes = {
 # **With a pencil**: the call below has one motion of 1 m and one closure that says 0.9 m, equally
 # sure. Where is pose 1 in the end, and how large is $\chi^2$?
 #
-# **And before you draw the town, write down**: by dead reckoning its poses are 1.9 m from the
-# truth on average. How far from it are they after SLAM? And how large is $\chi^2$ then, if every
-# error has the size that its information claims: near 0, near 123, near 160, near 480? (The lesson
-# counts degrees of freedom; the first pose is held.) In the book the picture is folded; in Jupyter
+# **And before you draw the town, write down** two things. By dead reckoning its poses are 1.9 m
+# from the truth on average: how far from it are they after SLAM? And after SLAM $\chi^2$ should be
+# near its degrees of freedom, $3 \cdot 160 - 3 \cdot 119 = 123$: how large is it at dead reckoning,
+# near 1 000, near 10 000 or near 100 000? Each of the 160 edges has $\sigma$ = 5 cm, 5 cm and
+# 0.03 rad; which of them have an error there at all? In the book the picture is folded; in Jupyter
 # it appears when you run its cell.
 
 
@@ -1184,7 +1186,8 @@ def slam(
 
 # %% [markdown] tags=["hint"]
 # Motion number k is the edge (k, k + 1). Three stacks, in the same order: pairs, measurements,
-# informations.
+# informations. Without a closure there is nothing to stack: make one list of informations, motions
+# and then closures, and of that one array.
 
 # %% [markdown] tags=["hint"]
 # To know how far the poses have moved, keep those from before the step. `relax` returns new ones.
@@ -1278,9 +1281,9 @@ def thinned_killian(every: int = 10) -> tuple[Any, ...]:
     """Return Killian Court with one of `every` poses kept, for a SLAM with a dense H.
 
     A motion is composed of `every` measured ones. A closure is moved to the nearest poses that
-    are kept; of those of the same two poses the one stays that was moved least. The informations
-    are those of the file, divided by the number of motions that a measurement is made of (for a
-    closure: its own and half of `every`).
+    are kept; of those of the same two poses the one stays that was moved least. The information
+    is that of a motion in the file (1074 of its 1115 closures have the same), divided by the
+    number of motions that a measurement is made of (for a closure: its own and half of `every`).
 
     Returns
     -------
@@ -1306,7 +1309,7 @@ def thinned_killian(every: int = 10) -> tuple[Any, ...]:
 
 
 def _killian_drawn(ax: Any, function: Any) -> None:
-    """Draw the scans of Killian Court from 388 poses."""
+    """Draw the scans of Killian Court from 388 poses; in brackets: the degrees of freedom."""
     from slamlab import plots
 
     reference, *given = thinned_killian()
@@ -1321,7 +1324,8 @@ def _killian_drawn(ax: Any, function: Any) -> None:
     ranges = np.where(scans < 15.0, scans, np.nan)
     plots.lidar_points(ax, court.lidar.points(ranges, poses), s=0.8)
     off = np.hypot(*(poses - reference)[:, :2].T).mean()
-    ax.set_title(f"{off:.1f} m from\nthe lesson's map")
+    chi2, free = _chi2(poses, tuple(given)), 3 * len(given[3])
+    ax.set_title(f"{off:.1f} m from the lesson's\n" rf"map, $\chi^2$ {chi2:.0f} ({free})")
 
 
 def draw_killian(slam: Function) -> Any:
@@ -1375,6 +1379,9 @@ def _slam_with(steps: int, *bugs: str) -> Function:
 
 
 check_slam.mistakes = {
+    "chi2 is that of the poses before the last step: expected the poses that you return": (
+        "edge_error(poses[i], poses[j], seen => edge_error(before[i], before[j], seen"
+    ),
     "three steps are not enough: the edges bend while the poses turn": "range(10) => range(3)",
     "two steps are not enough: the edges bend while the poses turn": "range(10) => range(2)",
     "the loop stopped too early: compare the size of every move, in x and in y": (
@@ -1416,6 +1423,11 @@ for _steps in (4, 5, 6, 8, 9):
     check_slam.mistakes[
         f"{_steps} steps are not enough: go on until it rests, or to the tenth"
     ] = f"range(10) => range({_steps})"
+for _bound in ("1e-2", "1e-3", "1e-4"):
+    check_slam.mistakes[
+        "the loop stopped too early: no position may have moved by more than 1e-6 m, "
+        f"and it ended below {_bound} m"
+    ] = f"1e-6 => {_bound}"
 for _steps, _what in (
     (11, "eleven were made"),
     (20, "twenty were made"),
@@ -1426,8 +1438,8 @@ for _steps, _what in (
     )
 for _steps in (10, 15, 20):
     for _what, _bugs in (
-        ("the first bug", _OVERWRITTEN),
-        ("the second bug", _IN_BODY),
+        ("the first bug", _IN_BODY),
+        ("the second bug", _OVERWRITTEN),
         ("the bugs", _OVERWRITTEN + _IN_BODY),
     ):
         check_slam.mistakes[
@@ -1447,10 +1459,9 @@ for _steps in (10, 15, 20):
 # tenth.
 
 # %% [markdown] tags=["solution"]
-# The prediction: 160 edges measure three numbers each, and 119 poses have three to be adjusted.
-# $3 \cdot 160 - 3 \cdot 119 = 123$ is what to expect, and 115.6 came: from 13 091 at dead
-# reckoning, whose poses contradict the closures. The poses were off by 1.93 m and are off by
-# 0.12 m.
+# The prediction: the poses were off by 1.93 m and are off by 0.12 m. At dead reckoning $\chi^2$ is
+# 13 091, and no motion has an error there: the 41 closures have all of it, 319 each, which is an
+# error of nearly 18 $\sigma$. SLAM leaves 115.6, of 123 degrees of freedom.
 
 # %% [markdown] tags=["solution"]
 # One town is one number. So a drive forty times, its truth known: twice round a square, 24
@@ -1508,8 +1519,10 @@ for _steps in (10, 15, 20):
 # of ten is kept. Each motion between two of the 388 that are left is composed of ten measured
 # ones. A closure of a pose that is not kept is moved to the nearest one that is, by `compose` and
 # the motions between; and where several closures join the same two poses, the one stays that was
-# moved least. Of 1115 there are 257 left. All motions get one information, and all closures
-# another.
+# moved least. Of 1115 there are 257 left. All edges get the information $\Omega$ that the
+# file gives to each motion (and to 1074 of the 1115 closures), divided by the number of motions
+# that a measurement is made of: $\Omega/10$ for ten motions, and $\Omega/6$ for a closure, counted
+# as its own measurement and five motions.
 #
 # **Predict**: the lesson's map uses every pose and every closure, and dead reckoning is 34.9 m
 # from it on average. How far from it are your poses: near 20 m, near 5 m, near 0.5 m? The scans
@@ -1523,7 +1536,9 @@ for _steps in (10, 15, 20):
 # %% [markdown] tags=["statement"]
 # <details><summary>What it should be</summary>
 #
-# 0.4 m on average, after 1.9 km of driving: less than the median motion of the log, 0.52 m.
+# 0.4 m on average, after 1.9 km of driving: less than the median motion of the log, 0.52 m. And
+# $\chi^2$ is 117, of $3 \cdot (387 + 257) - 3 \cdot 387 = 771$ degrees of freedom: the errors are
+# smaller than the informations claim. The lesson's map has 1032, of 3345.
 #
 # </details>
 

@@ -142,7 +142,7 @@ def test_another_right_answer_passes(check, answer):
     assert check(answer).passed
 
 
-BUGS = {"first": ch._OVERWRITTEN, "second": ch._IN_BODY, "both": ch._OVERWRITTEN + ch._IN_BODY}
+BUGS = {"first": ch._IN_BODY, "second": ch._OVERWRITTEN, "both": ch._OVERWRITTEN + ch._IN_BODY}
 
 
 @pytest.mark.parametrize("bugs", BUGS.values(), ids=BUGS)
@@ -171,8 +171,8 @@ def test_each_bug_alone_spoils_the_lap_and_passes_on_the_bench(bugs):
     assert min(lap(wrong, 3)[1:]) > lap(wrong, 0)[0]
     held = {row.name: row.ok for row in ch.check_relax.judge(ch.check_relax.observe(wrong)).rows}
     assert held["on the bench"]
-    assert held["graph B"] == (bugs == BUGS["first"])
-    assert held["graph D"] == (bugs == BUGS["second"])
+    assert held["graph B"] == (bugs == BUGS["second"])
+    assert held["graph D"] == (bugs == BUGS["first"])
 
 
 def test_both_bugs_make_each_step_worse():
@@ -230,6 +230,7 @@ def test_the_slam_of_the_exercise_maps_killian_court():
     figure = ch.draw_killian(ch.slam)
     mine, dead = (ax.get_title(loc="left") or ax.get_title() for ax in figure.axes)
     assert "0.4 m from" in mine
+    assert "117 (771)" in mine
     assert "34.9 m from" in dead
     assert not figure.axes[0].texts
 
@@ -238,3 +239,37 @@ def test_killian_court_by_a_slam_that_flies_apart_is_drawn():
     left, _ = ch.draw_killian(lambda start, u, *rest: (np.full((len(u) + 1, 3), np.nan), 0)).axes
     assert not left.texts
     assert "flown apart" in (left.get_title(loc="left") or left.get_title())
+
+
+def test_the_second_bug_is_further_off_for_four_steps_and_does_not_come_down_in_sixty():
+    off = lap(ch.check_relax.mistaken(BUGS["second"]), 60)
+    assert [one > off[0] for one in off[1:6]] == [True] * 4 + [False]
+    assert round(off[60], 2) == 0.65
+    assert round(lap(ch.relax, 60)[60], 2) == 0.02
+
+
+@pytest.mark.parametrize(
+    ("said", "edit"),
+    [
+        (
+            "before the last step",
+            "edge_error(poses[i], poses[j], => edge_error(before[i], before[j],",
+        ),
+        ("stopped too early", "1e-6 => 1e-3"),
+        ("stopped too early", "1e-6 => 1e-4"),
+    ],
+)
+def test_a_slam_that_ends_a_little_early_is_not_called_rounded(said, edit):
+    report = ch.check_slam.judge(ch.check_slam.observe(ch.check_slam.mistaken(edit)))
+    assert said in report.messages[0]
+
+
+def test_the_motions_of_dead_reckoning_have_no_error_and_the_closures_have_all_of_it():
+    _, *given = ch._town()
+    before = ch.path_through(given[0], 0, given[1])
+    assert len(given[1]) + len(given[3]) == 160
+    np.testing.assert_allclose(np.diag(given[2]), [400, 400, 1 / 0.03**2])
+    np.testing.assert_allclose(given[5], given[2])
+    without = [*given[:3], given[3][:0], given[4][:0], given[5]]
+    assert ch._chi2(before, tuple(without)) == pytest.approx(0.0, abs=1e-12)
+    assert round(ch._chi2(before, tuple(given)) / 41) == 319
