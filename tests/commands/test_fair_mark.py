@@ -19,14 +19,25 @@ UPDATE = """def update(mean, cov, z, H, variances):
             mean, cov = mean + K * (reading - h @ mean), cov - np.outer(K, h @ cov)
     return mean, cov
 """
-TRACK = """def track(mean, cov, u, z, H, variances, dt, sigma):
-    means, covs = [], []
+TEST = """def innovation_test(innovations, variances):
+    d, T = innovations / np.sqrt(variances), len(innovations)
+    nis, c = np.mean(d**2), d[1:] @ d[:-1] / np.sum(d**2)
+    level = np.sign(nis - 1) * (abs(nis - 1) > 2.58 * np.sqrt(2 / T))
+    return int(level), int(np.sign(c) * (abs(c) > 2.58 / np.sqrt(T)))
+"""
+TRACK = f"""{TEST}
+
+def track(mean, cov, u, z, H, variances, dt, sigma):
+    means, covs, nu, S = [], [], [], []
     for push, readings in zip(u, z):
         mean, cov = predict(mean, cov, push, dt=dt, sigma=sigma)
+        if np.isfinite(readings[0]):
+            nu.append(readings[0] - H[0] @ mean)
+            S.append(H[0] @ cov @ H[0] + variances[0])
         mean, cov = update(mean, cov, readings, H, variances)
         means.append(mean)
         covs.append(cov)
-    return np.array(means), np.array(covs)
+    return np.array(means), np.array(covs), *innovation_test(np.array(nu), np.array(S))
 """
 
 
