@@ -71,10 +71,10 @@ __all__ = [
 # seven numbers is the whole task.
 #
 # **On paper first.** The lesson finds $\mathrm{Var}(m_1 - m_2) = 2r/N$ along one axis, after $N$
-# observations of both. Here the noise is $r = 0.3^2$ m² on *both* axes, so any direction of the
-# door has it. Which σ has the *width* then, after 10 observations and after 100? The map says 0.94
-# m, the robot is 0.80 m wide. **Decide**: may it drive after 10 observations, and after 100? And
-# why does the uncertain heading not count?
+# observations of both (its $K$). Here the noise is $r = 0.3^2$ m² on *both* axes, so any direction
+# of the door has it. Which σ has the *width* then, after 10 observations and after 100? The map
+# says 0.94 m, the robot is 0.80 m wide. **Decide**: may it drive after 10 observations, and after
+# 100? And why does the uncertain heading not count?
 #
 # Grey in the picture are the widths in 2000 maps that the robot may have, each with its own turn
 # and its own readings; the curves are the widths as you report them. The title has, by your σ, how
@@ -518,7 +518,7 @@ check_predict_cov.mistakes = {
 # in the afternoon.
 #
 # In the picture your function joins the accounts of every prediction and every update of a drive
-# round two landmarks and two surveyed beacons. At the end they correct eight landmarks far off,
+# between two landmarks and two surveyed beacons. At the end they correct eight landmarks far off,
 # which the robot has never seen, from grey to blue.
 
 
@@ -606,7 +606,7 @@ def _site() -> Array:
 
 
 def _day(function: Any, seed: int) -> tuple[Array, Array, Array, Array]:
-    """Drive round two landmarks: P at the start, errors of the far ones, correction, its cov."""
+    """Drive between two landmarks: P at the start, errors of the far ones, correction, its cov."""
     rng, P, a, J = np.random.default_rng(seed), _site(), 7, np.array([[0.0, -1.0], [1.0, 0.0]])
     error = np.linalg.cholesky(P) @ rng.standard_normal(23)
     e, P_a, x, place, heading = error[:a].copy(), P[:a, :a], np.zeros(a), np.zeros(2), 0.0
@@ -980,10 +980,10 @@ check_leaked.mistakes = {
 # The update below is to be the repair, *first-estimates Jacobians*: beside `mean` it is given a
 # second state, `first`. A trial on a bench, with `first` and `mean` still equal, went well. From
 # the hall come two complaints. A robot that stands still and has no compass reports a smaller σ
-# of its heading all the same: its curve in the picture should stay at 10°. And robots that come back to a
-# map which they know well see four posts in one step, and are turned as far from the truth after
-# them as before: the title has their heading errors, the mean of twenty. There are two bugs. Find
-# and repair them: each repair moves the score and the picture.
+# of its heading all the same: its curve in the picture should stay at 10°. And robots that come
+# back to a map which they know well see four posts in one step, and are turned as far from the
+# truth after them as before: the title has their heading errors, the mean of twenty. There are two
+# bugs. Find and repair them: each repair moves the score and the picture.
 
 
 # %% tags=["exercise"]
@@ -1288,7 +1288,8 @@ check_update.mistakes = {
 # filter reports, orange ones what the usual EKF reports on the same drives, both for 95 %. The
 # title has the σ of the last heading and its NEES, which in 99 of 100 such sets is between 0.52
 # and 1.67 if the filter is consistent; in the middle is the σ of forty robots that *stand still*.
-# **Guess first**: how certain of north is the usual EKF after 20 s? Less, or more, if it stands?
+# **Guess first**: how certain of north is the usual EKF after 20 s? And must a robot move for this
+# to happen: how certain is it if it stands still?
 
 
 # %% tags=["exercise", "predict"]

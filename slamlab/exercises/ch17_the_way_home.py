@@ -52,8 +52,8 @@ __all__ = [
 # The lesson's cubics join: each begins at the point where the last one ends. But they join with a
 # kink, of some 40° on the way of exercise 5. The lesson's robot aims at a point ahead and rounds
 # it off. A robot that drives close to its path turns as the path bends, and no turn rate turns it
-# by 40° at once: it leaves its path (exercise 5 shows how far). So let a piece begin with the slope
-# with which the last one ended as well.
+# by 40° at once: it leaves its path (exercise 5 shows how far). So let a piece begin with the
+# slope with which the last one ended as well.
 #
 # As in the lesson, the points $d_0, \dots, d_n$ have the parameters $\tau_i = t_i / t_n$, where
 # $t_i$ is the length of the polygon up to $d_i$ (m), and the cubic is
@@ -63,8 +63,9 @@ __all__ = [
 # $$
 #
 # Its slope per metre of the polygon is $c'(\tau)/t_n$, a vector with a direction and a length. At
-# the beginning, $c'(0)/t_n$, it is given now. The lesson fits $\lambda$ and $\mu$. Which of the two is decided by the slope? Fit the other one by least squares to all
-# points. Two points leave nothing to fit: take $\mu = 0$ there, and the curve is a parabola.
+# the beginning, $c'(0)/t_n$, it is given now. The lesson fits $\lambda$ and $\mu$. Which of the
+# two is decided by the slope? Fit the other one by least squares to all points. Two points leave
+# nothing to fit: take $\mu = 0$ there, and the curve is a parabola.
 
 
 # %% tags=["exercise"]
@@ -291,10 +292,11 @@ def _turned_round(c: Array) -> Array:
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: where does a cubic meet itself? (A side road)
 #
-# No later exercise needs this one. An operator draws ways for a robot on a tablet: a cubic, and two handles that pull it. Where the
-# handles were pulled across each other the cubic may have a curl, and the robot would drive it.
-# The lesson seeks a loop with 64 chords, 1953 pairs of them in one cubic, and may miss a curl that
-# is shorter than two chords (neighbours are left out). Inside one cubic a square root is enough.
+# No later exercise needs this one. An operator draws ways for a robot on a tablet: a cubic, and
+# two handles that pull it. Where the handles were pulled across each other the cubic may have a
+# curl, and the robot would drive it. The lesson seeks a loop with 64 chords, 1953 pairs of them in
+# one cubic, and may miss a curl that is shorter than two chords (neighbours are left out). Inside
+# one cubic a square root is enough.
 #
 # A loop is one place with two parameters $t_a < t_b$. With $(x, y)(t) = c_0 + c_1 t + c_2 t^2 +
 # c_3 t^3$ and $c_m = (a_m, b_m)$ it must hold that $x(t_a) = x(t_b)$ and $y(t_a) = y(t_b)$. Both
@@ -328,10 +330,11 @@ def find_loop(c: Array) -> tuple[float, float]:
     -------
     tuple of two floats
         t_a < t_b, both in [0, 1], ends included; (nan, nan) if the piece has no
-        loop. A straight line in any direction and a parabola have none: up to
-        rounding, their equations have no single solution.
+        loop. Of a straight line, in any direction, and of a parabola the equations
+        have no single solution, up to rounding (a line that runs back over itself
+        meets itself endlessly often): NaN.
     """
-    if abs(np.linalg.det(c[2:])) < 1e-12:  # a line or a parabola
+    if abs(np.linalg.det(c[2:])) < 1e-12:  # no single solution
         return np.nan, np.nan
     sigma, w = np.linalg.solve(c[2:].T, -c[1])
     disc = 4 * w - 3 * sigma**2
@@ -492,8 +495,9 @@ check_loop.mistakes = {
 # long way.
 #
 # A straight line that is not along an axis has a matrix whose determinant is not 0 but some
-# $10^{-17}$. Then `solve` raises nothing, and what it returns is rounding, now and then with a
-# "loop" in $[0, 1]$. So compare the determinant with a small number.
+# $10^{-17}$. Then `solve` raises nothing and returns one of endlessly many solutions, which one is
+# decided by rounding, now and then with a "loop" in $[0, 1]$. So compare the determinant with a
+# small number.
 
 # %% [markdown] tags=["solution"]
 # The formula holds for the whole curve, not only from 0 to 1. Without the last line half a loop,
@@ -513,12 +517,12 @@ check_loop.mistakes = {
 # ## Exercise 3: a bug to find
 #
 # A robot that has driven into a narrow corridor has no room to turn. On its way home it is to
-# drive tail first, and front first where it can. So this law decides by itself: with $\alpha$, the
-# direction to the point $P_f$ seen from the robot's front, to the left positive, it drives tail
-# first if $|\alpha| > 90°$. Then the speed is negative, and $\alpha$ is the direction seen from
-# the tail: 0° if $P_f$ is straight behind. A positive $\omega$ turns the robot to its left in both
-# cases. The rest is step 2.3 of P3, $v = k_v |P_f - P_r|$ and $\omega = k_\omega \alpha$, with
-# limits.
+# drive tail first as long as the way lies behind it, and front first otherwise. So this law
+# decides by itself: with $\alpha$, the direction to the point $P_f$ seen from the robot's front,
+# to the left positive, it drives tail first if $|\alpha| > 90°$. Then the speed is negative, and
+# $\alpha$ is the direction seen from the tail: 0° if $P_f$ is straight behind. A positive $\omega$
+# turns the robot to its left in both cases. The rest is step 2.3 of P3, $v = k_v |P_f - P_r|$ and
+# $\omega = k_\omega \alpha$, with limits.
 #
 # In the first corridor the robot backed out as it should. In the next one its front swung round
 # and hit the wall. Begin with the picture, not with the report: four robots back out, each in its
@@ -794,8 +798,8 @@ def gains(speed: float, lookahead: float, damping: float) -> tuple[float, float]
 # and $\varphi$; differentiate the first, and put the second in.
 
 # %% [markdown] tags=["hint"]
-# $\alpha = -e/L - \varphi$. The factor of $\dot e$ is $k_\omega$, that of $e$ is $k_\omega v / L$. So $\omega_0$ is known,
-# and with it $\zeta$. Solve for $k_\omega$.
+# $\alpha = -e/L - \varphi$. The factor of $\dot e$ is $k_\omega$, that of $e$ is $k_\omega v / L$.
+# So $\omega_0$ is known, and with it $\zeta$. Solve for $k_\omega$.
 
 
 # %% tags=["cases"]
@@ -1241,8 +1245,8 @@ check_remember.mistakes = {
 #           f"{np.median(seconds):.1f} s, "
 #           f"{1000 * far.min():.0f} to {1000 * far.max():.0f} mm from the curve")
 
-# %% [markdown] tags=["solution"]
-# It is the kink: with a stop at each joint the robot stays on the same pieces. So this is what
+# smoothness buys: a robot that drives close to its way need not stop. The price is at least twice
+# the It is the kink: with a stop at each joint the robot stays on the same pieces. So this is what
 # smoothness buys: a robot that drives close to its way need not stop. The price is twice the
 # memory (each piece has one free factor in place of two) and sharper bends, where it slows down.
 # No seconds are won here, where braking and starting again cost none.
@@ -1629,8 +1633,8 @@ def _front_first(pose: Any, point: Any, law: Any, limits: Any) -> tuple[float, f
 # %% [markdown] tags=["solution"]
 # ## Solution 6: the way home
 #
-# Each of the twelve robots keeps 32 to 48 numbers in place of 220, and drives by them alone. With a copy of
-# the points it would come home as well, but a way of an hour has thousands of them.
+# Each of the twelve robots keeps 32 to 48 numbers in place of 220, and drives by them alone. With
+# a copy of the points it would come home as well, but a way of an hour has thousands of them.
 #
 # The robot acts on the pose that it believes; its true place is known to the picture alone. In its
 # own numbers (dashed) each of the twelve ends at the start. In truth (solid) it began beside the
