@@ -86,6 +86,8 @@ class Robot:
     ----------
     truth : list of ndarray, shape (3,)
         Its true poses; the robot does not know them.
+    asked : set of int
+        After how many motions SLAM was asked for the pose.
     """
 
     def __init__(self, pose: Array, scale: float, drift: float, noise: float, seed: int) -> None:
@@ -93,6 +95,7 @@ class Robot:
         self._noise = noise
         self._wheels, self._slam = (np.random.default_rng([seed, k]) for k in (1, 2))
         self.truth = [pose]
+        self.asked: set[int] = set()
         self._scan = self._slam.standard_normal(3)
 
     def __repr__(self) -> str:
@@ -140,6 +143,7 @@ class Robot:
 
     def pose(self) -> Array:
         """Pose by SLAM, from a scan of the sheds: x, y (m) and heading (rad)."""
+        self.asked.add(len(self.truth) - 1)
         return compose(self.truth[-1], _SLAM * self._scan)
 
 
@@ -161,7 +165,7 @@ def expedition(
         The motions on the way out, as the wheels have counted them.
     memory : tuple
         The stored path (n + 1, 3), marker first, as the wheels counted it; the node of each of its
-        poses (n + 1,); the poses of all nodes as counted, and as SLAM has them after the closure.
+        poses (n + 1,); the poses of all nodes as counted, and as SLAM has them at the far end.
     """
     rng = np.random.default_rng([seed, 0])
     really = _twist(_TOUR)

@@ -144,6 +144,22 @@ def test_a_hunted_bug_that_is_still_there_is_suspected_in_the_last_exercise():
     assert "is your `relaid` of Exercise 3 right?" in text
 
 
+def test_to_ask_slam_only_every_second_motion_is_not_enough():
+    def seldom(robot, steps, memory, way):
+        if way in ("wheels", "mixed"):
+            return ch.come_home(robot, steps, memory, way)
+        pose = robot.pose()
+        for k, goal in enumerate((memory[0] if way == "counted" else ch.relaid(*memory))[::-1]):
+            motion = between(pose, goal)
+            robot.drive(motion)
+            pose = robot.pose() if k % 2 else compose(pose, motion)
+        return robot
+
+    report = ch.check_come_home(seldom)
+    assert report.held == 5
+    assert "by 'map' it drives 51 motions without asking SLAM before, expected 0" in report.text
+
+
 def test_a_robot_of_the_yard_undoes_a_motion_by_the_velocity_with_the_other_sign():
     rng = np.random.default_rng(0)
     for twist in rng.uniform(-1, 1, (10, 3)):
@@ -159,7 +175,7 @@ def test_what_a_colleague_found_is_what_exercise_4_says():
         return ch.inside(errors, headings, covs)
 
     ch.check_inside.draw(noted)
-    assert found == [[23, 28]]
+    assert found == [[21, 28]]
 
 
 def test_plain_minus_signs_cost_metres_in_the_yard():
