@@ -1245,11 +1245,11 @@ check_remember.mistakes = {
 #           f"{np.median(seconds):.1f} s, "
 #           f"{1000 * far.min():.0f} to {1000 * far.max():.0f} mm from the curve")
 
-# smoothness buys: a robot that drives close to its way need not stop. The price is at least twice
-# the It is the kink: with a stop at each joint the robot stays on the same pieces. So this is what
+# %% [markdown] tags=["solution"]
+# It is the kink: with a stop at each joint the robot stays on the same pieces. So this is what
 # smoothness buys: a robot that drives close to its way need not stop. The price is twice the
-# memory (each piece has one free factor in place of two) and sharper bends, where it slows down.
-# No seconds are won here, where braking and starting again cost none.
+# memory or more (each piece has one free factor in place of two) and sharper bends, where it slows
+# down. No seconds are won here, where braking and starting again cost none.
 #
 # And it buys nothing for a law that looks ahead. The one of exercise 6 aims at a point 0.15 m on,
 # rounds the kinks off, and ends as near to the start along the lesson's pieces: there half of the
