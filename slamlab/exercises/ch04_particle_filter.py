@@ -78,7 +78,8 @@ __all__ = [
 # The picture lets sixty robots drive 4 m, each with two bad readings of ten, and draws where one
 # of them began, by your likelihood and by the lesson's. *Found* means that more than half
 # of the belief is within half a metre. It also says what one bad reading costs a particle: by
-# which factor its weight falls below that of a particle whose reading fits.
+# which factor its weight falls below that of a particle whose reading fits. Whether a factor is
+# missing in your density hardly changes how many robots are found: rely on the check for that.
 
 
 # %% tags=["exercise"]
@@ -296,9 +297,9 @@ check_sonar.mistakes = {
 #
 # Coordinate $k$ may be anything within a range of `sizes[k]`; in the hall these are 20 m, 10 m and
 # $2\pi$. The particles are drawn independently, evenly over all of it. One is near if it is off by
-# at most `reach[k]` in *each* coordinate, to either side. The robot is farther than that from all
-# walls. What is the least number with which the probability that at least one particle is near is
-# `chance` or more?
+# at most `reach[k]` in *each* coordinate, to either side: here a box, where the lesson's near was a
+# circle of 1.5 m. The robot is farther than that from all walls. What is the least number with
+# which the probability that at least one particle is near is `chance` or more?
 #
 # **On paper first.** One coordinate, and near is a tenth of its size to either side: 21 particles
 # have one near with 99 %. How many does it take with two such coordinates, and with six? Guess
@@ -481,7 +482,7 @@ check_particles_needed.mistakes = {
 # above zero, how many cells is that, and with `per_cell = 8`, do fewer particles go on, or more? A
 # smallest weight that counts would have to be chosen, and changed with the number of particles.
 # You know a tool that takes particles in proportion to their weights. How does it tell which cells
-# count?
+# count? The picture is folded: open it when you have answered.
 #
 # <details><summary>The rule</summary>
 #
@@ -495,7 +496,7 @@ check_particles_needed.mistakes = {
 # the sum of the weights below a point, it draws the last particle.
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def resample(x: Array, weights: Array, cell: float, per_cell: int, u: float) -> Ints:
     """Draw `per_cell` particles for each cell that the belief occupies.
 
@@ -529,7 +530,7 @@ def resample(x: Array, weights: Array, cell: float, per_cell: int, u: float) -> 
 
 
 # %% active="ipynb" tags=["try"]
-# resample(np.array([0.2, 0.4, 3.1, 8.0]), np.array([0.5, 0.4, 0.1, 0.0]), 0.5, 3, 0.5)
+# resample(np.array([0.2, 0.4, 3.1, 8.0]), np.array([0.5, 0.4, 0.1, 0.0]), 0.5, 3, 0.25)
 # # [0 0 1]
 
 # %% [markdown] tags=["hint"]
@@ -837,6 +838,9 @@ check_renew = Check(
             [1.0, 2.0, 3.0, 4.0], [0.4, 0.3, 0.2, 0.1], [-900.0, -902.0, -901.0, -899.0], 1.0, 2,
             0.6,
         ),
+        "exactly half of the particles count: all stay": (
+            [1.0, 2.0, 3.0, 4.0], [0.25] * 4, [0.0, 0.0, -900.0, -900.0], 0.5, 3, 0.4,
+        ),
         "one particle had nearly all the weight before": (
             [1.0, 2.0, 3.0, 7.0],
             [0.02, 0.9, 0.05, 0.03],
@@ -890,6 +894,9 @@ check_renew.mistakes = {
     ),
     "resampled when the weights are good: the comparison is the wrong way round": (
         "< len(x) / 2 => > len(x) / 2"
+    ),
+    "resampled when exactly half of the particles count: only when fewer do": (
+        "< len(x) / 2 => <= len(x) / 2"
     ),
     "the copies took the old weights along: those count twice now": (
         f"x = x[resample(x, weights, cell, per_cell, u)]\n        {_EQUAL} => "
@@ -1137,23 +1144,25 @@ check_best_place.mistakes = {
 #    with the probability `chance`.
 # 2. In each step every particle makes the commanded move plus a slip of its own. The slips are
 #    given, so that the check can compare: `noise[k]` has more numbers than there are particles;
-# the    i-th particle takes the i-th of them. 3. It expects the distance to the beacon that is
-# nearest to it, and your sonar gives the    logarithm of the likelihood. 4. `renew`, which you
-# repaired, weighs, and resamples with your `resample`, with the offset    `u[k]`. A cell is as
-# wide as `near`. 5. After the last step `best_place`, with `near` as the radius, says where the
-# robot is.
+#    the i-th particle takes the i-th of them.
+# 3. It expects the distance to the beacon that is nearest to it, and your sonar gives the
+#    logarithm of the likelihood.
+# 4. `renew`, which you repaired, weighs, and resamples with your `resample`, with the offset
+#    `u[k]`. A cell is as wide as `near`.
+# 5. After the last step `best_place`, with `near` as the radius, says where the robot is.
 #
 # The ends of the corridor are no walls to a particle: it may slip past them, and is not put back.
 # Nor is the expected distance cut off at the sonar's reach. The number of particles changes on the
 # way: which slips are then left over, and where else in these steps does the number count?
 #
-# Then draw the picture. It shows one robot that wakes up: the black line is where it was, dots are
-# your particles after every second step, blue circles your `best_place`, dotted lines beacons, and
-# the columns below count the particles: the title has their number at the start, the largest, and
-# that at the end (of fifty robots, the median). It rises before it falls. Why?
+# Then draw the picture. It shows one robot that wakes up: the black line is where it was, blue
+# dots are your particles after every second step, orange circles your `best_place`, dotted lines
+# beacons, and the columns below count the particles: the title has their number at the start and
+# the largest. It rises before it falls. Why?
 #
 # The rest of the title is about fifty robots, which drive 12 m from starts of their own. A robot
-# is *found* if your place is within half a metre of it at the end. The NEES is the squared error
+# is *found* if your place is within half a metre of it at the end. The last line has two medians
+# of the fifty: the number of particles that are left, and the NEES. The NEES is the squared error
 # of the particles' mean over their variance. For a consistent filter of one dimension its median
 # is 0.45, for fifty robots between 0.23 and 0.82 in 19 of 20 cases.
 
@@ -1293,7 +1302,7 @@ def _localize_drawn(ax: Any, function: Any) -> None:
     for k, _, place, x, weights in shown:
         kept = x[weights > 0.2 / len(x)]
         plots.particles(ax, np.column_stack([np.full(len(kept), k), kept]))
-        ax.plot(k, place, "o", mfc="none", color=plots.COLOURS["estimate"], markersize=7, mew=1.5)
+        ax.plot(k, place, "o", mfc="none", color="#E69F00", markersize=8, mew=2, zorder=6)
         ax.bar(k, len(x) / 50, 1.2, bottom=-15, color="0.55")
     ax.plot(np.arange(1, 31), shown[0][1], **plots.line_style("truth"), zorder=5)
     ax.text(30, -8, "number of particles", ha="right", fontsize=9)
@@ -1302,9 +1311,9 @@ def _localize_drawn(ax: Any, function: Any) -> None:
     score, most = np.median(nees), max(len(x) for *_, x, _ in shown)
     told = f"{score:.1f}" if score < 100 else "over 100"
     ax.set_title(
-        f"{found} of 50 robots found\n"
-        f"{len(shown[0][3])}, {most}, then {np.median(ends):.0f} particles\n"
-        f"median NEES {told}"
+        f"{len(shown[0][3])}, at most {most} particles\n"
+        f"{found} of 50 robots found,\n"
+        f"median: {np.median(ends):.0f} left, NEES {told}"
     )
 
 
@@ -1446,8 +1455,8 @@ check_localize.mistakes = {
 #     print(f"{n:3d} particles, near one: {near:3d}; {tried(chance=chance)}")
 
 # %% [markdown] tags=["solution"]
-# It does: few robots with a particle near are lost, and from 127 on more particles change little.
-# The NEES shows a start with too few as well.
+# It does: most robots with a particle near are found, and from 127 on more particles change
+# little. The NEES shows a start with too few as well.
 
 # %% [markdown] tags=["solution"]
 # Who is not found? Count the particles within a metre of two robots, after each of the first
