@@ -308,8 +308,9 @@ check_first_hit.mistakes = {
 # rounding from piling up.
 
 # %% [markdown] tags=["solution"]
-# How much of a pane does a lidar miss? It stands one metre before a long pane (cells of 10 cm) and
-# sends a beam every degree ahead, from -80° to 80°; three metres behind the pane is a wall:
+# How much of a pane does a lidar miss? It stands about a metre before a long pane (cells of 10 cm)
+# and sends a beam every degree ahead, from -80° to 80°; about three metres behind the pane is a
+# wall:
 
 # %% active="ipynb" tags=["solution"]
 # office = np.zeros((500, 60), dtype=int)
@@ -391,8 +392,8 @@ def beam_angles(n_beams: int, field_of_view: float, turned: float) -> Array:
 # On the full circle, and on a half circle?
 
 # %% [markdown] tags=["hint"]
-# That share is an angle of the mirror over 2 pi. In the same share of the time the robot turns by
-# the same share of `turned`, and takes the beam along.
+# The mirror's angle since the first beam says how much of the revolution has passed. How far has
+# the robot turned in that time, and what does that do to the direction of the beam?
 
 
 # %% tags=["cases"]
@@ -556,6 +557,11 @@ check_beam_angles.mistakes = {
 # ahead of the centre, to one side, often turned, because there was no other place for the cable.
 # The pose that a filter estimates is that of the *robot*. Place the ends of a scan in the world.
 #
+# **Pencil first.** A robot scans all round, from 0.4 m ahead of its centre and 0.2 m to the right.
+# It drives straight up to a wall, scans, turns round on the spot and scans again. Its program
+# places both scans as if the lidar were at the centre, and the map has the wall twice. How far
+# apart, and how far is each from the true one?
+#
 # Each beam keeps its place in the list, with or without a return.
 
 
@@ -569,11 +575,12 @@ def scan_to_points(pose: Array, mount: Array, ranges: Array, angles: Array) -> A
         x, y, heading of the robot in the world (m, m, rad).
     mount : ndarray, shape (3,)
         The lidar in the frame of the robot: how far ahead of its centre (m), how far
-        to the left (m), and how far its beam zero is turned from the nose (rad).
+        to the left (m), and how far its straight ahead is turned from the nose (rad).
     ranges : ndarray, shape (n,)
         Distances (m); inf where a beam met nothing, NaN where its reading was lost.
     angles : ndarray, shape (n,)
-        Directions of the beams from the lidar's beam zero (rad), counterclockwise.
+        Directions of the beams from the lidar's own straight ahead (rad),
+        counterclockwise.
 
     Returns
     -------
@@ -715,9 +722,25 @@ check_scan_to_points.mistakes = {
 # composition that [chapter 00](../00_slam_in_ten_minutes.ipynb) builds paths with.
 
 # %% [markdown] tags=["solution"]
-# How large is the mistake if the mount is forgotten? As large as the mount: 0.45 m for the lidar
-# of the picture, if its angle is right. Forget the angle too, and a wall that is four metres away
-# is drawn metres from its place:
+# The wall that is drawn twice: facing it, the lidar is 0.4 m nearer to the wall than the centre,
+# and its ranges are 0.4 m shorter; with the back to it, 0.4 m longer. Here the wall is at x = 5 m:
+
+# %% active="ipynb" tags=["solution"]
+# mount, as_if = np.array([0.4, -0.2, 0.0]), np.zeros(3)
+# for heading in (0.0, np.pi):
+#     pose, zero = np.array([2.0, 1.0, heading]), np.zeros(1)
+#     ahead = np.array([-heading])  # the beam that runs along the x axis of the world
+#     seen = 5.0 - scan_to_points(pose, mount, zero, zero)[:, 0]
+#     print(f"range {seen[0]:.1f} m, drawn at x = "
+#           f"{scan_to_points(pose, as_if, seen, ahead)[0, 0]:.1f} m")
+
+# %% [markdown] tags=["solution"]
+# So the two walls are 0.8 m apart, each 0.4 m from the true one, and the 0.2 m to the right shift
+# the ends along the wall, where it does not show.
+#
+# How large is the mistake of a single end if the mount is forgotten? As large as the mount: 0.45 m
+# for the lidar of the picture, if its angle is right. Forget the angle too, and a wall that is
+# four metres away is drawn metres from its place:
 
 # %% active="ipynb" tags=["solution"]
 # pose, mount = np.array([1.0, 1.2, 0.5]), np.array([0.4, -0.2, 1.0])
@@ -750,8 +773,7 @@ check_scan_to_points.mistakes = {
 #
 # **Pencil first.** Two equations, two unknowns: $t$ and $s$. Take the product of both sides with
 # $b - a$ to be rid of one, then with $d$ to be rid of the other, where $u \times v = u_x v_y -
-# u_y v_x$. Mind the order: $u \times v = -\,v \times u$, and $u \times u = 0$. Then say, for both
-# numbers: what are they measured in, and which values mean that the wall is met?
+# u_y v_x$. Mind the order: $u \times v = -\,v \times u$, and $u \times u = 0$.
 #
 # <details><summary>The two formulas, to compare with yours</summary>
 #
@@ -762,9 +784,10 @@ check_scan_to_points.mistakes = {
 #
 # </details>
 #
-# Now the program. The call below it is a case in which the robot brakes: straight ahead is a gate,
-# open from y = -1 to y = 1, with nothing behind it. There are two bugs, and each alone makes a
-# robot brake. Run the check, find both, repair them.
+# Now the program. The call below it has two cases in which the robot brakes. In the first,
+# straight ahead is a gate, open from y = -1 to y = 1, with nothing behind it. In the second, the
+# robot has its back to the only wall. There are two bugs, and each alone makes a robot brake. Run
+# the check, find both, repair them.
 
 
 # %% tags=["exercise"]
@@ -811,8 +834,8 @@ def nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
 #     return t[met].min() if met.any() else np.inf
 
 # %% active="ipynb" tags=["try"]
-# gate = np.array([[[4.0, 1.0], [4.0, 4.0]], [[4.0, -4.0], [4.0, -1.0]]])
-# float(nearest_wall(gate, 0.0, 0.0, 0.0))
+# gate, back = [[[4, 1], [4, 4]], [[4, -4], [4, -1]]], [[[-2, -0.5], [-2, 0.5]]]
+# [float(nearest_wall(np.array(walls), 0.0, 0.0, 0.0)) for walls in (gate, back)]
 
 # %% [markdown] tags=["hint"]
 # Draw the scene of the first property that fails, with numbers. Compute $t$ and $s$ of that wall
@@ -823,8 +846,8 @@ def nearest_wall(segments: Array, x: float, y: float, angle: float) -> float:
 # still know it? Repair that line whole, and compare it once more with yours.
 
 # %% [markdown] tags=["hint"]
-# Then the other: in which unit is $t$, and in which is $s$? Where is the point $a + s\,(b - a)$ on
-# the wall for s = 0, for s = 1 and for s = 2?
+# Then the other. What are $t$ and $s$ measured in, and which values of both mean that the wall is
+# met? Where is the point $a + s\,(b - a)$ for s = 0, for s = 1 and for s = 2?
 
 
 # %% tags=["cases"]
@@ -848,7 +871,7 @@ def _on_one_line(rng: np.random.Generator) -> Any:
 
 
 def _nearest_drawn(ax: Any, function: Any) -> None:
-    """Draw 120 beams in a hall with an open gate on the right, a pillar and a short partition."""
+    """Draw 120 beams in a hall with an open gate on the right, a pillar and a partition."""
     from slamlab import plots
 
     hall = [(6, 3.3), (6, 5), (0, 5), (0, 0), (6, 0), (6, 1.5)]
@@ -875,7 +898,7 @@ check_nearest_wall = Check(
         "one wall, drawn the other way round": ([[[2.5, 1.0], [2.0, -1.0]]], 0.5, 0.0, 0.1),
         "one wall, somewhere else": ([[[-2.0, -1.0], [-2.5, 1.0]]], 0.5, 0.0, 0.1),
         "one wall, met near its second end": ([[[2.0, -3.0], [2.5, 0.6]]], 0.5, 0.0, 0.1),
-        "a wall shorter than a metre, met near its second end": (
+        "another wall, met near its second end": (
             [[[2.0, -0.2], [2.1, 0.3]]],
             0.5,
             0.0,
@@ -1007,15 +1030,18 @@ check_nearest_wall.mistakes = {
 # metres, `first_hit` counts in cells. What is farther than `max_range` is not seen.
 #
 # **Predict first.** Two rooms share a wall (x from 2.8 to 3.2 m) with a doorway (y from 0.4 to
-# 1.2) and a pane of glass (y from 1.6 to 3.6). The robot scans from 1 (0.9, 2.4), 2 (1.6, 1.9) and
-# 3 (2.1, 1.1) in the left room, from 4 (3.1, 0.8) in the doorway, and from 5 (3.9, 1.2) and 6
-# (3.9, 2.0) in the right room, with the pane in its field of view. The map counts for each cell
-# the beams that ended in it and the beams that passed through it, and has a wall there if at least
-# as many ended as passed. Sketch it (leave the mount out): which part of the pane do the beams of
-# each pose have as a wall? And where will the map have a hole?
+# 1.2) and a pane of glass (y from 1.6 to 3.6). The cells have a side of 0.4 m, so five of them are
+# glass. The robot scans from 1 (0.9, 2.4), 2 (1.6, 1.9) and 3 (2.1, 1.1) in the left room, from 4
+# (3.1, 0.8) in the doorway, where the wall hides the pane, and from 5 (3.9, 1.2) and 6 (3.9, 2.0)
+# in the right room. Each scan has 90 beams over 258°, with the whole pane in the field of view of
+# all poses but 4. The map counts for each cell the beams that ended in it and the beams that
+# passed through it, and has a wall there if at least as many ended as passed. Sketch it, and leave
+# the mount out: on which part of the pane do beams of each pose end? Then say for each of the five
+# cells, from the bottom up: wall or hole?
 #
-# Then draw, and open the picture: beams that went through the pane are orange, and beside each of
-# its cells is written how many ended and how many passed.
+# Then draw, and open the picture: the pane is outlined with dots, beams that went through it are
+# orange, and in the map white is free, dark a wall, and grey was never seen. Beside each cell of
+# the pane is written how many ended and how many passed.
 
 
 # %% tags=["exercise", "predict"]
@@ -1127,10 +1153,10 @@ def _tally(cells: Ints, side: float, starts: Array, ends: Array, met: Mask) -> t
 
 
 def _record_drawn(ax: Any, function: Any) -> None:
-    """Draw a drive past a pane of glass (light grey); below it the map of its six scans.
+    """Draw a drive past a pane of glass (dotted); below it the map of its six scans.
 
-    Beside each cell of the pane (dotted): beams that ended in it / passed it. The arrow is a way
-    that the map has free.
+    Beside each cell of the pane: beams that ended in it / passed it. Grey in the map was never
+    seen. The arrow is a way that the map has free.
     """
     from slamlab import plots
 
@@ -1170,7 +1196,10 @@ def _record_drawn(ax: Any, function: Any) -> None:
         ax.annotate("", (3.2, y), (1.2, y), arrowprops={"arrowstyle": "-|>", "color": "black"})
     ax.text(0, 4.1, "the drive", fontsize=8)
     ax.text(0, below + 4.1, "the map of its scans", fontsize=8)
-    ax.plot([2.8, 3.2, 3.2, 2.8, 2.8], below + np.array([1.6, 1.6, 3.6, 3.6, 1.6]), "k:", lw=0.8)
+    for up, out in ((0.0, 0.09), (below, 0.0)):  # beside the ends of the beams, not over them
+        left, right, low, high = 2.8 - out, 3.2 + out, up + 1.6 - out, up + 3.6 + out
+        around = [left, right, right, left, left], [low, low, high, high, low]
+        ax.plot(*around, "k:", lw=1.3, zorder=5)
     ax.set(xlim=(0.5, 5.9), ylim=(below + 0.7, 3.8), xlabel="x (m)", ylabel="", yticks=[])
     ax.set_title(f"{through.sum()} through the glass, hole {0.4 * len(hole):.1f} m", loc="left")
 
@@ -1299,9 +1328,22 @@ check_record.mistakes = {
 # check_record(forgets_the_heading)
 
 # %% [markdown] tags=["solution"]
-# Now the prediction. At a distance $D$ before the pane, 30° reach $D \tan 30° = 0.58\,D$ to each
-# side: pose 1, 1.9 m before it, has the pane from y = 1.3 to 3.5, pose 3, 0.7 m before it, from
-# 0.7 to 1.5, where no glass is. And the scans, with the mount:
+# Now the prediction, without the mount. At a distance $D$ before the pane, 30° reach
+# $D \tan 30° = 0.58\,D$ to each side, and glass is from y = 1.6 to 3.6:
+#
+# | pose | D (m) | y within 30° (m) | ends on glass at y (m) |
+# |---|---|---|---|
+# | 1 | 1.9 | 1.3 to 3.5 | 1.6 to 3.5 |
+# | 2 | 1.2 | 1.2 to 2.6 | 1.6 to 2.6 |
+# | 3 | 0.7 | 0.7 to 1.5 | nowhere |
+# | 4 | in the doorway | none | nowhere: the wall hides it |
+# | 5 | 0.7 | 0.8 to 1.6 | nowhere |
+# | 6 | 0.7 | 1.6 to 2.4 | 1.6 to 2.4 |
+#
+# So beams of three poses end on the lower two cells, of pose 1 alone on the upper two, and of
+# poses 1 and 2 on the middle one, where pose 2 has a half of it. All other beams that come there
+# pass. And the scans, first without the mount, then with that of the picture. Neighbouring beams
+# are 2.9° apart, so the last end is a little short of the limit:
 
 # %% active="ipynb" tags=["solution"]
 # plan = np.zeros((10, 16), dtype=int)
@@ -1309,14 +1351,19 @@ check_record.mistakes = {
 # plan[1:3, 7], plan[4:9, 7] = 0, 2
 # path = np.array([[0.9, 2.4, -0.4], [1.6, 1.9, -0.8], [2.1, 1.1, -0.5], [3.1, 0.8, 0.0],
 #                  [3.9, 1.2, 1.7], [3.9, 2.0, 1.8]])
-# mount = np.array([0.15, 0.1, -0.3])
-# _, points = record(plan, 0.4, path, mount, 90, 4.5, 4.0)
-# for k, (x, y) in enumerate(np.swapaxes(points, 1, 2), 1):
-#     there = y[(x > 2.79) & (x < 3.21) & (y > 1.61) & (y < 3.59)]
-#     part = f", y = {there.min():.1f} to {there.max():.1f}" if len(there) else ""
-#     print(f"pose {k}: {len(there)} beams end on the pane{part}")
+# for mount in np.zeros(3), np.array([0.15, 0.1, -0.3]):
+#     print("mount", mount)
+#     _, points = record(plan, 0.4, path, mount, 90, 4.5, 4.0)
+#     for k, (x, y) in enumerate(np.swapaxes(points, 1, 2), 1):
+#         there = y[(x > 2.79) & (x < 3.21) & (y > 1.61) & (y < 3.59)]
+#         part = f", y = {there.min():.1f} to {there.max():.1f}" if len(there) else ""
+#         print(f"  pose {k}: {len(there)} beams end on the pane{part}")
 
 # %% [markdown] tags=["solution"]
+# The mount moves the lidar by 0.18 m: pose 6 begins at y = 1.8 instead of 1.6, and pose 5
+# meets the lower end of the pane with two beams. The five cells come out the same: wall, wall,
+# hole, hole, hole.
+#
 # Each pose has only the part of the pane that is straight before it; its other beams go through,
 # and on their way they count the glass as free. Above y = 2.5 only pose 1 has a wall, and in the
 # upper three cells at least three times as many beams passed as ended. So the lower two cells of
