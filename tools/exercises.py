@@ -55,6 +55,8 @@ TAGS = {
     "chapter", "imports", "statement", "exercise", "stub", "try", "hint", "cases", "mistakes",
     "solution", "private", "predict",
 }  # fmt: skip
+# Folded in the book, and in JupyterLab.
+FOLDED = {"tags": ["hide-output"], "jupyter": {"outputs_hidden": True}}
 WIDTH = 88  # of a line of code on a page
 # A line that begins something of its own, and one that the next does not continue.
 STARTS = re.compile(r"[-*+] |\d+\. |[>|]|</?[a-z]|#+ |\$\$|```")
@@ -142,7 +144,7 @@ def notebooks(source: Path, year: int | None = None) -> tuple[list[Cell], list[C
                 shown = {"mystnb": {"image": {"alt": drawn[function.name]}}}
                 for of in (tasks, pending):
                     of.append(_code(f"{checks[function.name]}.draw({function.name})"))
-                    folded = {"tags": ["hide-output"]} if of is tasks and "predict" in tags else {}
+                    folded = FOLDED if of is tasks and "predict" in tags else {}
                     of[-1].metadata = nbformat.from_dict(shown | folded)
         elif "stub" in tags:
             stub.source = stub.source.removesuffix("    ...") + cell.source

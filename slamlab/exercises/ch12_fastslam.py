@@ -664,7 +664,8 @@ check_resample.mistakes = {
 # end, so it is drawn. With `side="left"` it would be the first. At $u = 0$ the first point is at
 # 0, and then `side="left"` draws particle 0 even if its weight is zero. `clip` is for rounding:
 # the last cumulative weight may be a little less than one, and a point beyond it draws the last
-# particle, whatever its weight. That takes an offset $u$ within some $10^{-15}$ of one.
+# particle, whatever its weight. That takes an offset $u$ so near to one that
+# rounding decides: for $M$ particles within some $M \cdot 10^{-15}$ of it.
 
 # %% [markdown] tags=["solution"]
 # The copies at the top of the program save the *caller's* arrays, and nothing else: the loop reads
@@ -818,8 +819,9 @@ check_ancestors.mistakes = {
 # ## Solution 4: ancestors
 #
 # Who has descendants is known at the end, so the walk goes back. In the picture the count is one
-# at 24 of the 30 resamplings. Up to the last of them, all particles share one path and one map of
-# what was seen last then: the robot may write both to the disk. This is the depletion of the
+# at 24 of the 30 resamplings. Up to the last of them, all particles share one path, and one
+# estimate of each tree that was not seen since: the robot may write both to the disk, and reads a
+# tree back when it returns to it. This is the depletion of the
 # lesson, too. What you have now: a sign of depletion that needs no truth. Your filter of exercise
 # 6 returns it.
 
@@ -983,7 +985,8 @@ def _observe_landmark_drawn(ax: Any, function: Any) -> None:
                 )
                 tip = at + (z[0] - rho) * along
                 _arrow(ax, at, tip, innovation)
-                at = tip
+            if row == 2:  # the bearing meets the map that the range left
+                at = rows[0][1][i] + cell
             if row != 0:
                 ax.plot(*(place + np.outer([2.2, 3.0], ray)).T, **measured)
                 far = np.hypot(*(at - place))
@@ -1722,10 +1725,10 @@ check_fast_slam.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # And `proposal` of exercise 2? The same robot with a sharp sensor (1 cm, 0.3°; both numbers
-# always) cannot use most of what its odometry draws. Version 2.0 changes *one line* of your
-# filter: the one that drives. Each particle's odometry is a Gaussian of its pose; every tree that
-# it knows makes it narrower; then it draws, and its weight is multiplied by what it drew from,
-# $N(x;\, \hat x,\, Q) / \pi(x)$:
+# always) cannot use most of what its odometry draws. Version 2.0 changes one step of your filter:
+# the one that drives. Each particle's odometry is a Gaussian of its pose; every tree that it knows
+# makes it narrower, which gives the proposal $\pi$; the pose is drawn from $\pi$, and the weight
+# is multiplied by $N(x;\, \hat x,\, Q) / \pi(x)$:
 
 # %% active="ipynb" tags=["solution"]
 # def draw_pose(pose, means, covs, step, z, r, normal):
