@@ -140,7 +140,7 @@ def _round(belief: Array, p_stay: float, p_step: float, p_slip: float) -> Any:
 
 
 check_predict.mistakes = {
-    "this corridor is the lesson's circle: what would pass the end stays there": _round,
+    "a circle, as in the lesson; this corridor has ends: what would pass the end stays there": _round,
     "what would pass the end got lost: it stands at the last place": _open,
     "probability fell out at the end and the rest was stretched: it stands at the last place": (
         lambda *given: _open(*given) / _open(*given).sum()
@@ -378,7 +378,7 @@ check_update.mistakes = {
 # At night *door* tells more: it multiplies the odds of a door by 0.5 / 0.02 = 25, while *wall*
 # divides them by 0.98 / 0.5 = 1.96 only. From one half the chance of a door rises to 0.96, or
 # falls to 0.34. An update that takes the number by the answer and not by the place reads a row of
-# the table: *door* is worth nothing then, and *wall* excludes nearly every door.
+# the table: *door* is worth nothing then, and *wall* all but excludes every door.
 
 # %% active="ipynb" tags=["solution"]
 # def by_the_answer(belief, doors, sees_door, p_door, p_wall):
@@ -532,9 +532,9 @@ check_measurements_needed.mistakes = {
 # logarithms, rounded up; a loop that multiplies is as good.
 #
 # In the picture the robots agree with that: of those whose eye said *door* n times, so many are
-# there. With a frozen eye the first answer is repeated, and the share stays at 4 : 5, or 0.44,
-# however often it comes. This robot would push after four copies, and break its arm more often
-# than not.
+# there. With a frozen eye the first answer is repeated, and the odds stay at 4 : 5, a share of
+# 0.44, however often it comes. This robot would push after four copies, and break its arm more
+# often than not.
 
 # %% [markdown] tags=["solution"]
 # *The chance that the eye is wrong n times is $(1 - p)^n$* answers another question: it forgets
@@ -711,7 +711,7 @@ def _in_a_circle(
 
 
 check_wander.mistakes = {
-    "this corridor is the lesson's circle: it has a wall at either end": _in_a_circle,
+    "a circle, as in the lesson; this corridor has a wall at either end": _in_a_circle,
     "the belief before the first step was returned as well: one row a step": (
         "found = [] => found = [belief]"
     ),
@@ -771,7 +771,7 @@ check_wander.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # The patrol of the picture begins with an error: while the robot walks to the right the filter
-# believes in the right end, where most such robots are by then. On the way back its eye says
+# believes in the right end, where such robots gather. On the way back its eye says
 # *door* twice in a row, at places 6 and 5, and from there on the likeliest place is the true one
 # in every step, in the dark too. How usual is such a patrol, and what does a defect in the dark
 # cost? Five hundred others of this kind:
@@ -825,16 +825,17 @@ check_wander.mistakes = {
 # - **The robot that stops predicting is found least often.** It has used 33 measurements, and its
 #   belief fits where it was seven steps ago. The blind robot, which never measured anything, is
 #   found more often.
-# - **Seven invented answers cost nearly as much as no eye at all.** The robot that takes the dark
-#   for a wall is found hardly more often than the blind one. (The order of the four was the same
-#   in ten sets of 500 patrols.)
+# - **Seven invented answers cost nearly as many finds as no eye at all.** The robot that takes the
+#   dark for a wall is found hardly more often than the blind one. (The order of the four was the
+#   same in ten sets of 500 patrols.)
 # - **Blind is better than chance**, which finds one of twelve, or 8 of 100. It is exercise 1
 #   again: a robot that walks against a wall stands there, so the two ends gather the belief,
 #   whatever the eye says.
 # - **Not found is seldom far off.** With the eye most of the others are one place off.
 #
-# You have now the whole Bayes filter, for any corridor and any eye: a function of five lines, one
-# of three, and a loop. Chapter 02 writes the same two functions for a bell curve.
+# You have now the whole Bayes filter, for a corridor with ends and an eye with two answers: a
+# function of five lines, one of three, and a loop. Chapter 02 writes the same two functions for a
+# bell curve.
 
 # %% [markdown] tags=["statement"]
 # A bet before you go: three more robots patrol with an eye that is closed in the last seven steps.

@@ -29,12 +29,12 @@ __all__ = [
 # %% [markdown] tags=["chapter"]
 # # Exercises 07: walls from points
 #
-# Six exercises with the lidar of a vacuum cleaner, whose far points are poor: a fit that weighs
-# them, a cut in a scan that goes all the way round, the information that each point brings, a
-# wall on its way into the map with two bugs, the walls of a whole room, and the map of this room
-# from two scans, made by your own functions.
-# The chapter is [Walls from points](../07_walls_from_points.ipynb). Replace each `...` and run
-# the check below it as often as you like; then draw what you built beside what is expected.
+# Six exercises, most with the lidar of a vacuum cleaner, whose far points are poor: a fit that
+# weighs them, a cut in a scan that goes all the way round, the information that each point brings,
+# a wall on its way into the map with two bugs, the walls of a whole room, and the map of this room
+# from two scans, made by your own functions. The chapter is [Walls from
+# points](../07_walls_from_points.ipynb). Replace each `...` and run the check below it as often as
+# you like; then draw what you built beside what is expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 07: walls from points
@@ -985,7 +985,7 @@ check_to_world.mistakes = {
 # Near the door the programs hardly differ: the lever is short there. Far away the first repair
 # alone makes the second wall *worse*: with the lever r and α are strongly correlated, and a thin
 # ellipse that slants the wrong way misses nearly everything. That is how bugs in pairs survive;
-# of two repairs the first one seems to do harm.
+# here the repair of the lever alone seems to do harm.
 #
 # The check, with the second bug left:
 
@@ -995,11 +995,11 @@ check_to_world.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: the walls of a room
 #
-# Back to the vacuum cleaner with the cheap lidar. It stands in a room of five walls and turns its
-# 180 beams round once; the noise of each point grows with the square of the range. A threshold in
-# metres does not fit: what is a dent in a wall nearby is noise at four metres. So a point may lie
-# off its line by at most `width` times its *own* standard deviation $\sqrt{v_i}$. Assemble
-# split-and-merge from your three functions:
+# Back to the vacuum cleaner, with a better lidar: 2 mm at one metre, 3 cm at four. It stands in a
+# room of five walls and turns its 180 beams round once; the noise of each point grows with the
+# square of the range. A threshold in metres does not fit: what is a dent in a wall nearby is noise
+# at four metres. So a point may lie off its line by at most `width` times its *own* standard
+# deviation $\sqrt{v_i}$. Assemble split-and-merge from your three functions:
 #
 # 1. **Split.** Begin with all points as one piece. A piece is *straight* if each of its points
 #    is at most `width` $\cdot \sqrt{v_i}$ from the piece's `line`, or if it has fewer than three
@@ -1402,10 +1402,11 @@ check_walls.mistakes = {
 #    goes by its other name here. With the difference $\delta = (r - r_m, \alpha - \alpha_m)$, its
 #    angle wrapped, the squared distance is $d^2 = \delta^T (C + M)^{-1} \delta$.
 # 2. **Decide.** The wall of the map with the smallest $d^2$ is the same wall, if $d^2$ is less
-# than    `gate`. If there is none, the new wall is added at the end, with the name it came by. 3.
-# **Join.** Of one wall there are now two estimates whose errors are independent. Replace the one
-#  in the map by the best that can be made of both, each weighed with the inverse of its
-# covariance. The wall keeps the name it has in the map, so $r$ may come out a little below zero.
+#    than `gate`. If there is none, the new wall is added at the end, with the name it came by.
+# 3. **Join.** Of one wall there are now two estimates; take their errors as independent. Replace
+#    the one in the map by the best that can be made of both, each weighed with the inverse of its
+#    covariance. The wall keeps the name it has in the map, so $r$ may come out a little below
+#    zero.
 #
 # Then draw it: the walls from either mark alone and from both, with their errors enlarged tenfold,
 # and above it what sixty such maps are worth, in centimetres.
@@ -1744,8 +1745,8 @@ check_room_map.mistakes = {
 # has them nearby. Joined, half of the errors are below 0.6 cm, where either mark alone has about 1
 # cm. With one name only, the wall at the door is in about half of the maps twice. Without the
 # lever, the first bug of exercise 4, the gate rejects right pairs, and the weights are wrong: 2.3
-# cm and a NEES of 4.2. And the plain mean of both estimates is worse than the second mark alone:
-# the poor one counts as much as the good one.
+# cm and a NEES of 4.2. And the plain mean of both estimates has a larger RMS than the second mark
+# alone: the poor one counts as much as the good one.
 
 # %% [markdown] tags=["statement"]
 # *What you have now*: a map that begins with raw points and holds five walls, each with a

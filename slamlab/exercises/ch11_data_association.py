@@ -922,7 +922,7 @@ check_clear_pairs.mistakes = {
 # twice, no order is needed, and every pair is judged by itself, on the whole table.
 
 # %% [markdown] tags=["solution"]
-# With a loop as in the lesson, the pairs that were taken are crossed out *before* the next is
+# With a loop as in the lesson, the pairs that were looked at are crossed out *before* the next is
 # judged. Then a pair seems clear because its second-best match is gone. It makes more pairs, and
 # more wrong ones; compare the numbers:
 
@@ -1105,7 +1105,7 @@ check_most_pairs.mistakes = {
 # The first branch takes landmark 0 for measurement 0, and nothing gives it back. When measurement
 # 0 tries landmark 1, measurement 1 still finds 0 taken: each landmark is used by the first
 # branches that reach it. One line after the branch, `taken[i] = False`, undoes what was done
-# before it. In the wood no branch wanted the landmark of another, so the test could not show it.
+# before it. In the wood the first branch was the best, so the test could not show it.
 # The lesson's search has no such line: it makes a new list of pairs for each branch.
 
 # %% [markdown] tags=["solution"]
@@ -1152,7 +1152,7 @@ check_most_pairs.mistakes = {
 # Return the largest allowed set, of equally large ones the one with the smallest joint distance.
 # Measurements that are left over get -1.
 #
-# One difference from the lesson: its `jointly` asks, in addition, that each pair by itself be
+# The main difference from the lesson: its `jointly` asks, in addition, that each pair by itself be
 # inside the gate of one. Here it need not: one true pair in a hundred is outside, and may still
 # fit with the others. The solution counts how little this changes.
 #
@@ -1628,12 +1628,13 @@ check_together.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## The lesson's drive, with your pairs
 #
-# Now your function goes where the lesson began: into the EKF-SLAM of a robot that leaves an
-# orchard, drives round the farm, and comes back among some thirty trees. It gets the ten nearest
-# measurements of each scan. In the filter each -1 of yours becomes one of the lesson's two
-# answers: `NEW` where the measurement is outside every tree's gate of 99.99 % (it may be a tree
-# that is not yet in the map), else `IGNORED` (it is left out). Run it when your check holds; it
-# takes some seconds.
+# Now your function goes into the EKF-SLAM of the lesson: on one of its ten drives a robot leaves
+# an orchard, drives round the farm, and comes back among some thirty trees. Until then the trees
+# are named to it. On the return it gets, of the measurements of a scan that have a tree in their
+# gate, the ten nearest. In the filter each -1 of yours becomes one of the lesson's two answers:
+# `NEW` where the measurement is outside every tree's gate of 99.99 % (it may be a tree that is not
+# yet in the map), else `IGNORED` (it is left out). Run it when your check holds; it takes some
+# seconds.
 
 # %% active="ipynb" tags=["statement"] mystnb={"image": {"alt": "Two maps of the return to the orchard. On the left, yours: nothing returned yet. On the right nearest neighbour: beside many trees the map has a second one, and the estimated way leaves the true one."}}
 # from slamlab.exercises.ch11_data_association import draw_lap
@@ -1641,7 +1642,7 @@ check_together.mistakes = {
 # draw_lap(together)
 
 # %% [markdown] tags=["statement"]
-# With no tree named to it and a passer-by in the scan, your association finds a robot's place by
+# With no tree named to it on the return, your association finds a robot's place by
 # the pattern of its trees.
 #
 # The solutions are in [Solutions 11](../solutions/11_data_association.ipynb).

@@ -30,9 +30,10 @@ __all__ = [
 # (exercises 1 and 2, of the lesson [Gamma-SLAM and DP-SLAM](../15_other_maps.ipynb)). **DP-SLAM**:
 # a beam comes from behind a hedge, a map shows a wall that its robot never saw, and the tree of an
 # hour is tidied (3 to 5, of the page on [DP-SLAM](../15c_other_maps.ipynb)). The last exercise
-# goes on with 1 and 2: a robot that does not know its place finds it by how rough the ground is,
-# with your functions. So 1, 2, 6 and 3, 4, 5 can be done in either order. Replace each `...` and
-# run the check below it as often as you like; then draw what you built beside what is expected.
+# goes on with 1 and 2: a robot that knows its place only roughly finds it by how rough the ground
+# is, with your functions. So 1, 2, 6 and 3, 4, 5 can be done in either order. Replace each `...`
+# and run the check below it as often as you like; then draw what you built beside what is
+# expected.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 15: Gamma-SLAM and DP-SLAM
@@ -219,9 +220,9 @@ check_merged.mistakes = {
 # check_merged.draw(summed)
 
 # %% [markdown] tags=["statement"]
-# You need no picture: $\alpha$ and $\beta$ keep all that pictures say about a cell, and maps that
-# began alike can be merged. In the last exercise four robots come home, your `merged` makes one
-# map, and a fifth robot finds its place on it.
+# You need no picture: $\alpha$ and $\beta$ keep all that pictures say about the roughness of a
+# cell, and maps that began alike can be merged. In the last exercise four robots come home, your
+# `merged` makes one map, and a fifth robot finds its place on it.
 #
 # ## Exercise 2: the weights of Gamma-SLAM
 #
@@ -436,9 +437,9 @@ check_weights.mistakes = {
 # ## Solution 2: the weights of Gamma-SLAM
 
 # %% [markdown] tags=["solution"]
-# Each cell costs $\ln L$. The particle with six cells pays twice more than the one with four: with
-# an $L$ ten times as wide it falls behind by a factor of $10^2 = 100$. The case *one cell against
-# two* of the check, for two widths, is the same with a factor of 10:
+# Each cell costs $\ln L$. The particle with six cells pays two of them more than the one with
+# four: with an $L$ ten times as wide it falls behind by a factor of $10^2 = 100$. The case *one
+# cell against two* of the check, for two widths, is the same with a factor of 10:
 
 # %% active="ipynb" tags=["solution"]
 # two = (
@@ -482,8 +483,8 @@ check_weights.mistakes = {
 #
 # Robot A stands still before a hedge with a fence behind it and sends `sent` beams along one line
 # through $n$ cells. `ended[k]` of them end in cell $k$; what is left flies out beyond the last
-# cell. Robot B comes from the other side and sends a beam along the same line, towards A. In which
-# cell will it end?
+# cell. Robot B comes from the other side and sends a beam through the same cells, towards A. In
+# which cell will it end?
 #
 # A's shares `ended / sent` are no answer. With 100 beams that end in 0, 50 and 50, what is the
 # third cell? Every cell has its own **rate** $\lambda$: of the beams that come to it, the share
@@ -854,10 +855,10 @@ check_branch.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # The first copy kept the node and went on writing into it, while the second hung below it and read
-# every beam. The first reads nothing that is not its own, so half of the maps look right. With one
-# particle, or where each was chosen once, no node that is written to has children. A node may be
-# kept only then: **once a node has children no particle may write into it**. So of two
-# copies both need a new node.
+# every beam. The first reads nothing that is not its own, so of two copies one looks right. With
+# one particle, or where each was chosen once, no node that is written to has children. A node may
+# be kept only then: **once a node has children no particle may write into it**. So of two copies
+# both need a new node.
 #
 # What the saving is worth: in the hour of the next exercise the tree grows to 211 nodes. With a
 # new node for each of sixteen survivors, sixty times, it is 977.
@@ -868,7 +869,7 @@ check_branch.mistakes = {
 #
 # ## Exercise 5: who is left in the tree
 #
-# After an hour the computer of the robot runs out of memory: every resampling makes new nodes, and
+# After an hour the computer of the robot runs out of memory: resampling makes new nodes, and
 # most of them lead to no particle any more. *Prune* these; then *merge* every node that has one
 # child left with that child: the child stays, and the node goes, and what it holds moves into the
 # child. The root may go too. The page's `tidy` does this to the tree. The robot asks first whether
@@ -879,10 +880,11 @@ check_branch.mistakes = {
 # forks does that tree have?
 #
 # The picture is an hour of sixteen particles in a corridor, resampled once a minute with the
-# `branch` of exercise 4. A node begins at its dot. Grey is the tree before; blue dots are the
-# nodes that your mask keeps, blue lines lead to the next one that stays. Every minute a particle
-# writes 50 cells, ten of them new. **Bet**, then open it: sixteen copied maps would have 10400
-# entries. How many has the tree, more or fewer? And after tidying?
+# `branch` of exercise 4. A node begins at its dot; the last sixteen dots are where the particles
+# are now. Grey is the tree before; blue dots are the nodes that your mask keeps, blue lines lead
+# to the next one that stays. Every minute a particle writes 50 cells, ten of them new. **Bet**,
+# then open it: sixteen copied maps would have 10400 entries. How many has the tree, more or fewer?
+# And after tidying?
 
 
 # %% tags=["exercise", "predict"]

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import sys
 from pathlib import Path
 
@@ -148,3 +149,11 @@ def test_an_edit_of_a_mistake_must_be_in_the_code_and_not_only_in_the_docstring(
     assert check.mistaken("x + 1 => x + 2")(1) == 3
     with pytest.raises(LookupError, match="'two' is not in its source"):
         check.mistaken("two => three")
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
+def test_no_text_holds_the_indent_of_a_list_in_its_middle(source):
+    """What wraps lines must not put one item into the one before."""
+    texts = [cell.source for cell in tool.cells_of(source) if cell.cell_type == "markdown"]
+    plain = [re.sub(r"(?ms)\$\$.*?\$\$|```.*?```|^\|.*?$", "", text) for text in texts]
+    assert [m[0] for text in plain for m in re.finditer(r"[\w.,;:`*)] {2,}[\w`*(].*", text)] == []
