@@ -1119,7 +1119,7 @@ def _outside_chi2(squares: Array) -> int:
 # And the test: $Q$ up and $R$ as it is, (1, 1), blames the accelerometer alone. Of how many of the
 # 20 loose shuttles will your test say so, and of how many of the other 80? And where would a dirty
 # laser land? The picture counts the shuttles, and has their mean NEES at the end. Run the check,
-# then open it; the dirty laser is in the solutions.
+# then open it.
 
 
 # %% tags=["exercise", "predict"]

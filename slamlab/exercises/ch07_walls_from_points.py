@@ -1638,7 +1638,7 @@ check_room_map.mistakes = {
     "each scan brings its own walls: a wall that is in the map already is joined with it": (
         "if min(squared, default=np.inf) < gate: => if False:"
     ),
-    "the wall at the door came by its other name and is in the map twice": (
+    "the wall at the door has its other name and is in the map twice": (
         "if abs(turn) <= np.pi / 2: => if True:"
     ),
     "with its other name a wall has another covariance: r turned its sign": (

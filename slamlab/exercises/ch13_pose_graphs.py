@@ -639,7 +639,7 @@ check_reverse.mistakes = {
     "the covariance was not turned: the new error is in the frame of j": (
         "rotation(z[2]) => np.eye(2)"
     ),
-    "the covariance was handed on as it came": "turn @ cov @ turn.T => cov",
+    "the covariance was handed on as it was": "turn @ cov @ turn.T => cov",
     "this is the covariance: the edge needs its inverse": "np.linalg.inv => ",
     "the inverse is turned by the inverse: turn the covariance first": (
         "np.linalg.inv(turn @ cov @ turn.T) => turn @ np.linalg.inv(cov) @ turn.T"

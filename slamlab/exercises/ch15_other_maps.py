@@ -616,7 +616,7 @@ check_from_behind.mistakes = {
     "a chance does not grow with the way: 1 - e^(-x), not x": (
         "(1 - ended / came) ** stretch => 1 - np.minimum(stretch * ended / came, 1)"
     ),
-    "`ended / came` is the share that A's way stopped, not a rate: 1 - ended / came pass": (
+    "the share of beams that ended on A's way is no rate: 1 minus this share passes it": (
         "(1 - ended / came) ** stretch => np.exp(-stretch * ended / came)"
     ),
     "A's beams that flew through all reached every cell too": (

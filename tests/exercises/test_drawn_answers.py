@@ -61,14 +61,15 @@ PICTURES = [
 
 
 def drawn(axes):
-    """All that was drawn into axes, as numbers."""
-    parts = [np.asarray(line.get_xydata(), float).ravel() for line in axes.lines]
+    """All that was drawn into axes and those within, as numbers."""
+    parts = [drawn(within) for within in axes.child_axes]
+    parts += [np.asarray(line.get_xydata(), float).ravel() for line in axes.lines]
     placed = [p.get_patch_transform().transform(p.get_path().vertices) for p in axes.patches]
     parts += [np.ravel(vertices) for vertices in placed]
     parts += [np.ma.filled(image.get_array(), np.nan).ravel() for image in axes.images]
     bars = [one.get_segments() for one in axes.collections if hasattr(one, "get_segments")]
     parts += [np.ravel(segment) for segments in bars for segment in segments]
-    return np.concatenate(parts)
+    return np.concatenate([*parts, []])
 
 
 def texts(figure):
@@ -129,7 +130,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch06.check_beam_angles, lambda n, v, turned: np.linspace(-v / 2, v / 2, n)),
         (ch06.check_scan_to_points, lambda p, *a: ch06.scan_to_points(p * [1, 1, -1], *a)),
         (ch06.check_nearest_wall, lambda s, x, y, a: ch06.nearest_wall(s[:4], x, y, a)),
-        (ch06.check_record, lambda o, *a: tuple(np.nan_to_num(x) for x in ch06.record(o, *a))),
+        (ch06.check_record, lambda o, r, p, *a: ch06.record(o, r, p * [1, 1, 0], *a)),
         (ch07.check_line, lambda p, v: ch07.line(p, np.ones(len(p)))),
         (ch07.check_corner, ch07._chord_without_division),
         (ch07.check_wall_cov, ch07._equal_weights),
