@@ -506,6 +506,8 @@ check_loop.mistakes = {
 
 # %% active="ipynb" tags=["solution"]
 # def anywhere(c):
+#     if abs(np.linalg.det(c[2:])) < 1e-12:
+#         return np.nan, np.nan
 #     sigma, w = np.linalg.solve(c[2:].T, -c[1])
 #     root = np.sqrt(4 * w - 3 * sigma**2) if 4 * w > 3 * sigma**2 else np.nan
 #     return 0.5 * (sigma - root), 0.5 * (sigma + root)
@@ -1243,7 +1245,7 @@ check_remember.mistakes = {
 #     seconds, far = np.array([drive(cubics, 1.15) for cubics in kept]).T
 #     print(f"{text:19} {np.median([len(c) for c in kept]):g} cubics, "
 #           f"{np.median(seconds):.1f} s, "
-#           f"{1000 * far.min():.0f} to {1000 * far.max():.0f} mm from the curve")
+#           f"{100 * np.median(far):.0f} cm from the curve")
 
 # %% [markdown] tags=["solution"]
 # It is the kink: with a stop at each joint the robot stays on the same pieces. So this is what
