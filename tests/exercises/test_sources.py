@@ -151,9 +151,20 @@ def test_an_edit_of_a_mistake_must_be_in_the_code_and_not_only_in_the_docstring(
         check.mistaken("two => three")
 
 
+def indents_within(text):
+    """Return what follows two or more spaces in the middle of a line of prose."""
+    plain = re.sub(r"(?ms)\$\$.*?\$\$|```.*?```|^\|.*?$", "", text)
+    return re.findall(r"[\w.,;:`*)] {2,}[\w`*(].*", plain)
+
+
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
 def test_no_text_holds_the_indent_of_a_list_in_its_middle(source):
     """What wraps lines must not put one item into the one before."""
     texts = [cell.source for cell in tool.cells_of(source) if cell.cell_type == "markdown"]
-    plain = [re.sub(r"(?ms)\$\$.*?\$\$|```.*?```|^\|.*?$", "", text) for text in texts]
-    assert [m[0] for text in plain for m in re.finditer(r"[\w.,;:`*)] {2,}[\w`*(].*", text)] == []
+    assert [found for text in texts for found in indents_within(text)] == []
+
+
+def test_an_item_in_the_one_before_is_seen():
+    apart = "2. **Decide**, if it is less\n   than `gate`.\n3. **Join.** Of one wall"
+    assert indents_within(apart) == []
+    assert indents_within("2. **Decide**, if it is less\nthan    `gate`. 3. **Join.** Of one wall")
