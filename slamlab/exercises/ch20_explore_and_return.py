@@ -1274,7 +1274,8 @@ check_come_home.mistakes = {
 # print(f"counted on the round: {counted:.1f} degrees;"
 #       f" {far:.0f} m straight: {far * np.deg2rad(360 - counted):.1f} m aside")
 # ahead, left, _ = between(way[-1], memory[0][-1])
-# print(f"in truth {abs(left):.1f} m aside; the last pose is {np.hypot(ahead, left):.1f} m away")
+# print(f"in truth {abs(left):.1f} m aside;"
+#       f" the last pose is {np.hypot(ahead, left):.1f} m away")
 
 # %% [markdown] tags=["solution"]
 # Twenty other robots, each with its own wear, try each way, once with worn wheels and once with
