@@ -128,8 +128,13 @@ def pairs(came: Any, due: Any) -> list[tuple[np.ndarray, np.ndarray]] | str:
     whole = _whole_pairs(came, due)
     if isinstance(whole, str):
         return whole
-    both = [(np.squeeze(a), np.squeeze(b)) for a, b in whole]
-    return [(b, b) if a.size == b.size == 0 else (a, b) for a, b in both]
+    return [_squeezed(a, b) for a, b in whole]
+
+
+def _squeezed(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drop axes of length one; two empty arrays are alike whatever their shapes."""
+    a, b = np.squeeze(a), np.squeeze(b)
+    return (b, b) if a.size == b.size == 0 else (a, b)
 
 
 def _whole_pairs(came: Any, due: Any) -> list[tuple[np.ndarray, np.ndarray]] | str:
@@ -166,21 +171,22 @@ def difference(came: Any, due: Any, tolerance: float, names: Sequence[str]) -> l
     """Say what was expected and what was returned: of an array the first entry that differs."""
     if due is None:
         return [f"expected None, got {show(came)}"]
-    both, whole = pairs(came, due), _whole_pairs(came, due)
-    if isinstance(both, str) or isinstance(whole, str):
-        return [str(both)]
+    whole = _whole_pairs(came, due)
+    if isinstance(whole, str):
+        return [whole]
     lines = []
-    for k, (a, b) in enumerate(both):
-        name = names[k] if len(names) == len(both) else names[0]
+    for k, (a_whole, b_whole) in enumerate(whole):
+        name = names[k] if len(names) == len(whole) else names[0]
+        a, b = _squeezed(a_whole, b_whole)
         if a.shape != b.shape:
-            got, expected = (
-                part.shape for part in (whole[k] if 1 in whole[k][1].shape else (a, b))
-            )
-            lines.append(f"{name}: expected shape {expected}, got {got}")
+            # An axis of length one that is expected, or stands for a longer one, is told.
+            if a_whole.ndim == b_whole.ndim or 1 in b_whole.shape:
+                a, b = a_whole, b_whole
+            lines.append(f"{name}: expected shape {b.shape}, got {a.shape}")
             continue
         wrong = ~np.isclose(a, b, rtol=tolerance, atol=tolerance, equal_nan=True)
         if not wrong.any():
-            lines += [f"{name} is right"] if len(both) > 1 else []
+            lines += [f"{name} is right"] if len(whole) > 1 else []
             continue
         place = tuple(int(i) for i in np.argwhere(wrong)[0])
         x, y = _apart(float(a[place]), float(b[place]))

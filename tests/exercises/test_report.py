@@ -123,6 +123,8 @@ def test_a_wrong_shape_is_said_with_its_axes_of_length_one():
 
     text = Check(_rows, "rows", {"one row": ([1, 2, 3],)})(lambda a: np.vstack([a, a + 1])).text
     assert "rows: expected shape (1, 3), got (2, 3)" in text
+    assert "expected shape (2,), got (1,)" in check(lambda a, b: np.zeros(1)).text
+    assert "expected shape (2,), got (3,)" in check(lambda a, b: np.zeros((1, 3))).text
 
 
 def test_as_many_digits_are_shown_as_tell_the_numbers_apart():
