@@ -33,8 +33,7 @@ __all__ = [
 # run the cell: the check below it tries your function on several inputs and says, one line a
 # property, what was expected and what it got. Run it as often as you like.
 #
-# Three functions of the library are all the geometry you need. Poses are $(x, y, \theta)$ in
-# metres and radians.
+# Three functions of the library move poses. Poses are $(x, y, \theta)$ in metres and radians.
 #
 # - `compose(a, b)`: pose b is given in the frame of a; the result is the same pose in the frame
 #   in which a is given. The order matters: first the frame, then what is seen from it.
@@ -43,7 +42,8 @@ __all__ = [
 #
 # In place of a pose each of them takes an array of poses, too, shape (n, 3), one a row. One pose
 # goes with every row of an array: `compose(a, poses)` moves all of them by the same `a`. Headings
-# come back in $(-\pi, \pi]$.
+# come back in $(-\pi, \pi]$. Exercise 3 needs `rotation(angle)` as well, a matrix (2, 2), and
+# exercise 4 `wrap_angle(angle)`, which brings an angle into $(-\pi, \pi]$.
 
 # %% [markdown] tags=["solution"]
 # # Solutions 00: SLAM in ten minutes
@@ -552,6 +552,10 @@ check_edge_error.mistakes = {
 # check_edge_error(without_mount)
 
 # %% [markdown] tags=["statement"]
+# *What you have now*: the error of any edge, of the wheels or of a scanner anywhere on the robot.
+# Exercise 5 needs it for $\chi^2$.
+
+# %% [markdown] tags=["statement"]
 # ## Exercise 3: a lamp in the graph
 #
 # Lamps hang under the roof of the hall, and the truck has a camera at its tail. Whenever it
@@ -590,7 +594,8 @@ check_edge_error.mistakes = {
 #     """Derivative of lamp_error by x, y, theta, l_x and l_y, shape (2, 5), as numbers.
 #
 #     Move each of the five by h, to and fro, and watch lamp_error. Since z drops out,
-#     any z will do.
+#     any z will do. For a robot at the origin, its camera on the axle and a lamp at
+#     (2, 0), the third column should be (0, -2).
 #     """
 #     ...
 
@@ -1063,7 +1068,7 @@ check_relax.mistakes = {
 # %% [markdown] tags=["solution"]
 # Neither is seen on the bench. All its headings are zero, so both ways of moving a pose are one.
 # And from dead reckoning the motions have no error yet: what the closure overwrites is zero. In a
-# second step it no longer is, and the second bug is seen on the bench, too (last column). Round
+# second step it no longer is, and the second bug is seen on the bench, too (the last number of each). Round
 # the block each of them alone is enough:
 
 # %% active="ipynb" tags=["solution"]
@@ -1115,14 +1120,18 @@ check_relax.mistakes = {
 # 0.02 m. On the bench, step after step, only the second one is seen.
 
 # %% [markdown] tags=["statement"]
+# *What you have now*: one step that spreads the contradictions of any graph of poses over its
+# edges; exercise 5 repeats it.
+
+# %% [markdown] tags=["statement"]
 # ## Exercise 5: SLAM in ten minutes, yours
 #
 # A robot has driven through a small town: 120 poses, one metre apart, and 41 times it recognised
 # a place. Put your SLAM together. Dead reckoning gives the first poses; its motions and the
 # closures are the edges; then come steps of `relax`, until a step has moved no position by more
-# than 1e-6 m, but ten steps at most: where closures contradict each other it may take many more,
-# and a graph that flies apart never comes to rest. At the
-# end $\chi^2 = \sum \mathbf e^\top \Omega\, \mathbf e$ over *all* edges says how much
+# than 1e-6 m (any rule that ends at the same poses is right), but ten steps at most: where closures
+# contradict each other it may take many more, and a graph that flies apart never comes to rest. At
+# the end $\chi^2 = \sum \mathbf e^\top \Omega\, \mathbf e$ over *all* edges says how much
 # contradiction is left. Use your functions from above; wheels and closures speak of the robot
 # itself, so the mount is zero.
 #
@@ -1354,6 +1363,14 @@ check_slam = Check(
             [[3.0, -0.8, 0.0]],
             np.diag([900.0, 900.0, 400.0]),
         ),
+        "a closure much surer than the motions: the last pose rests first": (
+            [0.0, 0.0, 0.0],
+            [[1.0, 0.0, 0.3]] * 5,
+            np.diag([100.0, 100.0, 400.0]),
+            [[0, 5]],
+            [[2.0, 1.5, 2.5]],
+            1e6 * np.eye(3),
+        ),
         "a false closure: not at rest after ten steps": (
             [0.0, 0.0, 0.0],
             [[1.0, 0.0, 0.0]] * 3,
@@ -1386,6 +1403,9 @@ check_slam.mistakes = {
     "two steps are not enough: the edges bend while the poses turn": "range(10) => range(2)",
     "the loop stopped too early: compare the size of every move, in x and in y": (
         "np.abs(poses - before) => (poses - before)"
+    ),
+    "the loop stopped too early: all poses must have come to rest, not only the last": (
+        "[:, :2].max() < 1e-6 => [-1, :2].max() < 1e-6"
     ),
     "the closures were not used: they are edges like the others": (
         ("np.vstack([motions, closures]), np.vstack([odometry, z]) => motions, odometry"),
@@ -1514,15 +1534,21 @@ for _steps in (10, 15, 20):
 # %% [markdown] tags=["statement"]
 # ## Killian Court, with your SLAM
 #
-# Now your `slam` goes where the chapter began. Killian Court has 3873 poses; your `relax` writes
-# down the whole of $H$, which would be 135 million numbers, nearly all of them zero. So one pose
-# of ten is kept. Each motion between two of the 388 that are left is composed of ten measured
-# ones. A closure of a pose that is not kept is moved to the nearest one that is, by `compose` and
-# the motions between; and where several closures join the same two poses, the one stays that was
-# moved least. Of 1115 there are 257 left. All edges get the information $\Omega$ that the
-# file gives to each motion (and to 1074 of the 1115 closures), divided by the number of motions
-# that a measurement is made of: $\Omega/10$ for ten motions, and $\Omega/6$ for a closure, counted
-# as its own measurement and five motions.
+# Now your `slam` goes where the chapter began. Killian Court has 3873 poses, too many for a `relax`
+# that writes down the whole of $H$, so one pose of ten is kept: 388 poses, with 257 of the 1115
+# closures.
+#
+# <details><summary>How the log is thinned</summary>
+#
+# $H$ would be 135 million numbers, nearly all of them zero. Each motion between two of the poses
+# that are left is composed of ten measured ones. A closure of a pose that is not kept is moved to
+# the nearest one that is, by `compose` and the motions between; and where several closures join
+# the same two poses, the one stays that was moved least. All edges get the information $\Omega$
+# that the file gives to each motion (and to 1074 of the 1115 closures), divided by the number of
+# motions that a measurement is made of: $\Omega/10$ for ten motions, and $\Omega/6$ for a
+# closure, counted as its own measurement and five motions.
+#
+# </details>
 #
 # **Predict**: the lesson's map uses every pose and every closure, and dead reckoning is 34.9 m
 # from it on average. How far from it are your poses: near 20 m, near 5 m, near 0.5 m? The scans
