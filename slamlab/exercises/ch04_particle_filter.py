@@ -75,14 +75,15 @@ __all__ = [
 # you? Try a reading that fits and one that does not, with all lengths in metres, and once more in
 # centimetres.
 #
-# The picture lets sixty robots drive 4 m, each with two bad readings of ten, and draws where one
-# of them began, by your likelihood and by the lesson's. *Found* means that more than half
-# of the belief is within half a metre. It also says what one bad reading costs a particle: by
-# which factor its weight falls below that of a particle whose reading fits. Whether a factor is
-# missing in your density hardly changes how many robots are found: rely on the check for that.
+# The picture is folded: open it when you have answered. It lets sixty robots drive 4 m, each with
+# two bad readings of ten, and draws where one of them began, by your likelihood and by the
+# lesson's. *Found* means that more than half of the belief is within half a metre. It also says
+# what one bad reading costs a particle: by which factor its weight falls below that of a particle
+# whose reading fits. Whether a factor is missing in your density hardly changes how many robots
+# are found: rely on the check for that.
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def sonar_log_likelihood(
     echo: float, expected: Array, sigma: float, p_hit: float, reach: float
 ) -> Array:
@@ -266,7 +267,7 @@ check_sonar.mistakes = {
 # removes it. Here it does not stand in front of the whole sum: the two parts are compared by their
 # heights. With $\sigma = 0.2$ m and a reach of 5 m the top of the first is $0.8 \cdot 2.0 = 1.6$
 # per metre, and the second is $0.2/5 = 0.04$. So one bad reading costs a particle a factor of
-# $(1.6 + 0.04)/0.04 = 41$ and no more, and the next good one gives it back.
+# $(1.6 + 0.04)/0.04 = 41$ and no more, and the next good one can give it back.
 
 # %% [markdown] tags=["solution"]
 # Without the factor the top of the Gaussian is 0.8, whatever $\sigma$ is, and a bad reading costs
@@ -297,16 +298,16 @@ check_sonar.mistakes = {
 #
 # Coordinate $k$ may be anything within a range of `sizes[k]`; in the hall these are 20 m, 10 m and
 # $2\pi$. The particles are drawn independently, evenly over all of it. One is near if it is off by
-# at most `reach[k]` in *each* coordinate, to either side: here a box, where the lesson's near was a
-# circle of 1.5 m. The robot is farther than that from all walls. What is the least number with
-# which the probability that at least one particle is near is `chance` or more?
+# at most `reach[k]` in *each* coordinate, to either side: here a box, where the lesson's near was
+# a circle of 1.5 m. Take a robot that is farther than that from all walls. What is the least
+# number with which the probability that at least one particle is near is `chance` or more?
 #
 # **On paper first.** One coordinate, and near is a tenth of its size to either side: 21 particles
 # have one near with 99 %. How many does it take with two such coordinates, and with six? Guess
-# before you calculate.
+# before you calculate, and before you open the picture.
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def particles_needed(chance: float, sizes: Array, reach: Array) -> int:
     """Least number of particles of which one is near the robot.
 
@@ -716,9 +717,9 @@ check_resample.mistakes = {
 # On the robot 200 particles are laid over the corridor, from the door at 0 m to the far end at
 # 28 m, in this order. Wherever the robot is switched on, it reports that it began at the door,
 # and is certain of it. The picture has forty robots: where each began, and where yours says that
-# it began. Above it is the share of the readings after which the particles were resampled; in the
-# lesson it was 28 of 61. Find the bug and repair it, until *both* numbers are as they should be;
-# exercise 6 uses your repair.
+# it began. Above it is the share of the readings after which the particles were resampled; it
+# need not be the lesson's 28 of 61. Find the bug and repair it, until *both* numbers are as they
+# should be; exercise 6 uses your repair.
 
 
 # %% tags=["exercise"]
@@ -1153,12 +1154,12 @@ check_best_place.mistakes = {
 #
 # The ends of the corridor are no walls to a particle: it may slip past them, and is not put back.
 # Nor is the expected distance cut off at the sonar's reach. The number of particles changes on the
-# way: which slips are then left over, and where else in these steps does the number count?
+# way: which slips are then left over? (`renew` counts its particles itself.)
 #
 # Then draw the picture. It shows one robot that wakes up: the black line is where it was, blue
-# dots are your particles after every second step, orange circles your `best_place`, dotted lines
-# beacons, and the columns below count the particles: the title has their number at the start and
-# the largest. It rises before it falls. Why?
+# dots are your particles after every second step (those above a fifth of the mean weight), orange
+# circles your `best_place`, dotted lines beacons, and the columns below count the particles: the
+# title has their number at the start and the largest. It rises before it falls. Why?
 #
 # The rest of the title is about fifty robots, which drive 12 m from starts of their own. A robot
 # is *found* if your place is within half a metre of it at the end. The last line has two medians
@@ -1194,7 +1195,7 @@ def localize(
     near : float
         What counts as near (m): `reach` in exercise 2, `cell` in 3, `radius` in 5.
     moves : ndarray, shape (T,)
-        Commanded move of each step (m).
+        Commanded move of each step (m); T is at least 1.
     noise : ndarray, shape (T, N)
         Slips of the particles in each step (m); N is larger than their number ever is.
     echoes : ndarray, shape (T,)
@@ -1285,8 +1286,10 @@ def _localize_drawn(ax: Any, function: Any) -> None:
 
     def after(seed: int, steps: int = 30) -> Any:
         truth, (start, *drive), (beacons, sonar, radius, per_cell), u = _robot(seed, 400)
-        drive, given = [one[:steps] for one in drive], (28.0, 0.99, radius)
-        came = function(start, *given, *drive, beacons, sonar, per_cell, u[:steps])
+        drive, given = [one[: max(steps, 1)] for one in drive], (28.0, 0.99, radius)
+        if steps == 0:  # the start: one step that moves nothing and a sonar that says nothing
+            drive, sonar = [0 * one for one in drive], sonar * [1, 0, 1]
+        came = function(start, *given, *drive, beacons, sonar, per_cell, u[: max(steps, 1)])
         return truth, float(came[0]), *(np.asarray(one, float) for one in came[2:])
 
     shown = [(k, *after(_SHOWN, k)) for k in range(0, 31, 2)]
@@ -1364,6 +1367,9 @@ check_localize.mistakes = {
     ),
     "all places were taken: `particles_needed` says how many": (
         "particles_needed(chance, np.array([size]), np.array([near])) => len(x)"
+    ),
+    "`near` is to either side, as `reach` in exercise 2: it was halved for the first number": (
+        "np.array([near])) => np.array([near / 2]))"
     ),
     "the last places were taken: take the first": "x[:n] => x[-n:]",
     "one slip for all: every particle slips on its own": "slip[: len(x)] => slip[0]",
