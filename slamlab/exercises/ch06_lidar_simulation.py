@@ -46,9 +46,8 @@ __all__ = [
 # ## Exercise 1: a beam that meets glass
 #
 # A robot that drove without fault for a week is sent to a new office and drives against its glass
-# door. Its map has the door as free floor at one place and as a wall at another. A pane sends
-# light back only if a beam meets it nearly squarely; at a slant the light goes through, or away.
-# Exercise 5 will draw that map; here is its beam.
+# door. A pane sends light back only if a beam meets it nearly squarely; at a slant the light goes
+# through, or away. Exercise 5 will draw the map that this makes; here is its beam.
 #
 # So the picture has three kinds of cells: 0 is free, 1 a wall, 2 glass. Follow the beam from grid
 # line to grid line, as the lesson does. A wall always ends it. Glass ends it on two conditions:
@@ -77,8 +76,8 @@ def first_hit(cells: Ints, x: float, y: float, angle: float) -> float:
     -------
     float
         Distance (cells) to the border of the cell that ends the beam: 0 if the start
-        is inside a wall, inf if the beam leaves the grid. A start inside glass is not
-        tried, nor a beam at exactly 30 degrees.
+        is inside a wall, inf if the beam leaves the grid. Not tried: a start inside
+        glass, a beam at exactly 30 degrees or exactly through a corner.
     """
     dx, dy = float(np.cos(angle)), float(np.sin(angle))
     column, row, t = int(x), int(y), 0.0
@@ -136,6 +135,13 @@ _TWO_PANES = np.zeros((12, 8), dtype=int)
 
 
 _TWO_PANES[:, 3] = _TWO_PANES[10] = 2
+
+
+# A pane along column 2 with a wall directly behind it.
+_BACKED = np.zeros((6, 6), dtype=int)
+
+
+_BACKED[:, 2], _BACKED[:, 3] = 2, 1
 
 
 def _beam(rng: np.random.Generator) -> Any:
@@ -218,6 +224,7 @@ check_first_hit = Check(
             1.5,
             1.2,
         ),
+        "a wall directly behind glass, at a slant": (_BACKED, 0.5, 0.5, np.deg2rad(40)),
         "glass behind glass: the beam is inside it already": (_PANE, 4.6, 1.2, 1.2),
         "a pane met from below": (_PANE.T.copy(), 2.4, 1.5, np.pi / 2 + 0.3),
         "a pane met from above": (_PANE.T.copy(), 1.4, 7.5, -np.pi / 2 + 0.3),
@@ -285,11 +292,22 @@ check_first_hit.mistakes = {
     "the beam was in the glass already: only what comes from outside is sent back": (
         " and before == 0 => "
     ),
+    "a wall behind glass was passed through: only glass asks where the beam comes from": (
+        "here == 1 or (here == 2 and before == 0 and cosine > np.cos(np.pi / 6))"
+        " => before != 2 and (here == 1 or (here == 2 and cosine > np.cos(np.pi / 6)))"
+    ),
     "a beam that has left the glass meets the next pane from outside again": (
         "before = here => before = 2 if before == 2 else here"
     ),
     "the limit is 30 degrees from the perpendicular, here it is another angle": (
         "np.cos(np.pi / 6) => np.cos(np.deg2rad(31))"
+    ),
+    "this is the larger of `abs(dx)` and `abs(dy)`: the line that was crossed says which counts": (
+        "else -1), abs(dx) => else -1), max(abs(dx), abs(dy))",
+        "else -1), abs(dy) => else -1), max(abs(dx), abs(dy))",
+    ),
+    "this is always `abs(dx)`: across a horizontal line `abs(dy)` counts": (
+        "else -1), abs(dy) => else -1), abs(dx)"
     ),
     "which line was crossed? Across a vertical one `abs(dx)` counts, across a horizontal one "
     "`abs(dy)`": (
@@ -560,7 +578,8 @@ check_beam_angles.mistakes = {
 # **Pencil first.** A robot scans all round, from 0.4 m ahead of its centre and 0.2 m to the right.
 # It drives straight up to a wall, scans, turns round on the spot and scans again. Its program
 # places both scans as if the lidar were at the centre, and the map has the wall twice. How far
-# apart, and how far is each from the true one?
+# apart, and how far is each from the true one? The picture has this robot; there its lidar is
+# turned by 0.1 rad as well.
 #
 # Each beam keeps its place in the list, with or without a return.
 
@@ -622,15 +641,18 @@ _ROOM = [(0, 0), (6, 0), (6, 3), (4, 3), (4, 5), (0, 5)]
 
 
 def _points_drawn(ax: Any, function: Any) -> None:
-    """Draw the ends of two scans, the robot (dot) and its lidar (cross) in a room of walls."""
+    """Draw the ends of two scans in a room of walls, before and after the robot turned round.
+
+    The dot is the robot, the crosses are its lidar.
+    """
     from slamlab import plots
     from slamlab.sensors import Lidar
     from slamlab.worlds import WallWorld
 
     world, lidar = WallWorld.from_polygons(_ROOM), Lidar(60, max_range=4.5)
     plots.walls(ax, world.segments)
-    mount = np.array([0.4, -0.2, 1.0])
-    for pose in np.array([[1.0, 1.2, 0.5], [4.6, 1.6, -2.6]]):
+    mount = np.array([0.4, -0.2, 0.1])
+    for pose in np.array([[4.0, 1.6, 0.0], [4.0, 1.6, np.pi]]):
         scan = lidar.scan(world, compose(pose, mount))
         points = function(pose, mount, scan, lidar.beam_angles)
         plots.lidar_points(ax, np.asarray(points, float), s=4)
@@ -738,9 +760,9 @@ check_scan_to_points.mistakes = {
 # So the two walls are 0.8 m apart, each 0.4 m from the true one, and the 0.2 m to the right shift
 # the ends along the wall, where it does not show.
 #
-# How large is the mistake of a single end if the mount is forgotten? As large as the mount: 0.45 m
-# for the lidar of the picture, if its angle is right. Forget the angle too, and a wall that is
-# four metres away is drawn metres from its place:
+# How large is the mistake of a single end if the mount is forgotten? As large as the mount, here
+# 0.45 m, if its angle is right. Forget an angle of 1 rad too, and a wall that is four metres away
+# is drawn metres from its place:
 
 # %% active="ipynb" tags=["solution"]
 # pose, mount = np.array([1.0, 1.2, 0.5]), np.array([0.4, -0.2, 1.0])
@@ -1022,7 +1044,7 @@ check_nearest_wall.mistakes = {
 # check_nearest_wall(nearest_middle)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 5: the map that leads into the glass
+# ## Exercise 5: a drive past a glass door
 #
 # Exercise 1's robot has driven past its glass door before, and made a map of what it saw. Repeat
 # that drive, from your own functions: a plan whose cells have a side of `resolution` metres, a
@@ -1033,15 +1055,15 @@ check_nearest_wall.mistakes = {
 # 1.2) and a pane of glass (y from 1.6 to 3.6). The cells have a side of 0.4 m, so five of them are
 # glass. The robot scans from 1 (0.9, 2.4), 2 (1.6, 1.9) and 3 (2.1, 1.1) in the left room, from 4
 # (3.1, 0.8) in the doorway, where the wall hides the pane, and from 5 (3.9, 1.2) and 6 (3.9, 2.0)
-# in the right room. Each scan has 90 beams over 258°, with the whole pane in the field of view of
-# all poses but 4. The map counts for each cell the beams that ended in it and the beams that
+# in the right room. Each scan has 90 beams over 258°, and without a mount the pane is within these
+# 258° at every pose. The map counts for each cell the beams that ended in it and the beams that
 # passed through it, and has a wall there if at least as many ended as passed. Sketch it, and leave
 # the mount out: on which part of the pane do beams of each pose end? Then say for each of the five
 # cells, from the bottom up: wall or hole?
 #
-# Then draw, and open the picture: the pane is outlined with dots, beams that went through it are
-# orange, and in the map white is free, dark a wall, and grey was never seen. Beside each cell of
-# the pane is written how many ended and how many passed.
+# Then draw, and open the picture. Its lidar has the mount (0.15, 0.1, -0.3). The pane is outlined
+# with dots, beams that went through it are orange, and in the map white is free, dark a wall, and
+# grey was never seen. Beside each cell of the pane is written how many ended and how many passed.
 
 
 # %% tags=["exercise", "predict"]
@@ -1306,7 +1328,7 @@ check_record.mistakes = {
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 5: the map that leads into the glass
+# ## Solution 5: a drive past a glass door
 #
 # What to notice: both headings are used twice, once to send the beam and once to place its end.
 # You add them when you send; `scan_to_points` adds them when it places. `resolution` appears where
@@ -1365,7 +1387,7 @@ check_record.mistakes = {
 # hole, hole, hole.
 #
 # Each pose has only the part of the pane that is straight before it; its other beams go through,
-# and on their way they count the glass as free. Above y = 2.5 only pose 1 has a wall, and in the
+# and on their way they count the glass as free. Above y = 2.6 only pose 1 has a wall, and in the
 # upper three cells at least three times as many beams passed as ended. So the lower two cells of
 # the pane are a wall in the map, and the upper three a hole of 1.2 m. A robot that is asked to
 # cross takes it: this is how exercise 1's robot met its door. What helps is a map that keeps
