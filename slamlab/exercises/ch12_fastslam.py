@@ -297,8 +297,8 @@ check_weight.mistakes = {
 # The picture draws 300 particles from the odometry (green) and 300 from your Gaussian (blue), and
 # weighs both sets with one observation of the robot at the cross, a range to 2 cm and a bearing to
 # 0.6°. The odometry is certain to about 20 cm, 15 cm and 6°. **Before you open it**: of each 300,
-# how many count, $1/\sum_i (w^{(i)})^2$? The filter of exercise 6 is version 1.0 and does not use
-# `proposal`; its solutions make it version 2.0 with it.
+# how many count, $1/\sum_i (w^{(i)})^2$? The filter of exercise 6 is version 1.0; with
+# `proposal` it would be version 2.0.
 
 
 # %% tags=["exercise", "predict"]
@@ -492,7 +492,8 @@ def resample(
     weights : ndarray, shape (M,)
         They sum to one.
     paths : ndarray, shape (M, T, 3)
-        All poses of every particle so far (m, m, rad).
+        All poses of every particle so far (m, m, rad). Exercise 6 also gives the
+        particles' numbers in their place, shape (M,).
     means : ndarray, shape (M, n, 2)
         Landmarks of every particle (m).
     covs : ndarray, shape (M, n, 2, 2)
@@ -597,6 +598,11 @@ check_resample = Check(
             rng, [0.7, 0.1, 0.2], float(np.nextafter(1.0, 0.0))
         ),
         "a single particle": lambda rng: _a_set(rng, [1.0]),
+        "numbers in place of paths": lambda rng: (
+            *(given := _a_set(rng, [0.5, 0.1, 0.1, 0.3]))[:1],
+            np.arange(4),
+            *given[2:],
+        ),
         "any weights": _any_set,
     },
     picture=_resample_drawn,
@@ -855,9 +861,9 @@ check_ancestors.mistakes = {
 # its own. The left particle expects its tree 2.50 m away, straight ahead; the right particle
 # expects its own 2.60 m away, 6.9° to the right. Both trees have the same covariance: a long
 # ellipse, from near and left to far and right. The robot measures 2.70 m, and 4.6° to the right.
-# For the left particle this is 20 cm farther and 20 cm more to the right than expected: *along*
-# the ellipse. For the right one it is only 10 cm farther and 10 cm more to the *left*: *across*
-# it. With the range alone the left particle weighs 0.43, with the bearing alone 0.38: either
+# For the left particle this is 20 cm farther and 20 cm more to the right than expected: along
+# the ellipse. For the right one it is only 10 cm farther and 10 cm more to the left: across it.
+# With the range alone the left particle weighs 0.43, with the bearing alone 0.38: either
 # number favours the right one. What does the left one weigh when *both* came? The folded picture
 # has the answer.
 #
@@ -1278,9 +1284,16 @@ def place(poses: Array, z: Array, r: Array) -> tuple[Array, Array]:
 #    cannot place it and is left out, and the numbers that place it are not observed as well;
 # 4. if fewer than half of the particles count, $1/\sum_i (w^{(i)})^2 < M/2$, resample, and make
 #    all weights $1/M$ again;
-# 5. note which particles were drawn, a row of exercise 4's `parents`: where step 4 resamples it is
-#    the first result of `resample(weights, np.arange(M), means, covs, u[k])`, called *before* the
-#    weights are made equal; where it does not, it is `np.arange(M)`.
+# 5. note which particles were drawn, a row of exercise 4's `parents`. This step is given, with step
+#    4 in its middle:
+#
+# ```python
+# rows = np.arange(M)
+# if 1 / np.sum(weights**2) < M / 2:
+#     rows = resample(weights, rows, means, covs, u[k])[0]
+#     ...                                   # step 4: paths, maps, and then the weights
+# parents.append(rows)
+# ```
 #
 # All particles know the same trees, each in its own place. The order of the trees in a step makes
 # no difference.
@@ -1294,13 +1307,11 @@ def place(poses: Array, z: Array, r: Array) -> tuple[Array, Array]:
 # far from the robot it ends (RMS), and the NEES of the last position, with 2 cm added to its σ
 # (median). **Before you open it**, write down three guesses. Odometry ends 1.6 m off. How far off
 # is your filter? Your filter with the loop of exercise 3, before you mended it? Your filter that
-# never resamples? Then put the loop back, draw again, and mend it again; the solutions have all
-# three.
+# never resamples? Then put the loop back, draw again, and mend it again.
 #
 # A consistent filter has 1.4. A *right* FastSLAM with a hundred particles has about 25
-# here: it is overconfident, as in the lesson, and the solutions show what helps. So compare with
-# the panel on the right, and not with 1.4. If you loop over particles in exercise 5, the picture
-# takes some minutes.
+# here: it is overconfident, as in the lesson. So compare with the panel on the right, and not with
+# 1.4. If you loop over particles in exercise 5, the picture takes some minutes.
 
 
 # %% tags=["exercise", "predict"]
