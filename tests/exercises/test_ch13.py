@@ -125,7 +125,7 @@ def of_width(width):
         (ch.check_reverse, by_a_difference),
         (ch.check_one_width, in_one_table),
         (ch.check_map, reweighted),
-        (ch.check_map, of_width(5)),
+        (ch.check_map, of_width(6)),
         (ch.check_map, of_width(8)),
     ],
 )
