@@ -251,10 +251,11 @@ check_merged.mistakes = {
 #
 # In the picture each dot is one of the sixty-one, in a row across the way, 2 cm apart; the one in
 # the middle, at the line, stands where the robot is. Cells are 25 cm wide. All have one map here;
-# your function has to serve particles with maps of their own.
+# your function has to serve particles with maps of their own. **Guess**, then open it: what share
+# of all weight has the heaviest?
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def weights(alpha: Array, beta: Array, cells: Ints, heights: Array, width: float) -> Array:
     """Weights of particles.
 
@@ -338,7 +339,9 @@ def _weights_drawn(ax: Any, function: Any) -> None:
     w = np.asarray(function(alpha, alpha * scatter**2, cells, heights, 1.0), float)
     ax.plot(100 * aside, np.log10(np.maximum(w, 1e-60)), ".-", lw=0.8, ms=5)
     ax.axvline(0.0, color="0.5", lw=1)
-    ax.set_title(f"{len(w)} particles, heaviest at {100 * aside[np.argmax(w)]:.0f} cm")
+    ax.set_title(
+        f"heaviest at {100 * aside[np.argmax(w)]:.0f} cm,\nwith {w.max():.3f} of all weight"
+    )
     ax.set(xlabel="particle stands aside by (cm)", ylabel="log10 of its weight")
 
 
@@ -451,6 +454,8 @@ check_weights.mistakes = {
 #     print(f"L = {width} m: weights {one:.3f} and {other:.3f}, ratio {one / other:.2f}")
 
 # %% [markdown] tags=["solution"]
+# The guess: the heaviest has 0.998, and its neighbour on the right nearly all that is left.
+#
 # A height alone in its cell has $n = 1$, $\nu = 0$, $S = 0$: all terms but $-\ln L$ cancel. Leave
 # it out, and the weight of the particle that has such a cell is changed by the factor $L$: for
 # half a metre by 0.5 in metres, and by 50 in centimetres. And the density of the sample variances,
@@ -754,6 +759,55 @@ def _a_resampling(rng: np.random.Generator, M: int) -> Any:
     return parents, inner + rng.permutation(M), np.sort(rng.integers(0, M, M))
 
 
+def _way_up(tree: list[int], node: int) -> list[int]:
+    """Nodes from one to the root; a node that is in no tree ends the way."""
+    way: list[int] = []
+    while 0 <= node < len(tree) and node not in way:
+        way.append(node)
+        node = tree[node]
+    return way if node == -1 else [*way, node]
+
+
+def _grown(function: Any, parents: Ints, leaves: Ints, chosen: Ints) -> str:
+    """Say what a survivor reads that it must not, or what else is wrong with a tree."""
+    old, (before, after) = parents.tolist(), (leaves.tolist(), chosen.tolist())
+    tried = f"Tried parents = {old}, leaves = {before}, chosen = {after}"
+    came = function(parents, leaves, chosen)
+    try:
+        tree, nodes = (np.array(part, float).ravel().tolist() for part in came)
+        tree, nodes = [int(k) for k in tree], [int(k) for k in nodes]
+    except (TypeError, ValueError, OverflowError):
+        return f"expected two arrays, parents and leaves. {tried}"
+    fault = _tree_fault(old, before, after, tree, nodes)
+    return fault and f"{fault}. {tried}; got parents = {tree}, leaves = {nodes}"
+
+
+def _tree_fault(
+    old: list[int], leaves: list[int], chosen: list[int], tree: list[int], nodes: list[int]
+) -> str:
+    if len(nodes) != len(chosen):
+        return f"{len(chosen)} survivors, and {len(nodes)} leaves"
+    if tree[: len(old)] != old:
+        return "the nodes that were there had other parents"
+    ways = [_way_up(tree, node) for node in nodes]
+    for k, (i, way) in enumerate(zip(chosen, ways, strict=True)):
+        if not way or min(way) < 0 or max(way) >= len(tree):
+            return f"no way leads from node {nodes[k]}, of survivor {k}, to the root of this tree"
+        own, read = _way_up(old, leaves[i]), [node for node in way if node < len(old)]
+        if read != own:
+            return (
+                f"survivor {k} is a copy of particle {i}, which read the nodes {own}, not {read}"
+            )
+    for j, node in enumerate(nodes):
+        for k, way in enumerate(ways):
+            if j != k and node in way:
+                return f"what survivor {j} writes into its node {node}, survivor {k} reads"
+    new = [node for node in nodes if node >= len(old)]
+    if len(tree) - len(old) > sum(chosen.count(i) > 1 for i in chosen):
+        return "no survivor reads what another one writes, but it takes fewer new nodes"
+    return "" if new == sorted(new) else "new nodes are not in the order of the survivors"
+
+
 def _branch_drawn(ax: Any, function: Any) -> None:
     """Draw the hits that particle A reads, and its copy B, after each drew three scans."""
     from slamlab import plots
@@ -811,6 +865,7 @@ check_branch = Check(
         "eight particles, any tree": _a_resampling(8),
     },
     draws=20,
+    use=_grown,
     picture=_branch_drawn,
     hunt=True,
 )
@@ -1053,9 +1108,10 @@ check_survivors.mistakes = {
 # ## Exercise 6: a robot finds its place on rough ground
 #
 # A field of 20 m by 20 m was mapped in March. In May four robots took copies, drove round it, and
-# came home with four maps, as in exercise 1. In June a fifth robot is put on it. It knows its
-# place to about half a metre and its heading to about six degrees; there is no wall, no landmark
-# and no satellite. All its particles use one map, and nothing is added to it. Assemble the filter:
+# came home with four maps, as in exercise 1. All five maps were made at surveyed poses. In June a
+# fifth robot is put on the field, and its poses are not surveyed. It knows its place to about half
+# a metre and its heading to about six degrees; there is no wall, no landmark and no satellite. All
+# its particles use one map, and nothing is added to it. Assemble the filter:
 #
 # 1. make one map of all, with your `merged` of exercise 1.
 #

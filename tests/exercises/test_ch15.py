@@ -124,6 +124,35 @@ def test_weights_are_largest_at_the_true_place_of_the_picture():
     assert "heaviest at 0 cm" in right.get_title(loc="left")
 
 
+FAULTS = {
+    "expected two arrays": lambda p, l, c: p,
+    "3 survivors, and 2 leaves": lambda p, l, c: (p, l[:2]),
+    "had other parents": lambda p, l, c: (p[::-1], l),
+    "no way leads from node 9": lambda p, l, c: (p, np.array([9, 9, 9])),
+    "no way leads from node -1": lambda p, l, c: (p, np.array([-1, 1, 2])),
+    "which read the nodes [2, 0], not [1, 0]": lambda p, l, c: (p, np.array([1, 3, 2])),
+    "its node 2, survivor 2 reads": lambda p, l, c: (np.append(p, 2), np.array([2, 3, 4])),
+    "fewer new nodes": lambda p, l, c: (np.append(p, l[c]), np.array([4, 5, 6])),
+    "not in the order of the survivors": lambda p, l, c: (
+        np.append(p, [2, 2]),
+        np.array([5, 3, 4]),
+    ),
+}
+
+
+@pytest.mark.parametrize("said", FAULTS)
+def test_the_hunt_says_what_a_tree_does_and_not_what_it_should_be(said):
+    tree = np.array([-1, 0, 0, 0]), np.array([3, 1, 2]), np.array([2, 0, 2])
+    fault = ch15._grown(FAULTS[said], *tree)
+    assert said in fault
+    assert ch15._grown(ch15.branch, *tree) == ""
+    right = [str(part.tolist()) for part in ch15.branch(*tree)]
+    assert not any(part in fault.partition("got")[0] for part in right)
+    report = ch15.check_branch.judge(ch15.check_branch.observe(FAULTS[said]))
+    assert not report.passed
+    assert "expected shape" not in report.text
+
+
 def test_a_tree_of_an_hour_is_tidied_to_fewer_nodes_than_two_for_each_particle():
     parents, leaves, *_ = ch15._an_hour()
     assert len(parents) == 211
