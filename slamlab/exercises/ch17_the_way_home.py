@@ -1,7 +1,6 @@
-"""Exercises, chapter 17: a smooth fit, a loop, a law with a bug, its gains, a memory, a way home.
+"""Exercises, chapter 17: a smooth fit, its bends, a law with a bug, its gains, a memory, home.
 
-P3 section 2 (pieces that join), section 3 (closed form instead of boxes) and step 2.3 (return law,
-front or tail first).
+P3 section 2 (pieces that join) and step 2.3 (return law, front or tail first).
 """
 
 # mypy: disable-error-code="arg-type"
@@ -18,9 +17,9 @@ from slamlab.exercises._report import Array, Check, Function
 from slamlab.geometry import compose, wrap_angle
 
 __all__ = [
+    "check_bend",
     "check_come_home",
     "check_gains",
-    "check_loop",
     "check_remember",
     "check_smooth_fit",
     "check_steer",
@@ -30,8 +29,8 @@ __all__ = [
 # %% [markdown] tags=["chapter"]
 # # Exercises 17: the way home
 #
-# Six exercises: a cubic that joins without a kink, a loop in closed form, a law with a bug, its
-# gains with a pencil, the memory, and the way home: your robot drives back along your own spline,
+# Six exercises: a cubic that joins without a kink, its bends, a law with a bug, its gains with a
+# pencil, the memory, and the way home: your robot drives back along your own spline,
 # by your own law, and the picture tells where it ends. The chapter is [The way
 # home](../17_the_way_home.ipynb). Replace each `...` and run the check below it as often as you
 # like; then draw what you built beside what is expected.
@@ -290,74 +289,69 @@ def _turned_round(c: Array) -> Array:
 # check_smooth_fit.draw(exchanged)
 
 # %% [markdown] tags=["statement"]
-# ## Exercise 2: where does a cubic meet itself? (A side road)
+# ## Exercise 2: how fast through the bend?
 #
-# No later exercise needs this one. An operator draws ways for a robot on a tablet: a cubic, and
-# two handles that pull it. Where the handles were pulled across each other the cubic may have a
-# curl, and the robot would drive it. The lesson seeks a loop with 64 chords, 1953 pairs of them in
-# one cubic, and may miss a curl that is shorter than two chords (neighbours are left out). Inside
-# one cubic a square root is enough.
+# A robot that stays close to its way turns as the way bends, at 1.5 rad/s at most. At 0.5 m/s it
+# came to a bend that was too sharp for that, and left its way on the outside. The robot of
+# exercise 5 asks at each place of its cubic how sharp the bend is there, and slows down.
 #
-# A loop is one place with two parameters $t_a < t_b$. With $(x, y)(t) = c_0 + c_1 t + c_2 t^2 +
-# c_3 t^3$ and $c_m = (a_m, b_m)$ it must hold that $x(t_a) = x(t_b)$ and $y(t_a) = y(t_b)$. Both
-# differences have the factor $t_b - t_a$. Divided by it they are
+# The measure is the curvature $\kappa$: by how many radians the robot's heading turns in each
+# metre that it drives along the curve, to the left positive. But a cubic $c(\tau)$ does not run in
+# metres, nor evenly. With a pencil: the heading is the direction of $c'(\tau) = (x', y')$. By how
+# much does it turn while $\tau$ goes on by a little? And how many metres does the robot drive
+# meanwhile?
 #
-# $$
-# a_1 + a_2\,\sigma + a_3\,w = 0,\qquad b_1 + b_2\,\sigma + b_3\,w = 0,\qquad
-# \sigma = t_a + t_b,\quad w = \sigma^2 - t_a t_b .
-# $$
+# Return $\kappa$, and with it the largest speed that is allowed: neither the robot's largest speed
+# nor its largest turn rate may be exceeded. Try $x = \tau$, $y = \tau^2$ (m): $\kappa$ is 2 rad/m
+# at $\tau = 0$, and $1/\sqrt2$ at $\tau = \frac12$.
 #
-# Two linear equations give $\sigma$ and $w$. With a pencil: which $t_a$ and $t_b$ have this
-# $\sigma$ and this $w$? When are there none? Try $x = t^2 - 3t$, $y = t^3 - 7t$, which is at $(-2,
-# -6)$ twice, at whole numbers $t$. (They lie outside $[0, 1]$: `find_loop` returns NaN twice
-# there.)
-#
-# The picture has four such ways, and cuts out what you find, as the lesson's `without_loops` does:
-# how many metres does the robot save?
+# The picture draws three circles of radius $1/|\kappa|$ beside the curve, on the side to which it
+# bends, and sends exercise 5's robot along it, with your $\kappa$ and at your speeds. (It asks with
+# 1.35 rad/s, and keeps the rest to correct.)
 
 
 # %% tags=["exercise"]
-def find_loop(c: Array) -> tuple[float, float]:
-    """Parameters at which a cubic crosses itself.
+def bend(c: Array, tau: Array, limits: Array) -> tuple[Array, Array]:
+    """Curvature of a cubic, and how fast a robot may be there.
 
     Parameters
     ----------
     c : ndarray, shape (4, 2)
-        Coefficients; row m belongs to t^m, columns are x and y. The piece is
-        0 <= t <= 1.
+        Coefficients; row m belongs to tau^m, columns are x and y (m).
+    tau : ndarray, shape (k,)
+        Parameters, 0 to 1. The robot drives towards larger ones; c' is not zero there.
+    limits : ndarray, shape (2,)
+        Largest speed (m/s) and largest turn rate (rad/s, to either side).
 
     Returns
     -------
-    tuple of two floats
-        t_a < t_b, both in [0, 1], ends included; (nan, nan) if the piece has no
-        loop. Of a straight line, in any direction, and of a parabola the equations
-        have no single solution, up to rounding (a line that runs back over itself
-        meets itself endlessly often): NaN.
+    kappa, v : ndarray, shape (k,)
+        Curvature (rad/m), positive to the left, and speed (m/s); on a straight line
+        kappa is 0 and v the largest speed.
     """
-    if abs(np.linalg.det(c[2:])) < 1e-12:  # no single solution
-        return np.nan, np.nan
-    sigma, w = np.linalg.solve(c[2:].T, -c[1])
-    disc = 4 * w - 3 * sigma**2
-    if disc <= 0:
-        return np.nan, np.nan
-    t_a, t_b = 0.5 * (sigma - np.sqrt(disc)), 0.5 * (sigma + np.sqrt(disc))
-    return (t_a, t_b) if t_a >= 0 and t_b <= 1 else (np.nan, np.nan)
+    powers = tau[:, None] ** np.arange(3)
+    x1, y1 = (powers @ (c[1:] * [[1], [2], [3]])).T
+    x2, y2 = (powers[:, :2] @ (c[2:] * [[2], [6]])).T
+    kappa = (x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3
+    v = limits[1] / np.maximum(np.abs(kappa), limits[1] / limits[0])
+    return kappa, v
 
 
 # %% active="ipynb" tags=["try"]
-# find_loop(np.array([[0, 0], [9, 6], [-24, -6], [16, 0.0]]))
+# parabola = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+# bend(parabola, np.array([0.0, 0.5]), np.array([0.5, 1.5]))
 
 # %% [markdown] tags=["hint"]
-# Write the two equations as one matrix times $(\sigma, w)$. Its rows are those of $x$ and of $y$:
-# is that `c[2:]` or its transpose?
+# How long is $c'(\tau)$, in which unit? It is a speed, with $\tau$ as the clock. What is
+# $c''(\tau)$?
 
 # %% [markdown] tags=["hint"]
-# Two numbers whose sum is $\sigma$ and whose product is $p$ are the roots of $t^2 - \sigma t + p =
-# 0$. What is $p$ here?
+# The heading is `arctan2(y', x')`; of $\arctan(y'/x')$ you know the derivative. It is the turn
+# per $\tau$. The curvature is the turn per metre.
 
 # %% [markdown] tags=["hint"]
-# What is under the square root equals $(t_b - t_a)^2$. If it is not positive there is no loop; and
-# a root outside $[0, 1]$ is on the curve's continuation, which the robot does not drive.
+# At the speed $v$ the robot drives $v$ metres in a second, and turns by $\kappa$ in each. So how
+# large may $v$ be? Where $\kappa = 0$ do not divide by it.
 
 
 # %% tags=["cases"]
@@ -367,153 +361,165 @@ def _handles(points: Any) -> Array:
     return c
 
 
+_FAST = np.array([1.5, 1.5])
+
+
 @drawn
-def _with_loop(rng: np.random.Generator, t_a: float, t_b: float) -> Any:
-    """Draw cubics that meet themselves at t_a and t_b."""
-    high = np.round(rng.normal(0, 3, (2, 2)), 1) + 6 * np.eye(2)
-    high[:, 1] *= rng.choice([-1, 1])  # loops that turn left, and right
-    sigma, w = t_a + t_b, (t_a + t_b) ** 2 - t_a * t_b
-    return (np.array([rng.normal(size=2), -high[0] * sigma - high[1] * w, *high]),)
+def _a_bend(rng: np.random.Generator, n: int, size: float = 1.0) -> Any:
+    """Draw a cubic whose c' is nowhere zero: its four handles turn by less than a right angle."""
+    heading = rng.uniform(-3, 3) + np.array([0.0, *rng.uniform(-0.7, 0.7, 2)])
+    hops = size * rng.uniform(0.2, 0.6, 3)[:, None]
+    steps = hops * np.stack([np.cos(heading), np.sin(heading)], 1)
+    points = rng.uniform(-3, 3, 2) + np.vstack([[0, 0], np.cumsum(steps, 0)])
+    limits = np.round([size**0.5 * rng.uniform(1, 4), rng.uniform(0.5, 2)], 2)
+    return np.round(_handles(points), 2), np.sort(np.round(rng.uniform(0, 1, n), 2)), limits
 
 
-def _oblique(rng: np.random.Generator) -> Any:
-    """Draw one of six lines, whose matrix is singular up to rounding only."""
-    lines = (
-        ([0.6, 0.2], [-1.2, 1.9, -0.8]),
-        ([0.2, -0.7], [-0.6, 1.9, -1.5]),
-        ([0.3, -0.8], [-0.5, 0.7, 1.9]),
-        ([-0.9, 0.6], [-0.2, 0.1, 0.2]),
-        ([0.6, 0.9], [-0.2, 0.2, 0.3]),
-        ([0.1, 0.3], [-1.7, 1.0, 1.2]),
-    )
-    along, factors = lines[rng.integers(len(lines))]
-    return (np.vstack([[0, 0], np.outer(factors, along)]),)
+def _one_side(rng: np.random.Generator) -> Any:
+    """Draw an arc to the left or to the right, at both ends and in the middle."""
+    y = rng.choice([-1, 1]) * float(np.round(rng.uniform(0.3, 0.6), 2))
+    c = np.round(_handles([[0, 0], [0.4, 0], [0.8, y], [0.9, 2 * y]]), 2)
+    return c + 0.0, [0, 0.5, 1], _FAST
 
 
-def _loop_drawn(ax: Any, function: Any) -> None:
-    """Draw four ways, and the loops that are cut out of them, dashed, from ring to ring."""
+_BENT = _handles([[0, 0], [2.2, -0.1], [-0.2, 1.1], [1.8, 1.0]])
+
+
+def _bend_drawn(ax: Any, function: Any) -> None:
+    """Draw a way, three circles of radius 1 / |kappa| beside it, and a drive along it (dashed)."""
     from slamlab import plots
 
-    cubics = (
-        _handles([[0, 0], [3, 2], [-2, 2], [1, 0]]),
-        _handles([[1.5, 0], [4.0, 2.4], [-0.1, 1.5], [2.7, 0.3]]),
-        _handles([[0, -2.2], [0.6, -1], [1.2, -1], [1.6, -2.2]]),
-        _handles([[2, -2], [2.6, -0.6], [3, -2.8], [3.4, -1.2]]),
-    )
-    found, cut, whole = [[float(one) for one in function(c)] for c in cubics], 0.0, 0.0
-    for c, (t_a, t_b) in zip(cubics, found, strict=True):
-        loop = _curve(c, np.linspace(t_a, t_b, 80))
-        pieces = [(0, t_a), (t_b, 1)] if np.isfinite(t_b - t_a) else [(0, 1)]
-        for a, b in pieces:
-            plots.path(ax, _curve(c, np.linspace(a, b, 80)), "truth")
-        ax.plot(*loop.T, "--", color=plots.COLOURS["wrong"])
-        cut += np.nan_to_num(np.hypot(*np.diff(loop, axis=0).T)).sum()
-        whole += np.hypot(*np.diff(_curve(c, np.linspace(0, 1, 80)), axis=0).T).sum()
-        for t, size in ((t_a, 6), (t_b, 11)):
-            place = _curve(c, t)
-            ax.plot(*place, "o", color=plots.COLOURS["estimate"], markersize=size, mfc="none")
-    ax.set_title(f"{cut:.1f} of {whole:.1f} m cut out")
+    chosen = np.array([0.06, 0.32, 0.68])
+    kappas, _ = np.asarray(function(_BENT, chosen, np.array([0.5, 1.35])), float)
+    places, seconds, far = _ridden(_BENT[None], 0.5, np.arctan2(-0.1, 2.2), function)
+    plots.path(ax, _curve(_BENT, np.linspace(0, 1, 200)))
+    tangents = chosen[:, None] ** np.arange(3) @ (_BENT[1:] * [[1], [2], [3]])
+    for place, kappa, (x, y) in zip(_curve(_BENT, chosen), kappas, tangents, strict=True):
+        if abs(kappa) > 0.2:
+            middle = place + np.array([-y, x]) / np.hypot(x, y) / kappa
+            angle = np.linspace(0, 2 * np.pi, 90)
+            ring = middle + np.stack([np.cos(angle), np.sin(angle)], 1) / abs(kappa)
+            ax.plot(*ring.T, ":", color=plots.COLOURS["wrong"], lw=1.2)
+        ax.plot(*place, "o", color=plots.COLOURS["wrong"], ms=5)
+    ax.plot(*places.T, "--", color=plots.COLOURS["dead_reckoning"], lw=1.8)
+    ax.set_title(f"drive (dashed): {1000 * far:.0f} mm\nfrom the curve, {seconds:.1f} s")
     plots.floor(ax)
+    ax.set(xlim=(-0.2, 1.9), ylim=(-0.3, 1.3))
 
 
-check_loop = Check(
-    find_loop,
-    "t_a, t_b",
+check_bend = Check(
+    bend,
+    "kappa, v",
     {
-        "a loop that is the same from both sides": (_handles([[0, 0], [3, 2], [-2, 2], [1, 0]]),),
-        "another loop": (_handles([[0, 0], [2.5, 2.4], [-1.6, 1.5], [1.2, 0.3]]),),
-        "an arc without a loop": (_handles([[0, 0], [1, 2], [2.2, 2], [3, 0.2]]),),
-        "an S has no loop": (_handles([[0, 0], [1, 1], [2, -1], [3.3, 0.2]]),),
-        "loops of any size": lambda rng: _with_loop(rng.uniform(0, 0.4), rng.uniform(0.5, 1))(rng),
-        "almost a loop: the legs do not meet": ([[0, 0], [-0.2, -7.4], [3, 6], [-4, 2]],),
-        "half of a loop: it does not close": _with_loop(0.3, 1.4),
-        "a loop that begins before the segment": _with_loop(-0.2, 0.6),
-        "a loop of millimetres": lambda rng: (1e-3 * _with_loop(0.2, 0.7)(rng)[0],),
-        "a loop that begins with the segment": ([[0, 0], [2, 0], [-8, 4], [8, -8]],),
-        "a loop that ends with the segment": ([[0, 0], [-2, 8], [-8, 4], [8, -8]],),
-        "a loop whose first leg was turned round": lambda rng: (
-            _with_loop(0.2, 0.7)(rng)[0] * [[1], [-1], [1], [1]],
+        "the pencil's parabola": (
+            [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]],
+            [0.0, 0.5],
+            _FAST,
         ),
-        "a straight line": ([[0, 0], [1, 2], [0, 0], [0, 0]],),
-        "a parabola": ([[0, 0], [1, 0], [0, 1], [0, 0]],),
-        "a straight line in any direction": _oblique,
+        "a straight line": ([[1.0, 0], [1, 2], [0, 0], [0, 0]], [0.0, 0.5, 1.0], [0.5, 1.5]),
+        "a straight line that is not run through evenly": (
+            [[0.0, 1.0], [1.0, 2.0], [0.5, 1.0], [0.25, 0.5]],
+            [0.0, 0.3, 1.0],
+            [0.4, 1.2],
+        ),
+        "an arc to the left, to the right": _one_side,
+        "an S, and the place where it turns over": (
+            _handles([[0, 0], [1, 0.5], [0, 0.5], [1, 1.0]]),
+            [0.0, 0.25, 0.5, 0.75, 1.0],
+            _FAST,
+        ),
+        "one place": _a_bend(1),
+        "a car on its road": _a_bend(5, 10.0),
+        "any way": _a_bend(6),
     },
     tolerance=1e-7,
-    edges=("a straight line", "a parabola"),
-    picture=_loop_drawn,
+    edges=("a straight line",),
+    picture=_bend_drawn,
 )
 
 # %% tags=["mistakes"]
-check_loop.mistakes = {
-    "the right side lost its minus: a_2 sigma + a_3 w = -a_1": "-c[1] => c[1]",
-    "no loop was found at all: one row for x and one for y, and the root of 4 w - 3 sigma^2": (
-        "disc = 4 * w - 3 * sigma**2 => disc = sigma**2 - 4 * w"
+check_bend.mistakes = {
+    "this is the turn per tau, not per metre: |c'| metres are driven while tau goes on by 1": (
+        "np.hypot(x1, y1) ** 3 => np.hypot(x1, y1) ** 2"
     ),
-    "twice too large: t = (sigma -+ root) / 2": (
-        (
-            "0.5 * (sigma - np.sqrt(disc)), 0.5 * (sigma + np.sqrt(disc))"
-            " => sigma - np.sqrt(disc), sigma + np.sqrt(disc)"
-        ),
-        ("t_b <= 1 => t_b <= 2"),
+    "x'y'' - y'x'' alone is no angle: a long c' turns less": " / np.hypot(x1, y1) ** 3 => ",
+    "x'y'' - y'x'' over |c'| is no angle: how does atan2(y', x') change?": (
+        "np.hypot(x1, y1) ** 3 => np.hypot(x1, y1)"
     ),
-    "a loop outside [0, 1] is no loop of this segment: return NaN twice": (
-        "t_a >= 0 and t_b <= 1 => True"
+    "divided by the metres once too often: the turn per tau has |c'| twice, the metres once": (
+        "np.hypot(x1, y1) ** 3 => np.hypot(x1, y1) ** 4"
     ),
-    "a loop that begins before the segment does not close in it: t_a must not be negative": (
-        "t_a >= 0 and t_b <= 1 => t_b <= 1"
+    "the sign of kappa is missing: to the right it is negative": (
+        "(x1 * y2 - y1 * x2) => np.abs(x1 * y2 - y1 * x2)"
     ),
-    "a loop that ends after the segment does not close in it: t_b is at most 1": (
-        "t_a >= 0 and t_b <= 1 => t_a >= 0"
+    "kappa has the wrong sign: positive to the left": (
+        "(x1 * y2 - y1 * x2) => (y1 * x2 - x1 * y2)"
     ),
-    "t_a is the earlier of the two": lambda c: find_loop(c)[::-1],
-    "a line was taken for a loop: its determinant is zero up to rounding only": (
-        "abs(np.linalg.det(c[2:])) < 1e-12 => np.linalg.det(c[2:]) == 0"
+    "the length of c'' was taken: it also grows where the robot drives straight on, but unevenly": (
+        "(x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3 => np.hypot(x2, y2)"
     ),
-    "these are sigma and w: expected the two parameters": (
-        lambda c: np.linalg.solve(c[2:].T, -c[1])
+    "the length of c'' over |c'|^2 was taken: only its part across the way turns the robot": (
+        "(x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3 => np.hypot(x2, y2) / np.hypot(x1, y1) ** 2"
     ),
-    "t_a and t_b differ: this is their mean twice": (
-        "0.5 * (sigma - np.sqrt(disc)), 0.5 * (sigma + np.sqrt(disc)) => 0.5 * sigma, 0.5 * sigma"
+    "y'' / (1 + y'^2)^1.5 is for a curve y(x): here x runs too": (
+        "(x1 * y2 - y1 * x2) / np.hypot(x1, y1) ** 3 => y2 / (1 + y1**2) ** 1.5"
+    ),
+    "c' = c_1 + 2 c_2 tau + 3 c_3 tau^2: the factors are missing": "[[1], [2], [3]] => 1",
+    "c'' = 2 c_2 + 6 c_3 tau: the factors are missing": "[[2], [6]] => 1",
+    "c'' has 6 c_3 tau: the 3 of c' is multiplied by 2 again": "[[2], [6]] => [[2], [3]]",
+    "the radius was returned: the curvature is one over it": (
+        "return kappa, v => return 1 / np.where(kappa == 0, 1e-12, kappa), v"
+    ),
+    "v kappa is the turn rate: divide the limit by kappa": (
+        "v = limits[1] / np.maximum(np.abs(kappa), limits[1] / limits[0])"
+        " => v = np.minimum(limits[1] * np.abs(kappa), limits[0])"
+    ),
+    "in a wide bend the robot's largest speed is the limit": (
+        "np.maximum(np.abs(kappa), limits[1] / limits[0]) => np.maximum(np.abs(kappa), 1e-12)"
+    ),
+    "the speed in a bend to the right is wrong: the size of kappa counts": (
+        "np.maximum(np.abs(kappa), limits[1] / limits[0])"
+        " => np.maximum(kappa, limits[1] / limits[0])"
+    ),
+    "the limits are exchanged: the first is that of the speed": (
+        lambda c, tau, limits: bend(c, tau, limits[::-1])
+    ),
+    "the largest speed everywhere: in a sharp bend the turn rate is the limit": (
+        "limits[1] / np.maximum(np.abs(kappa), limits[1] / limits[0])"
+        " => np.full(len(tau), limits[0])"
+    ),
+    "one speed for the whole way: each place has its own": (
+        "np.maximum(np.abs(kappa), limits[1] / limits[0])"
+        " => np.full(len(tau), max(np.abs(kappa).max(), limits[1] / limits[0]))"
     ),
 }
 
 # %% [markdown] tags=["solution"]
-# ## Solution 2: where does a cubic meet itself?
+# ## Solution 2: how fast through the bend?
 #
-# With $p = t_a t_b$ it is $t_b^2 - t_a^2 = (t_b - t_a)\,\sigma$ and $t_b^3 - t_a^3 = (t_b -
-# t_a)(\sigma^2 - p)$. Divided by $t_b - t_a$ the differences are the two equations, with
-# $w = \sigma^2 - p$. So $t_a$ and $t_b$ have the sum $\sigma$ and the product $\sigma^2 - w$:
+# The heading is $\theta = \arctan(y'/x')$. Its derivative with respect to $\tau$, and the metres
+# driven, are
 #
 # $$
-# t^2 - \sigma t + \sigma^2 - w = 0 \quad\Rightarrow\quad
-# t_{a,b} = \tfrac12\big(\sigma \mp \sqrt{\sigma^2 - 4\sigma^2 + 4w}\big)
-# = \tfrac12\big(\sigma \mp \sqrt{4w - 3\sigma^2}\big).
+# \frac{d\theta}{d\tau} = \frac{x'y'' - y'x''}{x'^2 + y'^2}, \qquad
+# \frac{ds}{d\tau} = |c'| \quad\Rightarrow\quad
+# \kappa = \frac{d\theta}{ds} = \frac{x'y'' - y'x''}{|c'|^3} .
 # $$
 #
-# In the pencil's curve $-3 + \sigma = 0$ and $-7 + w = 0$: the root is $\sqrt{28 - 27} = 1$, and
-# $t_{a,b}$ are 1 and 2. [Page 17d](../17d_the_way_home.ipynb) seeks a loop among all pieces of a
-# long way.
-#
-# A straight line that is not along an axis has a matrix whose determinant is not 0 but some
-# $10^{-17}$. Then `solve` raises nothing and returns one of endlessly many solutions, which one is
-# decided by rounding, now and then with a "loop" in $[0, 1]$. So compare the determinant with a
-# small number.
+# At the speed $v$ the robot turns by $v\kappa$ in a second, so $v \le \omega_{\max}/|\kappa|$.
+# Where that is more than the largest speed, as on a straight line, the largest speed holds: the
+# larger of $|\kappa|$ and $\omega_{\max}/v_{\max}$ is never 0 and divides for all places at once.
 
 # %% [markdown] tags=["solution"]
-# The formula holds for the whole curve, not only from 0 to 1. Without the last line half a loop,
-# which does not close, is reported as one, and the robot would cut out a piece of its way that is
-# no loop:
+# A robot that knows $\kappa$ but does not slow down turns as fast as it can, and drives up to 12 cm
+# past the bends:
 
-# %% active="ipynb" tags=["solution"]
-# def anywhere(c):
-#     if abs(np.linalg.det(c[2:])) < 1e-12:
-#         return np.nan, np.nan
-#     sigma, w = np.linalg.solve(c[2:].T, -c[1])
-#     root = np.sqrt(4 * w - 3 * sigma**2) if 4 * w > 3 * sigma**2 else np.nan
-#     return 0.5 * (sigma - root), 0.5 * (sigma + root)
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels of a way with a sharp bend: on the left the robot leaves it on the outside, on the right it stays on it."}}
+# def at_full_speed(c, tau, limits):
+#     kappa, _ = bend(c, tau, limits)
+#     return kappa, np.full(len(tau), limits[0])
 #
-# check_loop(anywhere)
-
+# check_bend.draw(at_full_speed)
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 3: a bug to find
@@ -929,20 +935,20 @@ check_gains.mistakes = {
 # of a cubic, metres while $\tau$ goes from 0 to 1. From the second piece on the length of the
 # slope per metre need not be 1: carry the slope along as it is, not its direction alone.
 #
-# The lesson's `remember` stores the way of the picture in three cubics, with a kink of 41°. The
-# picture drives along them, and along yours: a robot of 0.5 m/s that stays close. It turns by the
-# curvature $\kappa$ at the nearest point of the curve (rad per metre), corrected by how far it is
-# to the left of the curve, $e$, and by how far it heads to the left of it, $\varphi$ (with
-# exercise 4's pencil: the damping ratio is 1):
+# That is all you write. The picture has a way of its own. The lesson's `remember` stores it in
+# three cubics, with a kink of 41°; a robot drives along those, and along yours. It stays close: at
+# the nearest point of the curve it takes the curvature $\kappa$ and the speed $v$ that exercise
+# 2's `bend` returns (limits of 0.5 m/s and 1.35 rad/s), and corrects by how far it is to the left
+# of the curve, $e$, and by how far it heads to the left of it, $\varphi$ (with exercise 4's
+# pencil: the damping ratio is 1):
 #
 # $$
 # \omega = v\,\kappa - v\,(e/\ell^2 + 2\varphi/\ell), \qquad \ell = 0.15\ \mathrm{m}.
 # $$
 #
-# It turns at 1.5 rad/s at most, and slows down where the curve is so sharp that $v\,|\kappa|$
-# would be above 1.35 rad/s. **Guess** before you unfold the picture: how many cubics are needed
-# without kinks? How far from its curve does the robot come, with kinks and without? With which of
-# them is it earlier at the end?
+# With that it turns at 1.5 rad/s at most. **Guess** before you unfold the picture: how many cubics
+# are needed without kinks? How far from its curve does the robot come, with kinks and without? With
+# which of them is it earlier at the end?
 
 
 # %% tags=["exercise", "predict"]
@@ -1013,13 +1019,15 @@ def _way_out() -> Array:
     return np.round(way + np.random.default_rng(7).normal(0, 0.004, way.shape), 4)
 
 
-def _ridden(cubics: Array, speed: float, theta: float) -> tuple[Array, float, float]:
+def _ridden(
+    cubics: Array, speed: float, theta: float, function: Function = bend
+) -> tuple[Array, float, float]:
     """Places of a drive without look-ahead, its seconds, how far from the curve it comes (m)."""
-    tau, k = np.linspace(0, 1, 200)[:, None], np.arange(4)
-    p = (tau**k @ cubics).reshape(-1, 2)
-    d = (k[1:] * tau ** k[:3] @ cubics[:, 1:]).reshape(-1, 2)
-    dd = (k[2:] * k[1:3] * tau ** k[:2] @ cubics[:, 2:]).reshape(-1, 2)
-    bend = (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3
+    tau, limits = np.linspace(0, 1, 200), np.array([speed, 1.35])
+    p = _curve(cubics[:, None], tau).reshape(-1, 2)
+    found = [np.asarray(function(c, tau, limits), float) for c in cubics]
+    kappa, fast = np.array(found).swapaxes(0, 1).reshape(2, -1)
+    d = (tau[:, None] ** np.arange(3) @ (cubics[:, 1:] * [[1], [2], [3]])).reshape(-1, 2)
     s, along = np.append(0.0, np.cumsum(np.hypot(*np.diff(p, axis=0).T))), np.arctan2(*d.T[::-1])
     i, far, pose = 0, 0.0, [np.array([*p[0], theta])]
     while i < len(p) - 2 and len(pose) < 2000:
@@ -1027,10 +1035,9 @@ def _ridden(cubics: Array, speed: float, theta: float) -> tuple[Array, float, fl
         seen = slice(i, int(np.searchsorted(s, s[i] + 0.1)) + 1)
         i += int(np.hypot(p[seen, 0] - x, p[seen, 1] - y).argmin())
         e = (y - p[i, 1]) * np.cos(along[i]) - (x - p[i, 0]) * np.sin(along[i])
-        v = min(speed, 1.35 / max(abs(bend[i]), 1e-9))
-        omega = v * (bend[i] - e / 0.15**2 - 2 * wrap_angle(theta - along[i]) / 0.15)
+        omega = fast[i] * (kappa[i] - e / 0.15**2 - 2 * wrap_angle(theta - along[i]) / 0.15)
         half = 0.01 * min(max(omega, -1.5), 1.5)
-        step = [0.02 * v * np.cos(half), 0.02 * v * np.sin(half), 2 * half]
+        step = [0.02 * fast[i] * np.cos(half), 0.02 * fast[i] * np.sin(half), 2 * half]
         far, pose = max(far, abs(e)), [*pose, compose(pose[-1], step)]
     return np.array(pose)[:, :2], 0.02 * (len(pose) - 1), far
 
@@ -1197,13 +1204,13 @@ check_remember.mistakes = {
 #     return np.array([*cubics, lesson_fit(np.array(run))[0]])
 
 # %% active="ipynb" tags=["solution"]
-# def ride(cubics, theta, speed=0.5):
+# def ride(cubics, theta):
 #     """Seconds that the picture's robot drives; how far from the curve it comes (m)."""
-#     tau, k = np.linspace(0, 1, 200)[:, None], np.arange(4)
-#     p = (tau**k @ cubics).reshape(-1, 2)
-#     d = (k[1:] * tau**k[:3] @ cubics[:, 1:]).reshape(-1, 2)             # c'
-#     dd = (k[2:] * k[1:3] * tau**k[:2] @ cubics[:, 2:]).reshape(-1, 2)   # c''
-#     bend = (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.hypot(*d.T) ** 3
+#     tau, limits = np.linspace(0, 1, 200), np.array([0.5, 1.35])
+#     p = (tau[:, None] ** np.arange(4) @ cubics).reshape(-1, 2)
+#     slopes = cubics[:, 1:] * [[1], [2], [3]]                            # of c'
+#     d = (tau[:, None] ** np.arange(3) @ slopes).reshape(-1, 2)
+#     kappa, v = np.hstack([bend(c, tau, limits) for c in cubics])
 #     s = np.append(0.0, np.cumsum(np.hypot(*np.diff(p, axis=0).T)))
 #     along, pose = np.arctan2(d[:, 1], d[:, 0]), np.array([*p[0], theta])
 #     i, n, far = 0, 0, 0.0
@@ -1212,11 +1219,9 @@ check_remember.mistakes = {
 #         i += np.hypot(*(p[i:high + 1] - pose[:2]).T).argmin()
 #         x, y = pose[:2] - p[i]
 #         e = y * np.cos(along[i]) - x * np.sin(along[i])
-#         v = min(speed, 1.35 / max(abs(bend[i]), 1e-9))
 #         phi = wrap_angle(pose[2] - along[i])
-#         omega = v * (bend[i] - e / 0.15**2 - 2 * phi / 0.15)
-#         half = 0.01 * np.clip(omega, -1.5, 1.5)
-#         ds = 0.02 * v
+#         omega = v[i] * (kappa[i] - e / 0.15**2 - 2 * phi / 0.15)
+#         half, ds = 0.01 * np.clip(omega, -1.5, 1.5), 0.02 * v[i]
 #         pose = compose(pose, [ds * np.cos(half), ds * np.sin(half), 2 * half])
 #         n, far = n + 1, max(far, abs(e))
 #     return 0.02 * n, far
@@ -1268,16 +1273,14 @@ check_remember.mistakes = {
 # why the gains hold).
 #
 # Loops stay in: it drives all of its way. A cut joins two places that only the odometer takes for
-# one; past it the robot is beside its true way, 19 cm in the lesson. (And `find_loop` looks inside
-# one cubic, where an operator's handles make a curl. A curl that was *driven* is spread over
-# several of yours.)
+# one; past it the robot is beside its true way, 19 cm in the lesson.
 #
 # Four rules, those of the lesson. The cubics become points at most 1 cm apart (400 in each cubic
 # are enough here). The nearest point of the way is sought only in the 0.3 m before the last one
 # found, towards the start (some centimetres to the other side do no harm, the whole way does); at
 # first the end of the way is the last one found. $P_f$ is 0.15 m
 # nearer to the start along the way, or the start itself if that is nearer. The robot stops when
-# less than 0.03 m of the way are left.
+# less than 0.03 m are left *along* the way, which may come past its start.
 #
 # `move` drives 0.1 s and returns what the odometer measured. This time it errs, on the way out
 # and on the way home. The picture has one robot whose ways you see, and the ends of twelve.
@@ -1545,6 +1548,12 @@ check_come_home = Check(
         "two bends": (_START, _BENDS, 0, 0),
         "a tight right angle": (_START, ((0.8, 0), (0.1, 90), (0.8, 0)), 0, 0),
         "a way that crosses itself: all of it": (_START, ((0.7, 0), (2.4, 450)), 0, 0),
+        "a way that comes past its start": (
+            [0, 0, 0],
+            ((0.5, 0), (1.5 * np.pi * 0.5, 270), (1.2, 0)),
+            0,
+            0,
+        ),
         "two bends, an odometer that errs": (_START, _BENDS, 1, 3),
         "to the right, an odometer that errs": (
             [1.0, 3.0, -2.0],
@@ -1607,6 +1616,9 @@ check_come_home.mistakes = {
     ),
     "it stops too early: less than 0.03 m of the way must be left": (
         "s[near] > 0.03 => s[near] > 0.1"
+    ),
+    "the straight distance to the start was taken: what is left of the way counts": (
+        "while s[near] > 0.03: => while np.hypot(*(believed[-1][:2] - way[0])) > 0.03:"
     ),
     "the nearest point was never sought again: the robot drives to one place": (
         "near = low + np.hypot(*(way[low : near + 1] - believed[-1][:2]).T).argmin()"

@@ -201,7 +201,8 @@ def test_references_answer_where_the_text_promises_an_answer():
     none = np.zeros((0, 2)), np.zeros((0, 2, 2)), np.array([6.6, 9.2])
     assert CHECKS["ch11.check_nearest"].reference(*none) == -1
     line = np.array([[0.0, 0.0], [1.0, 2.0], [0.0, 0.0], [0.0, 0.0]])
-    assert np.isnan(CHECKS["ch17.check_loop"].reference(line)).all()
+    kappa, v = CHECKS["ch17.check_bend"].reference(line, np.array([0.5]), np.array([0.4, 1.5]))
+    assert (kappa, v) == (0.0, 0.4)
     for check in CHECKS.values():
         assert not any(seen.raised for seen in check.observe(check.reference))
 

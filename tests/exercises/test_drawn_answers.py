@@ -194,7 +194,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch16.check_leave, lambda x, P, *a: (*ch16.leave(x, P, *a)[:2], x[:3], P[:3, :3])),
         (ch16.check_fly, lambda x, P, u, *a: ch16.fly(x, P, 0.9 * u, *a)),
         (ch17.check_smooth_fit, lambda p, slope: ch17.smooth_fit(p, -slope)),
-        (ch17.check_loop, lambda c: (0.2, 0.8)),
+        (ch17.check_bend, lambda c, tau, m: (ch17.bend(c, tau, m)[0], 0 * tau + m[0])),
         (ch17.check_steer, lambda pose, *a: ch17.steer(pose * [1, 1, -1], *a)),
         (ch17.check_gains, lambda v, ahead, zeta: (v / ahead, 2.0)),
         (ch17.check_remember, lambda p, h, tolerance: ch17.remember(p, h, 10 * tolerance)),

@@ -25,7 +25,7 @@ stored marks sizes near other
 """  # (x, y and points: on a grid, whose corner is the origin)
 SHARES = """
 belief beliefs prior goal hints reports p p_hit p_right p_slip p_stay p_step chance share
-occupied cells bound weights u t_a t_b reserve frontier hit p_door p_wall shares eye nearest
+occupied cells bound weights u tau reserve frontier hit p_door p_wall shares eye nearest
 furthest step stride resolution cell threshold tolerance margin separation driven away home
 budget gate gates gains limits v scan scans before after size cost field_of_view x y points
 inside spread height radius stay memory field
