@@ -431,8 +431,9 @@ def relaid(poses: Array, nodes: Ints, before: Array, after: Array) -> Array:
 
 
 # %% active="ipynb" tags=["stub"]
-#     moved = between(before, after)
-#     return compose(poses, moved[nodes])
+#     seen = between(before[nodes], poses)
+#     moved = between(before[nodes], after[nodes])
+#     return compose(before[nodes], compose(seen, moved))
 
 # %% active="ipynb" tags=["try"]
 # relaid(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0, 0]),
@@ -444,6 +445,7 @@ def relaid(poses: Array, nodes: Ints, before: Array, after: Array) -> Array:
 
 # %% [markdown] tags=["hint"]
 # Write the program as a product of $T$ (the node before), $T'$ (the node now) and $P$ (the pose).
+# What is left when $T\,T^{-1}$ falls out?
 # In formula (B) of the chapter, $p' = T' T^{-1} p$, on which side of $p$ is the motion?
 
 # %% [markdown] tags=["hint"]
@@ -551,7 +553,8 @@ check_relaid.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 3: the robot that zigzags, a bug to find
 #
-# The program computes $P\,T^{-1}T'$, and (B) asks for $T'\,T^{-1}P$. At a node $P = T$, and both
+# The program computes $T\,(T^{-1}P)\,(T^{-1}T') = P\,T^{-1}T'$, and (B) asks for $T'\,T^{-1}P$: each
+# line is right, and the last one has its two factors in the wrong order. At a node $P = T$, and both
 # are $T'$: a test with the nodes alone passes. Elsewhere the motion of the node is made about the
 # pose, which turns on the spot instead of swinging about its node.
 
@@ -663,7 +666,7 @@ check_inside = Check(
     "inside",
     {
         "both look east: one inside, one outside": (
-            [[2.4, 0.0], [2.5, 0.0]],
+            [[2.44, 0.0], [2.46, 0.0]],
             [0.0, 0.0],
             [np.eye(2), np.eye(2)],
         ),
@@ -761,7 +764,7 @@ check_inside.mistakes = {
 # **Write down** one more guess. Robots of which only 88 % come home are not good enough for the
 # hospital. If 100 are sent, 1 in 190 such trials proves the 90 % all the same. Now you compute the
 # interval after each robot, and stop as soon as it proves 90 %, or after 100. One in how many
-# trials is that? (The solution tries it.)
+# trials is that? (A few lines with `runs_needed` try it.)
 
 
 # %% tags=["exercise", "predict"]
@@ -1066,7 +1069,7 @@ def _a_robot(way: str, noise: float = 0.0) -> Any:
 
 
 _WAYS = {"wheels": "dead_reckoning", "counted": "lidar", "map": "estimate", "mixed": "wrong"}
-_LINES = {"wheels": "--", "counted": (0, (4, 1, 1, 1)), "map": "-", "mixed": "-."}
+_LINES = {"wheels": (0, (3, 3)), "counted": (0, (4, 1, 1, 1)), "map": "-", "mixed": "-."}
 
 
 @lru_cache(maxsize=1)
@@ -1119,7 +1122,8 @@ def _home_drawn(ax: Any, function: Any) -> None:
             numbers = " ".join(f"{_metres(one):>5s}" for one in offs)
             track = np.array(robot.truth)[:, :2]
             style = {"color": colour, "linestyle": line, "label": f"{way:7s}{numbers}"}
-            view.plot(*track.T, linewidth=1.5, **style)
+            width, above = {"map": (3.5, 2), "wheels": (1.5, 3)}.get(way, (1.5, 2.5))
+            view.plot(*track.T, linewidth=width, zorder=above, **style)
             view.plot(*track[-1], "s", color=colour, markersize=5)
             for place in robot.crossed:
                 view.plot(*place, "x", color=colour, markersize=9, markeredgewidth=2)
