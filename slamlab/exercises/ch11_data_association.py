@@ -66,9 +66,9 @@ __all__ = [
 # $e^{-(a^2+b^2)/2}/(2\pi)$. Go to polar coordinates and integrate: what is $P(D^2 < c)$? Then let
 # $n$ independent pairs pass.
 #
-# And a guess for later: a robot that has lost its place by half a metre has the *same* error of
-# its pose in all eight innovations, so they are not independent. Is your gate too narrow for it,
-# or wider than it need be? The solution tries it.
+# And a guess: a robot that has lost its place by half a metre has the *same* error of its pose in
+# all eight innovations, so they are not independent. Is your gate too narrow for it, or wider than
+# it need be? Write it down.
 
 
 # %% tags=["exercise"]
@@ -1062,6 +1062,10 @@ check_most_pairs = Check(
         "a narrow gate": ([[3.0, 30.0], [40.0, 1.0]], 2.0),
         "a wide gate": ([[12.0, 30.0], [40.0, 1.0]], 15.0),
         "more measurements than trees": ([[3.0], [1.0], [2.0]], 9.0),
+        "a tree that a measurement before has taken stays taken": (
+            [[30.0, 1.0], [5.0, 2.0]],
+            9.0,
+        ),
         "any nursery": _nursery,
         "no landmarks yet": (np.zeros((3, 0)), 9.0),
         "no measurements": (np.zeros((0, 3)), 9.0),
@@ -1149,12 +1153,16 @@ check_most_pairs.mistakes = {
 # of pairs, each tree at most once, which stays inside the gates as it grows: put its pairs
 # in the order of the measurements; the joint distance of the first is below `gates[0]`, that of
 # the first two below `gates[1]`, and so on to the whole set. No other part of the set is tried.
+#
+# For example, with the gates 9.2, 13.3 and 16.8 three pairs for which exercise 3 gives 4, 8 and 3
+# are allowed, since 4, 12 and 15 are inside. Three for which it gives 10, 1 and 1 are not: 10 is
+# outside, though 11 and 12 are inside.
+#
 # Return the largest allowed set, of equally large ones the one with the smallest joint distance.
 # Measurements that are left over get -1.
 #
-# The main difference from the lesson: its `jointly` asks, in addition, that each pair by itself be
-# inside the gate of one. Here it need not: one true pair in a hundred is outside, and may still
-# fit with the others. The solution counts how little this changes.
+# The lesson's `jointly` asks, in addition, that each pair by itself be inside the gate of one.
+# Here it need not: one true pair in a hundred is outside, and may still fit with the others.
 #
 # The picture lets the robot come back twenty-four times. Its place is corrected with your pairs,
 # as in chapter 09. Each line leads from where it believed itself (a circle) to where it does then

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import shutil
 import textwrap
 from pathlib import Path
@@ -12,7 +13,8 @@ import pytest
 from slamlab.commands import _submission, main
 from slamlab.commands._copies import same_code
 
-SOLUTION = Path(__file__).resolve().parents[2] / "notebooks/solutions/02_kalman_filter.ipynb"
+NOTEBOOKS = Path(__file__).resolve().parents[2] / "notebooks"
+SOLUTION = NOTEBOOKS / "solutions" / "02_kalman_filter.ipynb"
 PREDICT = """def predict(mean, cov, u, dt, sigma):
     F = np.array([[1.0, dt, -(dt**2) / 2], [0.0, 1.0, -dt], [0.0, 0.0, 1.0]])
     B = np.array([dt**2 / 2, dt, 0.0])
@@ -165,6 +167,30 @@ def test_a_handout_has_no_outputs_and_no_solutions(tmp_path, capsys):
     assert "02_kalman_filter.ipynb differs" in capsys.readouterr().err
     assert main(["handout", "99", "--to", str(tmp_path)]) == 1
     assert "got 99" in capsys.readouterr().err
+
+
+def says_of_solutions(notebook):
+    """Sentences that promise what a handout has not."""
+    text = "\n".join("".join(cell["source"]) for cell in notebook["cells"])
+    return re.findall(r"[^\n.]*\b(?:(?:the|its) solution|solutions)\b[^\n.]*", text, re.I)
+
+
+# Chapters whose statements still name their solutions.
+NAMED = {"07", "20"}
+
+
+def test_no_statement_of_a_handout_names_the_solutions(tmp_path):
+    found = sorted(path.name[:2] for path in (NOTEBOOKS / "exercises").glob("*.ipynb"))
+    assert len(found) == 21
+    assert main(["handout", *found, "--to", str(tmp_path)]) == 0
+    said = {
+        path.name[:2]: says_of_solutions(json.loads(path.read_text()))
+        for path in sorted(tmp_path.glob("*.ipynb"))
+    }
+    assert {number: lines for number, lines in said.items() if lines and number not in NAMED} == {}
+    one = {"cells": [{"source": ["Which? (The solution tries it.)"]}]}
+    assert says_of_solutions(one) == ["Which? (The solution tries it"]
+    assert not says_of_solutions({"cells": [{"source": ["It has no single solution."]}]})
 
 
 # What the review of the grader found (reviews of release 1.0, G1 to G3 and M1 to M4).

@@ -130,3 +130,22 @@ def test_a_lap_of_the_lesson_ends_at_home_with_joint_pairs_and_not_with_the_near
     title = nearest.get_title(loc="left") or nearest.get_title()
     assert title.startswith("Nearest neighbour")
     assert "0.39 m off" in title
+
+
+def test_a_search_that_gives_all_trees_back_gives_one_to_two_measurements():
+    """It is another repair of the hunt, and a test by name refuses it."""
+    wrong = ch.check_most_pairs.mistaken("taken[i] = False => taken[:] = False")
+    held = {row.name: row.ok for row in ch.check_most_pairs(wrong).rows}
+    assert not held["a tree that a measurement before has taken stays taken"]
+    assert held["the first must leave its nearest tree"]
+    np.testing.assert_array_equal(wrong(np.array([[30.0, 1.0], [5.0, 2.0]]), 9.0), [1, 1])
+
+
+def test_the_sets_of_the_page_are_allowed_and_not():
+    """Pairs of the distances 4, 8, 3 and 10, 1, 1, one after the other."""
+    gates = np.array([9.2, 13.3, 16.8])
+    for steps, allowed in (([4.0, 8.0, 3.0], True), ([10.0, 1.0, 1.0], False)):
+        y = np.full((3, 3, 2), 30.0)
+        y[range(3), range(3)] = np.column_stack([np.sqrt(steps), np.zeros(3)])
+        rows = ch.together(y, np.zeros((3, 2, 3)), np.eye(3), np.eye(2), gates)
+        assert bool((rows == [0, 1, 2]).all()) is allowed
