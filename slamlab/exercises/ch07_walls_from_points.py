@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from slamlab.exercises._draw import a_covariance, a_pose, drawn
+from slamlab.exercises._draw import a_covariance, an_angle, drawn
 from slamlab.exercises._report import Array, Check
 from slamlab.geometry import wrap_angle
 
@@ -30,7 +30,7 @@ __all__ = [
 # # Exercises 07: walls from points
 #
 # Six exercises, most with the lidar of a vacuum cleaner, whose far points are poor: a fit that
-# weighs them, a cut in a scan that goes all the way round, the information that each point brings,
+# weighs them, a cut in a scan that goes all the way round, what one more point tells,
 # a wall on its way into the map with two bugs, the walls of a whole room, and the map of this room
 # from two scans, made by your own functions. The chapter is [Walls from
 # points](../07_walls_from_points.ipynb). Replace each `...` and run the check below it as often as
@@ -64,7 +64,7 @@ __all__ = [
 # every direction. The lesson lets a point err along its beam only, and projects that onto the
 # normal of the wall, once the wall is known; here the wall is what you look for. With a round
 # error the weight of a point is the same whichever way the wall turns, and one step finds the best
-# line. (What that costs where the noise *is* along the beam, the solutions try.)
+# line. (Where the noise *is* along the beam this costs a little.)
 #
 # Choose the line $(r, \alpha)$ with the normal $n = (\cos\alpha, \sin\alpha)$ that makes
 #
@@ -567,21 +567,22 @@ check_corner.mistakes = {
 #
 # The vacuum cleaner sees a wall by ten points that are good to a centimetre. Now an eleventh comes
 # in, from far away, and it is off by half a metre or so. Predict: is the wall better known with
-# it, or worse?
+# it, or worse, by the lesson's fit and by that of exercise 1?
 #
-# In the lesson's formulas, which weigh all points alike, it can be worse. The fit of exercise 1
-# weighs them, so it needs a covariance of its own, and you can build it from single points. Let
-# the wall's two numbers err by $\delta r$ and $\delta\alpha$. At the place $t$ along the wall,
-# counted from the foot of the perpendicular, the wall is then too far out by
+# The lesson's covariance is that of a fit which weighs all points alike. The weighted fit needs
+# one of its own, and you can build it from single points. Let the wall's two numbers err by
+# $\delta r$ and $\delta\alpha$. At the place $t$ along the wall, counted from the foot of the
+# perpendicular, the wall is then too far out by
 #
 # $$
 # e = \delta r - t\,\delta\alpha
 # $$
 #
 # (for a larger $\alpha$ the wall comes nearer at positive $t$). A point at $t$ measures this one
-# combination of the two unknowns, with its variance $v$; the errors of the points are
-# independent. What is the covariance of $(r, \alpha)$ if all points are used, each with its
-# weight $1/v_i$?
+# combination of the two unknowns, with its variance $v$; the errors of the points are independent
+# of each other. The **information** of an estimate is the inverse of its covariance; of one number
+# with the variance $v$ it is $1/v$. What is the covariance of $(r, \alpha)$ if all points are
+# used, each with its weight $1/v_i$?
 
 
 # %% tags=["exercise"]
@@ -594,7 +595,7 @@ def wall_cov(along: Array, variances: Array) -> Any:
         Places t of the points along the wall (m), from the foot of the perpendicular;
         at least two differ.
     variances : ndarray, shape (k,)
-        Variance of each point across the wall (m^2), positive.
+        Variance of each point across the wall (m^2), positive; errors are independent.
 
     Returns
     -------
@@ -612,9 +613,8 @@ def wall_cov(along: Array, variances: Array) -> Any:
 # One point measures $e = h\,(\delta r, \delta\alpha)^T$ with a row $h$ of two numbers. Which?
 
 # %% [markdown] tags=["hint"]
-# Information adds. One point brings the matrix $h^T h / v$: it is large where $h$ points, and
-# zero across it. What do all points bring together, and how does one come from
-# information to covariance?
+# Where errors are independent, information adds. One point brings the matrix $h^T h / v$: it is
+# large where $h$ points, and zero across it. What do all points bring together?
 
 # %% [markdown] tags=["hint"]
 # With the rows $h_i$ as a matrix $H$ of shape (k, 2) the sum is $H^T V^{-1} H$, where $V$ is
@@ -837,18 +837,18 @@ def to_world(pose: Array, P: Array, wall: Array, C: Array) -> tuple[Array, Array
 # %% tags=["cases"]
 @drawn
 def _sighting(
-    rng: np.random.Generator, doubt: float = 1.0, haze: float = 1.0, home: bool = False
+    rng: np.random.Generator, doubt: float = 1.0, haze: float = 1.0, side: int = 0, rho: float = 4
 ) -> Any:
-    pose = a_pose(rng, 0.0 if home else 4.0)
-    wall = [float(np.round(rng.uniform(0.5, 5), 2)), float(np.round(rng.uniform(-3, 3), 2))]
-    return pose, doubt * a_covariance(rng, 3, 0.05), wall, haze * a_covariance(rng, 2, 0.02)
-
-
-def _beyond(rng: np.random.Generator) -> Any:
-    """Draw a wall that stands between the robot and the origin, which gives it its other name."""
-    pose = np.append(np.round(rng.uniform(3, 5, 2), 2), 0.3)
-    wall = [float(np.round(rng.uniform(0.5, 2), 2)), float(np.round(rng.uniform(-2.6, -2.2), 2))]
-    return pose, a_covariance(rng, 3, 0.05), wall, a_covariance(rng, 2, 0.02)
+    """Draw a wall beyond the robot (side 1), or between it and the origin (-1): its other name."""
+    side = side or int(rng.choice([-1, 1]))
+    towards, heading = rng.uniform(-3, 3), an_angle(rng)
+    place = rho * rng.uniform(0.8, 1.2) * np.array([np.cos(towards), np.sin(towards)])
+    normal = towards + (rng.uniform(-1.2, 1.2) if side > 0 else np.pi + rng.uniform(-0.6, 0.6))
+    away = float(place @ [np.cos(normal), np.sin(normal)])
+    r = rng.uniform(0.3, 5) if side > 0 else -away * rng.uniform(0.3, 0.95)
+    wall = np.array([r, float(wrap_angle(normal - heading))])
+    P, C = doubt * a_covariance(rng, 3, 0.05), haze * a_covariance(rng, 2, 0.02)
+    return np.array([*np.round(place, 2), heading]), P, np.round(wall, 2).tolist(), C
 
 
 def _to_world_drawn(ax: Any, function: Any) -> None:
@@ -880,13 +880,15 @@ check_to_world = Check(
     to_world,
     "wall, cov",
     {
-        "a robot at the origin": _sighting(home=True),
-        "a robot that knows where it is": _sighting(doubt=0.0),
-        "a wall seen without error": _sighting(haze=0.0),
-        "a wall between the robot and the origin": _beyond,
+        "a robot at the origin": _sighting(side=1, rho=0.0),
+        "a wall beyond the robot": _sighting(side=1),
+        "a wall beyond a robot that knows its pose": _sighting(doubt=0.0, side=1),
+        "a wall between the robot and the origin": _sighting(side=-1),
+        "a wall between both, seen without error": _sighting(haze=0.0, side=-1),
         "any pose, any wall": _sighting(),
     },
     tolerance=1e-6,
+    draws=10,
     picture=_to_world_drawn,
     hunt=True,
 )
