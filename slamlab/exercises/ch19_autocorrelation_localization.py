@@ -66,8 +66,8 @@ __all__ = [
 # afterwards. Two different places with one signature? That never happens, says the seller. You
 # are the museum's engineer, and answer with an example: for the scan of a place make another scan
 # with exactly the same autocorrelation, which is neither the first one turned nor mirrored. (What
-# you make is a *scan*. It is the scan of a place only if a lidar could measure it, with all ranges
-# positive: of 200 pairs of places in the room of the thesis 47 give such a scan.)
+# you make is a *scan*. Only with all ranges positive could a lidar measure it: about three of ten
+# pairs of places in the thesis' room give such a scan.)
 #
 # The autocorrelation keeps the amplitude $|D_k|$ of each harmonic and loses its phase. So keep the
 # amplitudes of `scan`, and take the phases of `other`, the scan of some other place.
@@ -222,10 +222,10 @@ check_same_signature.mistakes = {
 # apart, same = [], []
 # for scan, other in stored[pairs]:
 #     made = same_signature(scan, other)
-#     if made.min() > 0.1:
+#     if made.min() > 0:
 #         same.append(np.allclose(spectrum(made, 61), spectrum(scan, 61)))
 #         apart.append(min(np.abs(np.roll(scan, m) - made).mean() for m in range(120)))
-# print(f"{len(apart)} of 200 can be measured; the same signature: {all(same)}")
+# print(f"{len(apart)} of 200 have positive ranges; the same signature: {all(same)}")
 # print(f"apart: median {np.median(apart):.2f} m")
 
 # %% [markdown] tags=["solution"]
@@ -242,8 +242,8 @@ check_same_signature.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## Exercise 2: a number that the map has lost
 #
-# A robot loads its map, and one byte is damaged: in the scan of one place, one range is `nan`.
-# The autocorrelation of that scan was stored beside it before, and is intact:
+# A robot loads its map, and one record is damaged. In the scan of a place one range is `nan`, and
+# of the autocorrelation stored beside it $R[0]$ as well. The rest is intact:
 #
 # $$
 # R[\tau] = \sum_{j=0}^{N-1} d_j\, d_{(j - \tau) \bmod N} .
@@ -263,7 +263,8 @@ def lost_beam(scan: Array, R: Array) -> float:
     scan : ndarray, shape (N,)
         Ranges (m), N at least 2; all are positive, but for exactly one that is nan.
     R : ndarray, shape (N,)
-        Autocorrelation of the whole scan, R[0] to R[N - 1] (m^2), without error.
+        Autocorrelation of the whole scan (m^2): R[0] is nan, R[1] to R[N - 1] are
+        without error.
 
     Returns
     -------
@@ -279,7 +280,7 @@ def lost_beam(scan: Array, R: Array) -> float:
 # %% active="ipynb" tags=["try"]
 # lost_beam(
 #     np.array([5.0, 1.0, np.nan, 2.0, 8.0, 3.0]),
-#     np.array([119.0, 72.0, 103.0, 60.0, 103.0, 72.0]),
+#     np.array([np.nan, 72.0, 103.0, 60.0, 103.0, 72.0]),
 # )
 
 # %% [markdown] tags=["hint"]
@@ -292,8 +293,7 @@ def lost_beam(scan: Array, R: Array) -> float:
 
 # %% [markdown] tags=["hint"]
 # Which number in place of the `nan` takes its two edges out of the sum over the ring? And which
-# are the two neighbours of beam 0, which those of the last beam? (There are other ways: $R[0]$ is
-# one.)
+# are the two neighbours of beam 0, which those of the last beam?
 
 
 # %% tags=["cases"]
@@ -302,7 +302,7 @@ def _damaged(rng: np.random.Generator, n: int | None = None, at: int | None = No
     count = n or int(rng.integers(4, 30))
     scan = np.round(rng.uniform(0.5, 9, count), 2)
     R = np.array([scan @ np.roll(scan, tau) for tau in range(count)])
-    scan[int(rng.integers(count)) if at is None else at] = np.nan
+    scan[int(rng.integers(count)) if at is None else at] = R[0] = np.nan
     return scan, R
 
 
@@ -312,7 +312,7 @@ def _lost_beam_drawn(ax: Any, function: Any) -> None:
 
     pose = [1.2, 1.0, 0.0]
     scan = Lidar(60).scan(rooms.thesis_room(), np.array(pose))
-    R = np.array([scan @ np.roll(scan, tau) for tau in range(60)])
+    R = np.array([scan @ np.roll(scan, tau) if tau else np.nan for tau in range(60)])
     found = np.array([function(np.where(np.arange(60) == k, np.nan, scan), R) for k in range(60)])
     found = np.clip(found.astype(float), -9, 9)
     beams = 2 * np.pi * np.arange(60) / 60
@@ -330,7 +330,7 @@ check_lost_beam = Check(
     {
         "the scan of the pencil": (
             [5.0, 1.0, np.nan, 2.0, 8.0, 3.0],
-            [119.0, 72.0, 103.0, 60.0, 103.0, 72.0],
+            [np.nan, 72.0, 103.0, 60.0, 103.0, 72.0],
         ),
         "beam 0 is lost": _damaged(at=0),
         "the last beam is lost": _damaged(at=-1),
@@ -348,7 +348,7 @@ _BOTH = "known[lost - 1] + known[(lost + 1) % len(scan)]"
 
 
 check_lost_beam.mistakes = {
-    "a sum with nan in it is nan: put 0 in its place, or leave it out": (
+    "a sum with nan in it is nan: put 0 for the lost range, and leave R[0] alone": (
         "np.nan_to_num(scan) => scan"
     ),
     "the lost beam has two neighbours: it is in two products": (f"({_BOTH}) => known[lost - 1]"),
@@ -364,10 +364,7 @@ check_lost_beam.mistakes = {
     "the known products are part of R[1]: subtract them": (
         "R[1] - known @ np.roll(known, 1) => R[1]"
     ),
-    "R[0] is the sum of the squares, not of products of neighbours": "R[1] => R[0]",
-    "R[0] leaves the square of the lost range: take the root": (
-        lambda scan, R: R[0] - np.nansum(scan**2)
-    ),
+    "R[0] is damaged, and not 0: R[1] is intact": "R[1] => np.nan_to_num(R)[0]",
     "the mean of the neighbours is a guess: R says more": (
         lambda scan, R: np.interp(
             np.flatnonzero(np.isnan(scan))[0],
@@ -399,14 +396,13 @@ check_lost_beam.mistakes = {
 # range was 4. It is linear in $x$, since no edge has the lost beam at both ends.
 
 # %% [markdown] tags=["solution"]
-# $R[0]$ does as well, $x = \sqrt{119 - 103}$, and so does every other $\tau$. That they
+# If $R[0]$ were intact, $x = \sqrt{119 - 103}$ would do. Every other $\tau$ does, too. That they
 # agree shows that nothing else is damaged: with one more number wrong they agree by accident only.
 
 # %% active="ipynb" tags=["solution"]
-# def from_squares(scan, R):
-#     return np.sqrt(R[0] - np.nansum(scan**2))
-#
-# check_lost_beam(from_squares)
+# known = np.array([5.0, 1.0, 0.0, 2.0, 8.0, 3.0])  # beam 2 is lost
+# for tau, R in enumerate([72.0, 103.0, 60.0, 103.0, 72.0], start=1):
+#     print((R - known @ np.roll(known, tau)) / (known[2 - tau] + known[(2 + tau) % 6]))
 
 # %% [markdown] tags=["solution"]
 # Closing the gap by the mean of the two neighbours is right on a wall, and wrong where a beam
@@ -424,17 +420,18 @@ check_lost_beam.mistakes = {
 #
 # The map was made with $N$ beams. Your robot has a cheap lidar with $M$, where $N = kM$ ($k$ is a
 # whole number, 1 or more), and where a beam meets glass it does not return: its range is `nan`.
-# Slide the scan $d$ of the robot along the ring $e$ of a place. When the robot has turned left by
+# The robot's place is known, the nearest of the map; its heading is not.
+# Slide its scan $d$ along the ring $e$ of that place. When the robot has turned left by
 # $m$ beams *of the map*, its beam $j$ looks along the map's beam $kj + m$. For every $m$ from 0
 # to $N - 1$ give the **misfit**: the mean of $|d - e|$ over the beams that returned, without the
 # lesson's cap.
 #
 # Why not take the peak of the lesson's $C[m] = \sum_j e_{j + m}\, d_j$? Of 400 such scans in the
 # room of the thesis its heading is off by more than 9° in 43, that of the least misfit in 0. On
-# paper, for $k = 1$ and no beam lost: write out $\sum_j (d_j - e_{j + m})^2$. Only one of its three sums changes with
-# $m$, and so the peak of $C$ is at the least sum of squares. The cheap lidar meets $e_{kj + m}$
-# instead of $e_{j + m}$. Which of the other two sums changes with $m$ if $k$ is 3, or if a $d_j$
-# is missing?
+# paper, for $k = 1$ and no beam lost: write out $\sum_j (d_j - e_{j + m})^2$. Only one of its
+# three sums changes with $m$, and so the peak of $C$ is at the least sum of squares. The cheap
+# lidar meets $e_{kj + m}$ instead of $e_{j + m}$. Which of the other two sums changes with $m$ if
+# $k$ is 3, or if a $d_j$ is missing?
 
 
 # %% tags=["exercise"]
@@ -634,8 +631,8 @@ check_slide.mistakes = {
 # least sum of squares, and the lesson's FFT finds it much faster.)
 
 # %% [markdown] tags=["solution"]
-# How often does that matter? Forty robots stand on a place of the map, ten times over; counted are
-# the headings that are off by more than 9°:
+# How often does that matter? Forty robots, ten times over, each with the ring of the nearest
+# place; counted are the headings that are off by more than 9°:
 
 # %% active="ipynb" tags=["solution"]
 # def product(stored, scan):
@@ -691,7 +688,8 @@ def between_beams(misfits: Array) -> float:
     n = len(misfits)
     middle = np.roll(misfits, n // 2)
     k = middle.argmin()
-    before, least, after = np.pad(middle, 1, "wrap")[k : k + 3]
+    closed = np.hstack([middle[-1], middle, middle[0]])
+    before, least, after = closed[k : k + 3]
     tip = k + 0.5 * (before - after) / (max(before, after) - least)
     angle = (tip - n // 2) * 2 * np.pi / n
     return np.pi - (np.pi - angle) % (2 * np.pi)
@@ -701,7 +699,8 @@ def between_beams(misfits: Array) -> float:
 #     n = len(misfits)
 #     middle = np.roll(misfits, n // 2)
 #     k = middle.argmin()
-#     before, least, after = np.pad(middle, 1, "edge")[k : k + 3]
+#     closed = np.hstack([middle[0], middle, middle[-1]])
+#     before, least, after = closed[k : k + 3]
 #     tip = k + 0.5 * (before - after) / (max(before, after) - least)
 #     angle = (tip - n // 2) * 2 * np.pi / n
 #     return np.pi - (np.pi - angle) % (2 * np.pi)
@@ -774,13 +773,13 @@ check_between_beams = Check(
 )
 
 # %% tags=["mistakes"]
-_NEXT = 'np.pad(middle, 1, "wrap")[k : k + 3]'
+_NEXT = "closed[k : k + 3]"
 _WRAP = "np.pi - (np.pi - angle) % (2 * np.pi)"
 
 
 check_between_beams.mistakes = {
     "the neighbours were cut off at the ends of the list: after the last comes the first": (
-        '"wrap" => "edge"'
+        "[middle[-1], middle, middle[0]] => [middle[0], middle, middle[-1]]"
     ),
     "the neighbour before the first entry was cut off: it is the last one": (
         f"{_NEXT} => middle[max(k - 1, 0)], middle[k], middle[(k + 1) % n]"
@@ -816,10 +815,11 @@ check_between_beams.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 4: between two beams, a bug to find
 #
-# A list has two ends, and there `np.pad` with `"edge"` repeats the least value as its own
-# neighbour. A V through two equal values has its tip half-way between them, so the answer is
-# always half a beam beyond the list's end. `"wrap"` puts the last entry before the first and the
-# first behind the last, as on the ring. (`middle[k - 1]` and `middle[(k + 1) % n]` are the same.)
+# A list has two ends. `closed` puts the first entry before the first and the last behind the last,
+# so at an end the least value is its own neighbour. A V through two equal values has its tip
+# half-way between them, so the answer is always half a beam beyond the list's end. On the ring the
+# last entry comes before the first, and the first behind the last: exchange `middle[0]` and
+# `middle[-1]`. (Without `closed`: `middle[k - 1]` and `middle[(k + 1) % n]`.)
 #
 # The list was cut open opposite to heading zero. Its ends are two beams of the map: of 120 one
 # heading in sixty, which a dozen trials easily miss; of 24 one in twelve; of six one in three, and
@@ -1017,12 +1017,21 @@ def _noses(ax: Any, poses: Array, colour: str, length: float = 0.3) -> None:
         ax.plot(*np.array([a, b]).T, color=colour, lw=1.3)
 
 
+def _rows(hypotheses: Function, *case: Any) -> Any:
+    """Return the rows; numbers that cannot be used as rows of an array are refused."""
+    rows = hypotheses(*case)
+    kind = np.asarray(rows)
+    if kind.ndim == 1 and kind.size and kind.dtype.kind == "f":
+        raise TypeError("rows came as float: expected int, so that `poses[rows]` works")
+    return rows
+
+
 def _hypotheses_drawn(ax: Any, function: Any) -> None:
     """Draw two robots in a hall (stars), and the answers to each (rings with headings)."""
     from slamlab import plots
 
     asked, answers = _two_asked()
-    found = [np.asarray(function(poses, misfits, 0.5, 0.03)) for poses, misfits in answers]
+    found = [np.asarray(_rows(function, *one, 0.5, 0.03)) for one in answers]
     if any(rows.ndim != 1 or rows.dtype.kind not in "iu" for rows in found):
         raise TypeError("expected a list of row numbers")
     plots.occupancy(ax, 0.5 * _square_world().occupied, [0, 4, 0, 4])
@@ -1071,8 +1080,8 @@ check_hypotheses = Check(
             0.5,
             0.1,
         ),
-        "turned by 29.5°, by 30.5°": (
-            [[0, 0, 0.1], [0.1, 0, 0.1 + np.deg2rad(29.5)], [0.2, 0, 0.1 - np.deg2rad(30.5)]],
+        "turned by 29.9°, by 30.1°": (
+            [[0, 0, 1.0], [0.1, 0, 1.0 + np.deg2rad(29.9)], [0.2, 0, 1.0 - np.deg2rad(30.1)]],
             [0.01, 0.02, 0.03],
             0.5,
             0.1,
@@ -1110,6 +1119,7 @@ check_hypotheses = Check(
         "few candidates": _candidates(8),
         "many candidates": _candidates(40),
     },
+    use=_rows,
     picture=_hypotheses_drawn,
 )
 
@@ -1209,7 +1219,7 @@ check_hypotheses.mistakes = {
 #
 # This is non-maximum suppression, as in the detection of corners: the best of a neighbourhood is
 # kept, its neighbours are dropped, and the next best goes on. In a room without symmetry the list
-# has one row, and that is the lesson's unique answer.
+# nearly always has one row, and that is the lesson's unique answer.
 
 # %% [markdown] tags=["solution"]
 # The rule asks for poses *reported* before. If any better one may suppress another, then of three
@@ -1259,8 +1269,8 @@ check_hypotheses.mistakes = {
 # 1. **Propose.** Close the gaps of the scan: a beam that did not return gets its value from the
 #   straight line between the nearest beams on either side that did, along the *ring*. Take as many
 #   amplitudes as the map has, with `spectrum`, the lesson's `amplitudes`; divide them by
-#   $\sqrt M$, so that lidars of different beams compare. The `nearest` places by the length of the
-#   difference from their `marks` are candidates.
+#   $\sqrt M$, so that lidars of different beams compare. Candidates are the `nearest` places whose
+#   `marks` differ least, by the length of the difference.
 # 2. **Decide.** `slide` the scan, *with* its gaps, along the ring of each candidate. The least
 #   value is its misfit, and `between_beams` gives its heading.
 # 3. **Report.** The `hypotheses` among the candidates, as poses.
@@ -1270,10 +1280,10 @@ check_hypotheses.mistakes = {
 # picture counts what the best, the list, and list and compass get right. A robot is blue if its
 # best answer is right, orange if only its list holds the right one, and a black cross if neither
 # does. It is a full dot if the compass picks the right pose from its list, a ring if not. Of one
-# robot all answers are drawn, with their headings.
+# robot (star) all answers are drawn: thin rings with headings.
 
 
-# %% tags=["exercise"]
+# %% tags=["exercise", "predict"]
 def locate(
     places: Array,
     stored: Array,
@@ -1351,6 +1361,7 @@ def _map_of_rings(
     twins: int = 0,
     turn: int | None = None,
     nearest: int = 0,
+    at_one_place: bool = False,
 ) -> Any:
     """Draw a map of rings, and a scan near one of its places, turned, with gaps and noise."""
     N = k * M
@@ -1361,8 +1372,9 @@ def _map_of_rings(
     rings = 3 + waves[:, 0] @ np.cos(np.outer(order, angle))
     rings += waves[:, 1] @ np.sin(np.outer(order, angle))
     for twin in range(1, twins + 1):
-        rings[twin] = np.roll(rings[0], 3 * twin) + rng.normal(0, 0.01, N)
-        where[twin] = where[0] + [1.5 * twin, 1.0]
+        by, away = (N // 4, [0.05, 0.05]) if at_one_place else (3, [1.5 * twin, 1.0])
+        rings[twin] = np.roll(rings[0], by * twin) + rng.normal(0, 0.01, N)
+        where[twin] = where[0] + away
     row = 0 if twins else int(rng.integers(places))
     m = int(rng.integers(N)) if turn is None else turn
     scan = np.round(np.roll(rings[row], -m)[::k] + rng.normal(0, 0.02, M), 4)
@@ -1406,7 +1418,10 @@ def _located(
 
 
 def _locate_drawn(ax: Any, function: Any) -> None:
-    """Draw forty robots: best right (blue), in the list (orange), or not (cross)."""
+    """Draw forty robots: best right (blue), in the list (orange), or not (cross).
+
+    A full dot is right by the compass, too, a ring is not; of one robot (star) all answers.
+    """
     from slamlab import plots
 
     *known, scans, truth = square_hall()
@@ -1434,6 +1449,8 @@ def _locate_drawn(ax: Any, function: Any) -> None:
             *np.array([truth[one, :2], answer[:2]]).T, color=plots.COLOURS["wrong"], lw=0.8, ls=":"
         )
     _noses(ax, answers[one], plots.COLOURS["wrong"], 0.4)
+    ax.plot(*answers[one][:, :2].T, "o", color=plots.COLOURS["wrong"], mfc="none", ms=10, mew=0.8)
+    ax.plot(*truth[one, :2], "*", color=plots.COLOURS["truth"], ms=9)
     plots.floor(ax)
     ax.set(xlim=(-0.1, 4.1), ylim=(-0.1, 4.1))
     ax.set_title(
@@ -1465,6 +1482,9 @@ check_locate = Check(
         ),
         "two twins": _map_of_rings(12, 16, 2, (3,), 1),
         "four twins": _map_of_rings(15, 16, 2, (3,), 3),
+        "four twins almost at one place, a quarter turn apart": _map_of_rings(
+            15, 16, 2, (3,), 3, at_one_place=True
+        ),
         "a mirror image has the same amplitudes": _with_ring(lambda scan: scan[::-1], 4),
         "the same shape, a metre farther all round": _with_ring(lambda scan: scan + 1.0, 1),
         "forty robots in the hall": (*square_hall()[:4], 30, 0.5, 0.03),
@@ -1524,6 +1544,9 @@ check_locate.mistakes = {
     ),
     "all candidates were reported: only the hypotheses among them": (
         "poses[hypotheses(poses, misfits, separation, margin)] => poses[np.argsort(misfits)]"
+    ),
+    "one place with two headings is two answers: `hypotheses` needs the headings, too": (
+        "hypotheses(poses, misfits => hypotheses(poses * [1, 1, 0], misfits"
     ),
     "the misfit of a candidate is the least of its ring, not the mean": (
         "ring.min() for => ring.mean() for"

@@ -27,8 +27,13 @@ def signature_by_sums(scan, other):
     return made
 
 
-def lost_by_its_square(scan, R):
-    return np.sqrt(R[0] - np.nansum(scan**2))
+def lost_by_another_shift(scan, R):
+    """Another right answer: beams that are farther apart, where the ring is long enough."""
+    N, lost = len(scan), int(np.isnan(scan).argmax())
+    tau = 2 if N > 2 else 1
+    others = np.where(np.isnan(scan), 0, scan)
+    left = R[tau] - sum(others[j] * others[j - tau] for j in range(N))
+    return left / (others[lost - tau] + others[(lost + tau) % N])
 
 
 def lost_by_a_loop(scan, R):
@@ -103,7 +108,7 @@ def locate_by_loops(places, stored, marks, scan, nearest, separation, margin):
     [
         (ch.check_same_signature, signature_of_both_halves),
         (ch.check_same_signature, signature_by_sums),
-        (ch.check_lost_beam, lost_by_its_square),
+        (ch.check_lost_beam, lost_by_another_shift),
         (ch.check_lost_beam, lost_by_a_loop),
         (ch.check_slide, slide_by_loops),
         (ch.check_slide, slide_by_rolling),
