@@ -25,7 +25,7 @@ __all__ = [
 # %% [markdown] tags=["chapter"]
 # # Exercises 15: Gamma-SLAM and DP-SLAM
 #
-# Six functions, two stories, which share one idea: particles, each with a map of its own.
+# Six functions for two filters, which share one idea: particles, each with a map of its own.
 # **Gamma-SLAM**: four robots bring home four maps of one field, and a picture weighs particles
 # (exercises 1 and 2, of the lesson [Gamma-SLAM and DP-SLAM](../15_other_maps.ipynb)). **DP-SLAM**:
 # a beam comes from behind a hedge, a map shows a wall that its robot never saw, and the tree of an
@@ -242,7 +242,7 @@ check_merged.mistakes = {
 #
 # The unknown mean of each cell is anywhere within a width $L$. The formula for one cell you know,
 # from the lesson's `log_density`: take it over. What is new is around it: which heights belong
-# together, what the sum runs over, and how a sum of -5000 becomes a weight.
+# together, what the sum runs over, and how a sum that may be -5000 becomes a weight.
 #
 # **On paper first.** One particle sorts the heights into four cells, another into six. You make
 # $L$ ten times as wide. By what factor does the ratio of their weights change? And a height that
@@ -1068,6 +1068,16 @@ check_survivors.mistakes = {
         "            branches[parents[node]] += 1"
         " => leads[parents[node]] |= leads[node]\n        branches[parents[node]] += 1"
     ),
+    "count the branches that lead to particles, not the particles: one branch may have many": (
+        "branches[parents[node]] += 1 => branches[parents[node]] += max(branches[node], 1)"
+    ),
+    "prune until all that leads to no particle is gone, not only the last nodes of it": (
+        "if leads[node] => if node in particles or node in parents"
+    ),
+    "a node whose children are all pruned leads to no particle: prune it too": (
+        "if leads[node] => if node in particles or node in parents",
+        "branches >= 2 => np.isin(np.arange(n), parents) & (branches != 1)",
+    ),
     "a fork may have more than two branches": "branches >= 2 => branches == 2",
     "particles stay, though they have no children": (
         "left[particles] = True => left[particles] = False"
@@ -1131,9 +1141,9 @@ check_survivors.mistakes = {
 #
 # The picture drives it 15 m over the field, with thirty particles and 100 heights a picture. Left
 # is the map with the tracks; right are three squares of it, 4 m wide at the start and at
-# the end, 1 m wide after 2 m: dots are the particles, the star is the robot. It drives twice, with
-# the power 0.1 and with 1, the likelihood as it was derived. The numbers are mean errors over the
-# second half of the way.
+# the end, 1 m wide after 2 m: dots are the particles, the star is the robot. It drives twice, from
+# the same particles (at the start blue covers pink): with the power 0.1, and with 1, the
+# likelihood as it was derived. The numbers are mean errors over the second half of the way.
 #
 # **Bet first**, then open it. Which of the two powers is nearer to the truth? And is the other one
 # at least better than the odometry, which trusts its first guess and measures no ground at all?
@@ -1403,6 +1413,13 @@ check_localize.mistakes = {
     "motion is in the frame of each particle: compose, do not add": (
         "compose(poses, move) => poses + move"
     ),
+    "the particle's pose comes first, then the motion in its frame: compose(poses, move)": (
+        "compose(poses, move) => compose(move, poses)"
+    ),
+    "the width L of `weights` is 1 m; 0.5 m is the width of a cell": (
+        "cells, z, 1.0 => cells, z, 0.5"
+    ),
+    "weights are normalised after each picture: they sum to 1": "        w = w / w.sum()\n => ",
     "the power has no effect: `weights` as they are are too sharp": " ** power => ",
     "the power belongs to the new factor, not to the weights carried so far": (
         "w * weights(alphas, betas, cells, z, 1.0) ** power"
@@ -1419,6 +1436,9 @@ check_localize.mistakes = {
     ),
     "March is counted once for every robot: merge the maps with `merged`": (
         "merged(*maps, *march) => maps.sum(axis=1)"
+    ),
+    "a mean of maps is no more certain than one of them: merge them with `merged`": (
+        "merged(*maps, *march) => maps.mean(axis=1)"
     ),
     "row and column are exchanged: x counts columns": "column, row = => row, column =",
     "cells are numbered row by row, as `ravel` does: row * columns + column": (
@@ -1446,6 +1466,9 @@ check_localize.mistakes = {
         "        poses = compose(poses, move)\n => ",
         "track.append(w @ poses[:, :2])"
         " => poses = compose(poses, move); track.append(w @ poses[:, :2])",
+    ),
+    "each picture has a u of its own: this resamples with the first one always": (
+        "np.arange(M) + start => np.arange(M) + u[0]"
     ),
     "resampling begins at u / M, not at 0": "np.arange(M) + start => np.arange(M)",
 }
@@ -1532,8 +1555,8 @@ def _noted_late(*given: Any) -> Any:
 #
 # And a wrong way with its price: no resampling. Thirty ways go on as they began, and the track is
 # soon one of them, the heaviest. With the power 0.1 it is ten times further off. With power 1 it
-# is *nearer* than with resampling: the heaviest changes twice on the way, and resampling after the
-# first pictures had thrown away those that later pictures prefer:
+# is *nearer* than with resampling: the heaviest changes twice among the seven printed, and
+# resampling after the first pictures had thrown away those that later pictures prefer:
 
 # %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels, yours and as it should be: the map, the true way, the odometry, and the tracks and particles that are found; on the left, without resampling, the particles stay spread, and both powers end 0.41 m off."}}
 # def never_resampled(poses, moves, points, heights, maps, march, u, power):
@@ -1558,8 +1581,8 @@ def _noted_late(*given: Any) -> Any:
 # check_localize.draw(never_resampled)
 
 # %% [markdown] tags=["statement"]
-# **What you have now**: a localisation that needs no wall, no landmark and no satellite, on a map
-# that four robots made together. Give each particle a map of its own, which grows by $\nu/2$ and
+# **What you have now**: from a start known to half a metre, a localisation that needs no wall, no
+# landmark and no satellite, on a map that four robots made together. Give each particle a map of its own, which grows by $\nu/2$ and
 # $S/2$ after step 4 and is copied with its particle in step 6, and it is Gamma-SLAM.
 
 # %% [markdown] tags=["statement"]
