@@ -43,12 +43,6 @@ __all__ = [
 # from slamlab.exercises.yard import expedition
 # from slamlab.geometry import between, compose
 
-# %% active="ipynb" tags=["imports", "solution"]
-# import numpy as np
-#
-# from slamlab.exercises.yard import expedition
-# from slamlab.geometry import between, compose, inverse
-
 # %% [markdown] tags=["statement"]
 # ## Exercise 1: the way back, with a pencil
 #
@@ -86,7 +80,7 @@ def retraced(steps: Array) -> Array:
 
 # %% [markdown] tags=["hint"]
 # Take a turn on the spot by a quarter to the left, and then a metre ahead. What must be undone
-# first? Then the metre itself: in which direction is it, for the robot as it stands now?
+# first? As for the metre: in which direction is it, for the robot as it stands now?
 
 # %% [markdown] tags=["hint"]
 # Formula (A) of the chapter undoes $T(\mathbf u)$ by $T(-\mathbf u)$. There $\mathbf u$ is a
@@ -172,7 +166,8 @@ check_retraced.mistakes = {
 #
 # A row of the list is a rigid motion $M$, the displacement $(x, y)$ and the turn $\theta$. What
 # undoes it is $M^{-1}$, with the turn $-\theta$ and the displacement $-R(\theta)^\top(x, y)$. And
-# $(M_1M_2)^{-1} = M_2^{-1}M_1^{-1}$: the last one first.
+# $(M_1M_2)^{-1} = M_2^{-1}M_1^{-1}$: the last one first. With an import it is one line,
+# `between(steps[::-1], np.zeros(3))`: the old pose, seen from the end of each motion.
 
 # %% [markdown] tags=["solution"]
 # Formula (A) of the chapter turns all signs, and is right: there $\mathbf u$ is a *velocity*, and
@@ -366,6 +361,12 @@ check_next_goal.mistakes = {
     "the frontier nearest to the marker was returned: it shall be nearest to the robot": (
         "np.where(allowed, away, np.inf) => np.where(allowed, home, np.inf)"
     ),
+    "nearest to here is asked, not the shortest round trip": (
+        "np.where(allowed, away, np.inf) => np.where(allowed, away + reserve * home, np.inf)"
+    ),
+    "nearest to here is asked, not the shortest way there and home by the map": (
+        "np.where(allowed, away, np.inf) => np.where(allowed, away + home, np.inf)"
+    ),
     "the index counts the allowed frontiers only: it shall count all": (
         "np.argmin(np.where(allowed, away, np.inf)) => np.argmin(away[allowed])"
     ),
@@ -556,7 +557,8 @@ check_relaid.mistakes = {
 # The program computes $T\,(T^{-1}P)\,(T^{-1}T') = P\,T^{-1}T'$, and (B) asks for $T'\,T^{-1}P$: each
 # line is right, and the last one has its two factors in the wrong order. At a node $P = T$, and both
 # are $T'$: a test with the nodes alone passes. Elsewhere the motion of the node is made about the
-# pose, which turns on the spot instead of swinging about its node.
+# pose, which turns on the spot instead of swinging about its node. In the picture the right path
+# is 0.11 m off the true path: what the wheels counted wrongly since the last node stays in it.
 
 # %% [markdown] tags=["solution"]
 # A node that turns by $\varepsilon$ carries a pose at a distance $r$ by $r\varepsilon$. The
@@ -575,8 +577,8 @@ check_relaid.mistakes = {
 # Thirty robots have come home. A surveyor has measured the error of each on the floor. Each robot
 # states its heading, and the covariance of its position as its filter keeps it.
 #
-# In the plane the squared, weighted error $d^2 = e^\top P^{-1} e$ of a right covariance has the
-# distribution $P(d^2 < c) = 1 - e^{-c/2}$. A colleague has put errors and covariances into $d^2$
+# In the plane, with a right covariance $P$, the squared, weighted error $d^2 = e^\top P^{-1} e$ is
+# below $c$ with probability $1 - e^{-c/2}$. A colleague has put errors and covariances into $d^2$
 # as they came and found 21 of the 30 inside the 95 % ellipse of their robot. The filter is
 # overconfident, says the colleague, and must be repaired. Which errors are inside?
 
@@ -905,13 +907,17 @@ check_runs_needed.mistakes = {
 # many pass?
 
 # %% active="ipynb" tags=["solution"]
+# from math import comb
+#
 # rng = np.random.default_rng(0)
 # needed = np.array([runs_needed(0.9, lost) for lost in range(10)] + [np.inf])
 # runs = np.arange(1, 101)
 # lost = np.minimum((rng.random((4000, 100)) > 0.88).cumsum(1), 10)
 # proven = runs >= needed[lost]
-# print(f"fixed: {proven[:, -1].mean():.1%}, one more until it is proven: "
-#       f"{proven.any(1).mean():.1%}")
+# for name, passed in (("fixed", proven[:, -1]), ("until it is proven", proven.any(1))):
+#     print(f"{name}: {passed.mean():.1%}, 1 in {1 / passed.mean():.0f}")
+# few = sum(comb(100, k) * 0.12**k * 0.88 ** (100 - k) for k in range(5))
+# print(f"fixed, by the binomial distribution (at most 4 lost): 1 in {1 / few:.0f}")
 
 # %% [markdown] tags=["solution"]
 # Asked after each robot, the same interval lets four to five times as many of them pass: it may be
@@ -937,17 +943,15 @@ check_runs_needed.mistakes = {
 # Its wheels are 2 % too large, so it drives 2 % too far, and *turns 2 % too far as well*; and each
 # metre ahead they pull it to the left by 0.1 degrees, which they do not count. With a pencil: the
 # round of the shed was 22 m, and in truth 360 degrees to the left. How many degrees have its
-# wheels counted? From the shed to the far end it is 16 m straight. About how far aside is the
-# counted path there?
+# wheels counted? From the shed to the far end it is 16 m as the crow flies. About how far
+# aside is the counted path there?
 #
 # **Write down**, before you open the picture: which of the four ends centimetres from the marker,
 # and which metres? Which of them passes through a hedge? And if the wheels are noisy as well, by
 # 1.2 cm ahead, 1.2 cm to the side and 0.7 degrees (standard deviations) in each motion?
 #
-# In the lesson's table the path by wheels, driven by SLAM, brings home 5 of 20. There that path
-# leads through walls, and the guard holds the robot in front of them. In this yard there is no
-# guard and nothing stops a robot, so that you see the whole way; a cross marks a hedge that it
-# passed through.
+# In this yard there is no guard and nothing stops a robot; a cross marks a hedge that it passed
+# through.
 #
 # A robot takes two orders: `robot.drive(motion)` drives a motion (dx, dy, turn in the frame of the
 # robot) as well as the wheels can, and `robot.pose()` gives its pose by SLAM, right to a few
@@ -1096,7 +1100,7 @@ def _twenty_ends(function: Function, way: str) -> Array:
 
 
 def _home_drawn(ax: Any, function: Any) -> None:
-    """Draw a way out and four ways home, the hedges, and (6 m wide) where twenty noisy robots end.
+    """Draw a way out and four ways home, the hedges, and (12 m wide) where twenty noisy robots end.
 
     The table: metres from the marker (noisy: median), and metres beside the way out.
     """
@@ -1137,8 +1141,8 @@ def _home_drawn(ax: Any, function: Any) -> None:
     ax.set(yticks=[-5, 0, 5], xlabel="", ylabel="")
     ax.set_xticks([0, 10, 20], ["0", "10", "20 m"])
     hedges.set(xlim=(18.6, 27.4), ylim=(-8.2, -2.6))
-    ends.set(xlim=(-3, 3), ylim=(-3, 3))
-    for view, name in ((hedges, "the hedges"), (ends, "20 noisy, 6 m")):
+    ends.set(xlim=(-6, 6), ylim=(-6, 6))
+    for view, name in ((hedges, "the hedges"), (ends, "20 noisy, 12 m")):
         view.set(xticks=[], yticks=[], aspect="equal")
         view.set_title(name, fontsize=9, loc="left", fontweight="normal")
         view.spines[:].set_visible(True)
@@ -1224,6 +1228,12 @@ check_come_home.mistakes = {
     "the pose after a motion is missing: SLAM or the wheels must give it": (
         "pose = compose(pose, motion) if => goal = compose(pose, motion) if"
     ),
+    "`mixed` asks SLAM once, at the start: the path's last pose is not quite where the robot is": (
+        'pose = robot.pose() => pose = path[-1] if way == "mixed" else robot.pose()'
+    ),
+    "ask SLAM before the first motion: the path's last pose is not quite where the robot is": (
+        "pose = robot.pose() => pose = path[-1]"
+    ),
     "a goal was driven as if it were a motion: a motion is seen from the robot": (
         "between(pose, goal) => goal"
     ),
@@ -1276,7 +1286,7 @@ check_come_home.mistakes = {
 # way = relaid(*memory)
 # far = np.hypot(*(way[-1] - way[66])[:2])
 # print(f"counted on the round: {counted:.1f} degrees;"
-#       f" {far:.0f} m straight: {far * np.deg2rad(360 - counted):.1f} m aside")
+#       f" {far:.0f} m as the crow flies: {far * np.deg2rad(360 - counted):.1f} m aside")
 # ahead, left, _ = between(way[-1], memory[0][-1])
 # print(f"in truth {abs(left):.1f} m aside;"
 #       f" the last pose is {np.hypot(ahead, left):.1f} m away")
@@ -1305,6 +1315,10 @@ check_come_home.mistakes = {
 # home, and of these only the re-laid path stays on the way: 9 of the 20 that drive the counted one
 # pass through a hedge. What wheels do wrong by wear cancels on the way back, and noise does not:
 # then `"wheels"` loses all 20, as `"mixed"` does.
+#
+# In the lesson's table the path by wheels, driven by SLAM, brings home 5 of 20, and here
+# `"counted"` brings home 20 of 20. There that path leads through walls, and the guard holds the
+# robot in front of them.
 #
 # What did your first exercise count for? Minus signs in place of `retraced`, the same robot:
 

@@ -79,6 +79,7 @@ def home_after_a_look(robot, steps, memory, way):
     [
         (ch.check_retraced, lambda steps: inverse(steps)[::-1]),
         (ch.check_retraced, lambda steps: [inverse(u).tolist() for u in steps[::-1]]),
+        (ch.check_retraced, lambda steps: between(steps[::-1], np.zeros(3))),
         (ch.check_next_goal, next_by_loop),
         (ch.check_relaid, relaid_by_loop),
         (ch.check_relaid, relaid_by_motion),
