@@ -74,6 +74,9 @@ __all__ = [
 #
 # smallest. Of the two names of the line return the one with $r \ge 0$; the lidar, at the origin,
 # is on none of the walls.
+#
+# Once yours is right, `check_line.draw(lambda p, v: line(p, np.ones(len(p))))` draws the lesson's
+# fit.
 
 
 # %% tags=["private"]
@@ -497,6 +500,12 @@ check_corner.mistakes = {
     "this is the distance from the nearer of both ends: between them the segment counts too": (
         lambda p: int(np.argmax(np.minimum(np.hypot(*(p - p[0]).T), np.hypot(*(p - p[-1]).T))))
     ),
+    "this is the sum of the distances to both ends: expected that to the nearest point between": (
+        lambda p: int(np.argmax(np.hypot(*(p - p[0]).T) + np.hypot(*(p - p[-1]).T)))
+    ),
+    "this is the distance from the middle of the chord: each point has a nearest one of its own": (
+        lambda p: int(np.argmax(np.hypot(*(p - (p[0] + p[-1]) / 2).T)))
+    ),
     "this is the distance from the fitted line, largest at an end: cut by the segment": (
         _from_fit
     ),
@@ -619,6 +628,15 @@ def wall_cov(along: Array, variances: Array) -> Any:
 # %% [markdown] tags=["hint"]
 # With the rows $h_i$ as a matrix $H$ of shape (k, 2) the sum is $H^T V^{-1} H$, where $V$ is
 # diagonal. The covariance is its inverse.
+
+# %% [markdown] tags=["statement"]
+# <details><summary>After your prediction</summary>
+#
+# Ten points within half a metre of the foot, and the eleventh 4 m away: by the lesson's fit the
+# standard deviation of $\alpha$ grows from 0.57° to 6.69°, by the weighted fit it is 0.57° before
+# and after.
+#
+# </details>
 
 
 # %% tags=["cases"]
@@ -759,10 +777,10 @@ check_wall_cov.mistakes = {
 # normal, $r_w = r + x\cos\alpha_w + y\sin\alpha_w$. If $r_w$ comes out negative, the wall gets its
 # other name. The covariance is to first order; pose and wall err independently, with $P$ and $C$.
 #
-# Near the door all is well: a wall that is seen again passes the gate. At the far end of the
-# floor, twelve metres away, the gate rejects walls that the robot saw a minute ago, and the map
-# has them twice. Both kinds of walls suffer: those beyond the robot, and, worse, those between the
-# robot and the door.
+# Near the door all is well, and no wall lies between robot and door, so none changes its name: a
+# wall that is seen again passes the gate. At the far end of the floor, twelve metres away, the
+# gate rejects walls that the robot saw a minute ago, and the map has them twice. Both kinds of
+# walls suffer: those beyond the robot, and, worse, those between the robot and the door.
 #
 # The picture shows one wall of each kind: green where a thousand robots with these errors would
 # put it, and as an ellipse (95 %) what the program below claims. There are two bugs. Run the
@@ -936,7 +954,7 @@ check_to_world.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # What does each of them cost? The two walls of the picture, each seen by a thousand robots, and a
-# program with one bug or both:
+# program with one bug or both; and, near the door, a wall between robot and door:
 
 # %% active="ipynb" tags=["solution"]
 # def as_handed_out(pose, P, wall, C):
@@ -974,20 +992,23 @@ check_to_world.mistakes = {
 #     return np.mean(squared)
 
 # %% active="ipynb" tags=["solution"]
-# both_walls = np.array([2.0, 0.4]), np.array([2.0, 0.4 + np.pi])
-# places = {"near the door": np.array([0.4, 0.3, 0.7]),
-#           "far away": np.array([12.0, 4.0, 0.7])}
+# both_walls = np.array([[2.0, 0.4], [2.0, 0.4 + np.pi]])
+# between = np.array([[0.2, 0.4 + np.pi]])
+# door, far = np.array([0.4, 0.3, 0.7]), np.array([12.0, 4.0, 0.7])
+# rows = (("near the door", door, both_walls), ("a wall between", door, between),
+#         ("far away", far, both_walls))
 # for program in (as_handed_out, first_repaired, second_repaired, to_world):
-#     for name, pose in places.items():
-#         nees = [mean_nees(program, pose, wall, 7) for wall in both_walls]
-#         print(f"{program.__name__:16s} {name:14s} NEES "
-#               f"{nees[0]:4.1f} and {nees[1]:4.1f}")
+#     for name, pose, seen in rows:
+#         nees = [f"{mean_nees(program, pose, wall, 7):4.1f}" for wall in seen]
+#         print(f"{program.__name__:16s} {name:14s} NEES", " and ".join(nees))
 
 # %% [markdown] tags=["solution"]
-# Near the door the programs hardly differ: the lever is short there. Far away the first repair
-# alone makes the second wall *worse*: with the lever r and α are strongly correlated, and a thin
-# ellipse that slants the wrong way misses nearly everything. That is how bugs in pairs survive;
-# here the repair of the lever alone seems to do harm.
+# Near the door the first bug costs nothing yet, for the lever is short. The second cannot act:
+# neither wall changes its name. A wall between robot and door does, and as long as the second bug
+# is left, its NEES is about 4. Far away the first repair alone makes the second wall *worse*: with
+# the lever r and α are strongly correlated, and a thin ellipse that slants the wrong way misses
+# nearly everything. That is how bugs in pairs survive; here the repair of the lever alone seems to
+# do harm.
 #
 # The check, with the second bug left:
 
@@ -1007,9 +1028,9 @@ check_to_world.mistakes = {
 #    is at most `width` $\cdot \sqrt{v_i}$ from the piece's `line`, or if it has fewer than three
 #    points. Cut a piece that is not straight at its `corner`, which begins the second part; go on
 #    with both parts.
-# 2. **Close.** The scan goes all the way round, so it began somewhere on a wall: if there are
-#    several pieces, and the points of the last and of the first piece *together* are straight,
-#    they are one piece, and it comes first.
+# 2. **Close** (no general merge). The scan goes all the way round, so it began somewhere on a
+#    wall: if there are several pieces, and the points of the last and of the first piece *together*
+#    are straight, they are one piece, and it comes first.
 # 3. **Report.** Drop pieces of fewer than `fewest` points. Each of the others is a wall, in scan
 #    order, with the covariance from your `wall_cov`: its points have the places $t_i = p_i \cdot
 #    (-\sin\alpha, \cos\alpha)$ along it.
@@ -1389,7 +1410,7 @@ check_walls.mistakes = {
 # One scan shows the walls nearby well and the far ones badly. So the vacuum cleaner is put down
 # twice in this room, on two marks on the floor, and each time turns its lidar round once: what is
 # a cloud from one mark is a clear wall from the other. The marks are good to a centimetre and
-# 0.06°; with its covariance $P$ each pose errs on its own. Make one map of both scans.
+# 0.06°; each pose errs on its own, with the covariance $P$. Make one map of both scans.
 #
 # The origin of the map is the door, and the door is in a wall. For this wall $r$ is zero but for
 # the noise, and the noise decides under which of its two names it arrives: as $(0.005, -90°)$ from
@@ -1533,6 +1554,24 @@ def _straight(distance: float, tilt: float = 0.0) -> Any:
     return np.column_stack([distance + tilt * y, y])
 
 
+# Two parts of a wall ahead with a niche between them, and a wall to the left.
+_NICHE = np.vstack(
+    [
+        np.column_stack([np.full(12, 2.0), np.linspace(-1.2, -0.3, 12)]),
+        np.column_stack([np.full(5, 2.4), np.linspace(-0.2, 0.2, 5)]),
+        np.column_stack([np.full(12, 2.004), np.linspace(0.3, 1.2, 12)]),
+        np.column_stack([np.linspace(1.9, 0.4, 14), np.full(14, 1.3)]),
+    ]
+)
+
+
+def _one_wall_each(distances: Any, sigmas: Any = 0.01) -> Any:
+    """Return scans from one place, each of a wall ahead at a distance of its own."""
+    scans, P = [_straight(distance) for distance in distances], np.diag([0.02, 0.02, 0.001]) ** 2
+    variances = np.outer(sigmas * np.ones(len(scans)), np.ones(12)) ** 2
+    return np.zeros((len(scans), 3)), P, scans, variances, 13.8
+
+
 def _named_as_found(found: Array, truth: Array) -> tuple[Array, Array]:
     """Errors (n, 2) from the nearest true wall, under the name that each has; and which it is."""
     error = found[:, None] - np.vstack([truth, truth * [-1, 1] + [0, np.pi]])
@@ -1599,11 +1638,16 @@ check_room_map = Check(
         "a room with its door, the origin, in a wall": _visits(3, _DOOR),
         "a narrow gate": _visits(2, gate=1.0),
         "walls that were somewhere else before": _visits(2, apart=0.5),
-        "two walls of the map pass: the nearer is the same": (
-            np.zeros((3, 3)),
+        "two walls of the map pass: the nearer is the same": _one_wall_each([2.0, 2.14, 2.08]),
+        "two walls of the map pass: the nearer was there first": _one_wall_each([2.14, 2.0, 2.08]),
+        "two walls of the map pass: the one farther off is the poorer": (
+            _one_wall_each([2.0, 2.2, 2.09], [0.01, 0.1, 0.01])
+        ),
+        "a niche cuts a wall in two, in one scan: the map has it once": (
+            [[1.0, -0.5, 0.3]],
             np.diag([0.02, 0.02, 0.001]) ** 2,
-            [_straight(2.0), _straight(2.14), _straight(2.08)],
-            np.full((3, 12), 0.01**2),
+            [_NICHE],
+            np.full((1, len(_NICHE)), 0.01**2),
             13.8,
         ),
         "a wall through the origin, turned a little to either side": (
@@ -1636,6 +1680,11 @@ def _renamed(poses: Array, P: Array, scans: Array, variances: Array, gate: float
     return np.column_stack([found[:, 0], wrap_angle(found[:, 1])]), covs
 
 
+_LEVER = "J_wall @ C @ J_wall.T => C"
+_SIGN = "cov * np.array([[1.0, -1.0], [-1.0, 1.0]]) => cov"
+_as_handed_out = check_to_world.mistaken((_LEVER, _SIGN))
+_without_lever, _without_sign = check_to_world.mistaken(_LEVER), check_to_world.mistaken(_SIGN)
+
 check_room_map.mistakes = {
     "each scan brings its own walls: a wall that is in the map already is joined with it": (
         "if min(squared, default=np.inf) < gate: => if False:"
@@ -1651,6 +1700,32 @@ check_room_map.mistakes = {
     ),
     "the first wall that passes was taken: expected the nearest": (
         "k = np.argmin(squared) => k = next(i for i, s in enumerate(squared) if s < gate)"
+    ),
+    "the last wall that passes was taken: expected the nearest": (
+        "k = np.argmin(squared) => k = max(i for i, s in enumerate(squared) if s < gate)"
+    ),
+    "the nearest in metres and radians was taken: expected the smallest squared distance": (
+        "if min(squared, default=np.inf) < gate:"
+        " => k = np.argmin([np.hypot(*d) for d, W in pairs] or [0])\n"
+        "            if squared and squared[k] < gate:",
+        "                k = np.argmin(squared)\n => ",
+    ),
+    "only walls of earlier scans were compared: the map so far has this scan's, too": (
+        "for seen, C in zip => n = len(found)\n        for seen, C in zip",
+        "for mean in found] => for mean in found[:n]]",
+    ),
+    "one scan alone is wrong, with exercise 4 as handed out: try `check_to_world` first": (
+        "to_world(pose => _as_handed_out(pose"
+    ),
+    "one scan alone is wrong, and nothing was joined: try `check_to_world` first": (
+        "to_world(pose => _as_handed_out(pose",
+        "if min(squared, default=np.inf) < gate: => if False:",
+    ),
+    "one scan alone is wrong, a bug of exercise 4 is left: try `check_to_world` first": (
+        "to_world(pose => _without_lever(pose"
+    ),
+    "one scan alone is wrong, one bug of exercise 4 is left: try `check_to_world` first": (
+        "to_world(pose => _without_sign(pose"
     ),
     "both walls err: the squared distance is in units of C + M": (
         "np.linalg.solve(W + M, d) => np.linalg.solve(M, d)"
