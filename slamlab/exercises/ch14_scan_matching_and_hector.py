@@ -44,15 +44,16 @@ __all__ = [
 
 # %% active="ipynb" tags=["imports", "solution"]
 # import numpy as np
+# from scipy.spatial import cKDTree
 # from slamlab.exercises.ch14_scan_matching_and_hector import court_path
 # from slamlab.geometry import compose
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 1: the lever arm from the driver's seat, with a pencil
 #
-# A mecanum robot stands between two shelves. Its controller takes commands in the frame of the
-# robot: $\delta_x$ metres ahead, $\delta_y$ metres to the left, then a turn by $\delta_\psi$ to
-# the left. So for a pair of point to line it needs the derivatives by such a motion, not by a
+# A mecanum robot, whose wheels carry rollers so that it can drive sideways too, stands between
+# two shelves. Its controller takes commands in the frame of the robot: $\delta_x$ metres ahead,
+# $\delta_y$ metres to the left, then a turn by $\delta_\psi$ to the left. So for a pair of point to line it needs the derivatives by such a motion, not by a
 # change of $x, y, \psi$ in the world. After the motion, the error of one pair is
 #
 # $$
@@ -264,7 +265,7 @@ def _gaps(rng: np.random.Generator, share: float) -> Any:
     """Draw the gaps of beams on a wall, of which a share ends on people before it."""
     n = int(rng.integers(9, 40))
     gaps = rng.uniform(-0.6, 0.6) + rng.normal(0, 0.02, n)
-    people = rng.random(n) < share
+    people = rng.permutation(n) < round(share * n)
     gaps[people] -= rng.uniform(0.4, 2.0, people.sum())
     return np.round(gaps, 3), float(np.round(rng.uniform(0.06, 0.2), 2))
 
@@ -292,7 +293,7 @@ check_wall_shift = Check(
     {
         "a single beam": ([-0.3], 0.05),
         "four on the wall, two on people": ([0.11, 0.09, 0.10, 0.12, -0.9, -1.4], 0.1),
-        "a person near the wall": ([-0.21, -0.2, -0.19, -0.2, -0.02], 0.1),
+        "a person near the wall": ([-0.21, -0.2, -0.19, -0.2, -0.38], 0.1),
         "no people at all": _gaps(0.0),
         "a third of the beams on people": _gaps(0.33),
         "two of five on people": _gaps(0.4),
@@ -512,10 +513,16 @@ def _path_fault(
     turned = np.abs(np.sin(0.5 * (path - truth)[:, 2]))
     wrong = np.flatnonzero(~((off < 1e-6) & (turned < 1e-6)))
     if len(wrong):
-        changes = len({*keys[: max(wrong[0] - 1, 1)]}) - 1
+        first, last = (
+            f"heading {2 * np.rad2deg(np.arcsin(turned[k])):.1f}° off"
+            if off[k] < 0.005 < turned[k]
+            else f"{off[k]:.2f} m off"
+            for k in (wrong[0], -1)
+        )
+        changes = len({*keys[: max(wrong[0], 1)]}) - 1
         return (
-            f"right up to scan {wrong[0] - 1}, after {changes} change{'s' * (changes != 1)} of "
-            f"the key scan; {off[wrong[0]]:.2f} m off at the next, {off[-1]:.2f} m at the end"
+            f"scan {wrong[0]} is the first wrong one, after {changes} "
+            f"change{'s' * (changes != 1)} of the key scan: {first}; the last one: {last}"
         )
     for (i, k), key in zip(calls, keys):
         if i != key:
@@ -837,6 +844,10 @@ check_block_bounds.mistakes = {
 # promises $(0.8 + 0.9)/2 = 0.85$. No shift of a block scores more than its bound, since no point
 # meets more than its best. The bound is larger than the best score because the points may have
 # their best at different shifts; the larger the block, the larger the difference.
+#
+# Where is the saving? The best value of each square of $b \times b$ cells does not depend on the
+# scan. It is computed once for a map, and a bound is then one number per point
+# ([14b](../14b_scan_matching_and_hector.ipynb) does so).
 
 # %% [markdown] tags=["solution"]
 # The mean of the block's cells is what a shrunken picture of the map has. It looks reasonable, but
@@ -944,6 +955,7 @@ def icp(reference: Array, normals: Array, points: Array, guess: Array, cov: Arra
 
 # %% active="ipynb" tags=["try"]
 # # Walls at y = 1 and y = -1; the scan was taken at y = 0.1. Where along them?
+# # (The wheels say y = 0, and count a little across the walls too.)
 # icp(np.array([[-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]),
 #     np.tile([0.0, 1.0], (4, 1)),
 #     np.array([[-1.0, 0.9], [1.0, 0.9], [-1.0, -1.1], [1.0, -1.1]]),
@@ -1078,6 +1090,8 @@ def _icp_fault(
     gap[2] = abs(np.angle(np.exp(1j * gap[2])))
     if (gap <= allowed).all():
         return ""
+    if np.isfinite(gap).all() and max(allowed) < 1e-5:
+        return "moved although no point has a partner: the guess is expected as it is"
     if not np.isfinite(gap).all() or gap.max() > 10:
         return "the scan ended in another building, or nowhere"
     x, y, turn = 100 * gap[0], 100 * gap[1], np.rad2deg(gap[2])
@@ -1152,8 +1166,8 @@ def _icp_drawn(ax: Any, function: Any) -> None:
     ranges = np.where(log.ranges < 15, log.ranges, np.nan)
     points = log.scan.points(ranges[::3], path[::3]).reshape(-1, 2)
     ax.plot(*points.T, ".", ms=0.5, color=plots.COLOURS["wall"], rasterized=True)
-    plots.path(ax, wheels[0], "dead_reckoning")
-    plots.path(ax, path)
+    plots.path(ax, wheels[0], "dead_reckoning", linewidth=1)
+    plots.path(ax, path, linewidth=0.8)
     ax.set_title(f"wheels {wheels[1]:.1f} m off, this {error:.1f} m")
     plots.floor(ax)
 
@@ -1230,11 +1244,18 @@ check_icp.mistakes = {
     "the gate is too wide: points with a partner beyond 0.5 m have none, and pull": (
         "gaps.min(axis=1) < 0.5 => gaps.min(axis=1) < 1.5"
     ),
-    "a gate of many metres is none: points that the last scan did not see pull": (
+    "points that the last scan did not see pull: the gate is of the distance, and of 0.5 m": (
         "gaps.min(axis=1) < 0.5 => gaps.min(axis=1) < 9"
     ),
     "the gate is too narrow: a point's right partner may be farther off": (
         "gaps.min(axis=1) < 0.5 => gaps.min(axis=1) < 0.2"
+    ),
+    "the whole fraction of the weight is squared": (
+        "(0.1**2 / (0.1**2 + e**2)) ** 2 => 0.1**2 / (0.1**2 + e**2)"
+    ),
+    "the lever arm is not turned: it is of the point in the frame of the reference": (
+        "n[:, 1] * a[:, 0] - n[:, 0] * a[:, 1]"
+        " => n[:, 1] * points[near][:, 0] - n[:, 0] * points[near][:, 1]"
     ),
     "the weight is of the whole distance: along its wall a point may slide": (
         "0.1**2 + e**2 => 0.1**2 + gaps.min(axis=1)[near] ** 2"
@@ -1258,18 +1279,19 @@ check_icp.mistakes = {
 # in the sum $\Sigma_w^{-1} (\xi - \xi_w)$. Where walls hold the scan they outweigh the wheels;
 # along a corridor the wheels are all there is. No direction need be tested for being loose, and
 # $H$ always has an inverse. The second term is easily forgotten, since it is zero in the first
-# round. Without it the wheels only slow the steps down, and the scan creeps along the corridor:
+# round. Without it the wheels only slow the steps down, and the scan creeps along the corridor.
+# (A tree finds the same nearest points in less time.)
 
 # %% active="ipynb" tags=["solution"]
 # def matcher(gate=0.5, width=0.1, wheels=1.0, anchored=True, rounds=10):
 #     def icp(reference, normals, points, guess, cov):
-#         pose, info = guess.copy(), wheels * np.linalg.inv(cov)
+#         pose, info, tree = guess.copy(), wheels * np.linalg.inv(cov), cKDTree(reference)
 #         for _ in range(rounds):
 #             c, s = np.cos(pose[2]), np.sin(pose[2])
 #             arm = points @ np.array([[c, s], [-s, c]])
-#             gaps = np.linalg.norm((arm + pose[:2])[:, None] - reference, axis=2)
-#             j, near = gaps.argmin(axis=1), gaps.min(axis=1) < gate
-#             n, a = normals[j][near], arm[near]
+#             gap, j = tree.query(arm + pose[:2])
+#             near = gap < gate
+#             n, a = normals[j[near]], arm[near]
 #             e = np.sum(n * (arm + pose[:2] - reference[j])[near], axis=1)
 #             J = np.column_stack([n, n[:, 1] * a[:, 0] - n[:, 0] * a[:, 1]])
 #             w = (width**2 / (width**2 + e**2)) ** 2 / 0.03**2
@@ -1281,26 +1303,27 @@ check_icp.mistakes = {
 # check_icp(matcher(anchored=False))
 
 # %% [markdown] tags=["solution"]
-# What is each part worth in Killian Court? Three drifts of the wheels, each with one part left
-# out:
+# What is each part worth in Killian Court? The same drift of the wheels, and in each row one thing
+# is changed:
 
 # %% active="ipynb" tags=["solution"]
 # versions = {"as it should be": {}, "no gate": {"gate": np.inf},
 #             "a gate of 1.5 m": {"gate": 1.5}, "three rounds": {"rounds": 3},
 #             "no weights": {"width": 1e6}, "wheels only as the guess": {"wheels": 1e-9}}
 # for name, other in versions.items():
-#     errors = [court_path(matcher(**other), seed)[1] for seed in (1, 2, 3)]
-#     print(f"{name:25s}", ", ".join(f"{e:.1f}" for e in errors), "m")
+#     print(f"{name:25s}{court_path(matcher(**other))[1]:.1f} m")
 
 # %% [markdown] tags=["solution"]
 # Without the gate the path is more than 5 m off; with one of 1.5 m, or without the weights, about
-# 3 m. Three rounds in place of ten double the error. The wheels as an
-# observation change little here. In the corridor of the check, which has no corner, the scan
-# slides without them.
+# 3 m. Three rounds in place of ten double the error. The wheels as an observation change little
+# here. In the corridor of the check, which has no corner, the scan slides without them. In eleven
+# other drifts, the gate of 1.5 m gave 3 m again, no weights 2 to 9 m, and no gate more than 5 m;
+# three rounds were worse than ten in each, though by a few centimetres only in one.
 #
 # What you have now is the front end of a SLAM system: a third of a metre off after 311 m, without
-# a single loop closed. The lesson's `ScanGraphSlam` adds the closures, with the pose graph of
-# chapter 13.
+# a single loop closed. The line *matching* of the lesson, on the same log with the same drift, has
+# 0.8 m; it differs from yours in several ways, and which of them counts was not tried. The
+# lesson's `ScanGraphSlam` adds the closures, with the pose graph of chapter 13.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 14](../solutions/14_scan_matching_and_hector.ipynb).
