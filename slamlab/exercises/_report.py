@@ -394,6 +394,9 @@ class Check:
     def _names(self, arguments: tuple[Any, ...]) -> list[str]:
         if len(arguments) == len(self._parameters):
             return [p.name for p in self._parameters]
+        own = list(inspect.signature(self._use).parameters)[1:] if self._use else []
+        if len(own) == len(arguments):
+            return own
         return [f"argument {k + 1}" for k in range(len(arguments))]
 
     def _look(
@@ -430,7 +433,9 @@ class Check:
     def _lines(self, k: int, seen: Observation) -> tuple[str, ...]:
         arguments = self.inputs[k][1]
         pairs = zip(self._names(arguments), arguments, strict=True)
-        tried = "tried " + (", ".join(f"{n} = {show(a)}" for n, a in pairs) or "no argument")
+        own = len(arguments) != len(self._parameters)
+        tried = "the check's own inputs: " if own else "tried "
+        tried += ", ".join(f"{n} = {show(a)}" for n, a in pairs) or "no argument"
         if seen.raised:
             return (tried, f"your function raised {seen.raised}")
         if isinstance(self.due[k], str) and isinstance(seen.came, str):

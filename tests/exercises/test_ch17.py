@@ -162,4 +162,18 @@ def test_a_copy_of_the_points_is_no_memory():
     assert ch.check_come_home(copied).passed
     report = ch.check_come_home(along_the_points)
     assert not report.passed
-    assert "not the way of the cubics" in report.text
+    assert "drives elsewhere, up to" in report.text
+
+
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        ("gains(0.2, 0.15, 1.0) => (1.3, 2.2)", "exercise 4's gains drives elsewhere, up to"),
+        ("turn_back(cubics) => turn_back(cubics + 0.001)", "not keep the cubics of `remember`"),
+        ("remember(points, heading, 0.05) => _pieces(points, heading, 0.05)", "`remember`"),
+    ],
+)
+def test_other_gains_and_other_cubics_are_told_as_what_they_are(edit, said):
+    report = ch.check_come_home(ch.check_come_home.mistaken(edit))
+    assert not report.passed
+    assert said in report.text

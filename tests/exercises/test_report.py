@@ -52,6 +52,17 @@ def test_a_known_mistake_is_named():
     assert "total[0]: expected 4, got -2 (2 of 2 entries differ)" in report.text
 
 
+def test_inputs_that_are_the_checks_own_are_named_as_those():
+    def judged(function, start, seed, noise):
+        return function(start + seed + noise, 0.0)
+
+    def broken(a, b):
+        raise TypeError("no")
+
+    line = Check(_add, "total", {"a drive": (1.0, 2, 0.5)}, use=judged)(broken).rows[0].lines[0]
+    assert line == "the check's own inputs: start = 1.0, seed = 2, noise = 0.5"
+
+
 def test_of_a_long_path_the_largest_difference_is_told_as_well():
     path = np.zeros((100, 3))
     came = path + 0.002
