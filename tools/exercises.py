@@ -55,8 +55,8 @@ TAGS = {
     "chapter", "imports", "statement", "exercise", "stub", "try", "hint", "cases", "mistakes",
     "solution", "private", "predict",
 }  # fmt: skip
-# Folded in the book, and in JupyterLab.
-FOLDED = {"tags": ["hide-output"], "jupyter": {"outputs_hidden": True}}
+# Folded in the book. (JupyterLab unfolds what is run, whatever a notebook says.)
+FOLDED = {"tags": ["hide-output"]}
 WIDTH = 88  # of a line of code on a page
 # A line that begins something of its own, and one that the next does not continue.
 STARTS = re.compile(r"[-*+] |\d+\. |[>|]|</?[a-z]|#+ |\$\$|```")
