@@ -854,7 +854,7 @@ check_wander.mistakes = {
 #
 # And a bad robot of your own: give `wander` an input that is wrong, or change a copy of your loop.
 # Choose a defect, write down how many of the hundred it finds, and draw it. A difference of a few
-# among a hundred robots can be chance; the solutions count five hundred. The bet can be settled
+# among a hundred robots can be chance. The bet can be settled
 # here, too: the third robot is the *blind* one of the right panel. In the left panel *blind* is
 # your bad robot with its eye closed from the first step on.
 

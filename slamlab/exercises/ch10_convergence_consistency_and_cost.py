@@ -460,7 +460,7 @@ def _three_whole_rows(P: Array, F: Array, Q: Array) -> Array:
 check_predict_cov.mistakes = {
     "your products are as large as the map, and 0 times inf is not a number: what the motion does "
     "not change must stay out of them": _whole_products,
-    "P_xm came from a product with all of P, and 0 times inf is not a number: what the motion "
+    "P_xm was taken from a product with all of P, and 0 times inf is not a number: what the motion "
     "does not change must stay out of it": _three_whole_rows,
     "P_xm stayed as it was: it moves with the pose": "Phi @ P[:3, 3:] => P[:3, 3:]",
     "P_xm was changed in the rows only: a covariance is symmetric, P_mx = P_xm^T": (
@@ -824,7 +824,7 @@ check_joined.mistakes = {
 # $(H t)^\top R^{-1} (H t)$, over all observations. With the robot at the origin and the heading
 # known to $\sigma_0$ at the start, the filter then has $t^\top P^{-1} t = 1 / \sigma_0^2 +
 # \text{sum}$ along $t$. A heading can be known no better than that ($t_\theta = 1$; the inequality
-# is that of Cauchy and Schwarz, see the solution):
+# is that of Cauchy and Schwarz):
 #
 # $$
 # \sigma_\theta^2 \ge \frac{t_\theta^2}{t^\top P^{-1} t} = \frac{1}{1/\sigma_0^2 + \text{sum}} .

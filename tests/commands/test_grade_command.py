@@ -175,10 +175,6 @@ def says_of_solutions(notebook):
     return re.findall(r"[^\n.]*\b(?:(?:the|its) solution|solutions)\b[^\n.]*", text, re.I)
 
 
-# Chapters whose statements still name their solutions.
-NAMED = {"07", "20"}
-
-
 def test_no_statement_of_a_handout_names_the_solutions(tmp_path):
     found = sorted(path.name[:2] for path in (NOTEBOOKS / "exercises").glob("*.ipynb"))
     assert len(found) == 21
@@ -187,7 +183,7 @@ def test_no_statement_of_a_handout_names_the_solutions(tmp_path):
         path.name[:2]: says_of_solutions(json.loads(path.read_text()))
         for path in sorted(tmp_path.glob("*.ipynb"))
     }
-    assert {number: lines for number, lines in said.items() if lines and number not in NAMED} == {}
+    assert {number: lines for number, lines in said.items() if lines} == {}
     one = {"cells": [{"source": ["Which? (The solution tries it.)"]}]}
     assert says_of_solutions(one) == ["Which? (The solution tries it"]
     assert not says_of_solutions({"cells": [{"source": ["It has no single solution."]}]})
