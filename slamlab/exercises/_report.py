@@ -433,8 +433,7 @@ class Check:
     def _lines(self, k: int, seen: Observation) -> tuple[str, ...]:
         arguments = self.inputs[k][1]
         pairs = zip(self._names(arguments), arguments, strict=True)
-        own = len(arguments) != len(self._parameters)
-        tried = "the check's own inputs: " if own else "tried "
+        tried = "tried " if len(arguments) == len(self._parameters) else "the check's own inputs: "
         tried += ", ".join(f"{n} = {show(a)}" for n, a in pairs) or "no argument"
         if seen.raised:
             return (tried, f"your function raised {seen.raised}")

@@ -854,8 +854,7 @@ check_wander.mistakes = {
 #
 # And a bad robot of your own: give `wander` an input that is wrong, or change a copy of your loop.
 # Choose a defect, write down how many of the hundred it finds, and draw it. A difference of a few
-# among a hundred robots can be chance. The bet can be settled
-# here, too: the third robot is the *blind* one of the right panel. In the left panel *blind* is
+# among a hundred robots can be chance. The bet can be settled here, too: the third robot is the *blind* one of the right panel. In the left panel *blind* is
 # your bad robot with its eye closed from the first step on.
 
 # %% active="ipynb" tags=["statement", "hide-output"] mystnb={"image": {"alt": "Two panels, your bad robot and the right one: the belief of a patrol, and how many robots of a hundred are found."}}

@@ -652,7 +652,7 @@ def _points_drawn(ax: Any, function: Any) -> None:
     world, lidar = WallWorld.from_polygons(_ROOM), Lidar(60, max_range=4.5)
     plots.walls(ax, world.segments)
     mount = np.array([0.4, -0.2, 0.1])
-    for pose in np.array([[4.0, 1.6, 0.0], [4.0, 1.6, np.pi]]):
+    for pose in np.array([[2.0, 3.4, np.pi / 2], [2.0, 3.4, -np.pi / 2]]):
         scan = lidar.scan(world, compose(pose, mount))
         points = function(pose, mount, scan, lidar.beam_angles)
         plots.lidar_points(ax, np.asarray(points, float), s=4)

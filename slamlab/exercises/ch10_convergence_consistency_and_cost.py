@@ -249,10 +249,8 @@ check_door_width.mistakes = {
 # posts themselves better than the start.
 #
 # Does it fit? The door is 14 cm wider than the robot, on the map. After 10 observations that is
-# little more than one σ, and by this σ one robot in seven sticks. (In 20 000 maps it is one in
-# eight: the variance is of first order, and noise across the door, of second, makes the doors of
-# the maps 1 cm wider on average.) After 100 it is more than three, and fewer than one in 2000
-# stick: drive.
+# little more than one σ, and by this σ, which is of first order, one robot in seven sticks. After
+# 100 it is more than three, and fewer than one in 2000 stick: drive.
 
 # %% [markdown] tags=["solution"]
 # With the variances of both axes added, the turn counts: a door that is known exactly, but for its
@@ -286,9 +284,8 @@ check_door_width.mistakes = {
 # The picture has the correlations of a pose and three landmarks after twenty steps on a curve.
 # Above it are two numbers: the smallest eigenvalue of that covariance, and how many
 # multiplications your products took with 100 landmarks (`@` is counted, `einsum` cannot be); the
-# check does not count them. Then
-# draw (9) alone as well, with the other blocks left as they were: what is wrong with its
-# eigenvalue?
+# check does not count them. Then draw (9) alone as well, with the other blocks left as they were:
+# what is wrong with its eigenvalue?
 
 
 # %% tags=["exercise", "predict"]
@@ -778,10 +775,10 @@ check_joined.mistakes = {
 # second stretch, and the recursion of page 10d comes out. It shows why $\Psi$ and $\vartheta$ need
 # the $\Phi$ from *before* the update: what a stretch gathers speaks of the region at *its* start.
 #
-# The guess: 0.32 m on average, from 0.12 to 0.62 m, and nearer in 18 of 20 drives. The other two
-# began at 0.13 and 0.18 m, nearer than the filter could know: its covariance after a drive expects
-# 0.34 m. The whole map shares one shift and one turn, and from the beacons the robot learns both.
-# Without them all eight stay where they are.
+# The guess: the title of the right panel has it, 0.32 m on average, and nearer in 18 of 20 drives.
+# The other two began nearer than the filter's covariance after a drive expects. The whole map
+# shares one shift and one turn, and from the beacons the robot learns both. Without them all eight
+# stay where they are.
 
 # %% [markdown] tags=["solution"]
 # Take the $\Phi$ from after the second stretch, and what it has gathered is booked for a region
@@ -1030,10 +1027,9 @@ check_leaked.mistakes = {
 # directions of the state, in which the landmarks do not move exactly as in $t$, and along one of
 # these less is known.
 #
-# One observation, the 14th, takes σ from 7.9° to 3.9°. The correction before it has turned the
-# map, and the landmark that is seen now stands 0.74 m beside its first place: 0.74 m per radian in
-# a range with a σ of 5 cm is 220 per rad², and until then the start and the sum had given 60. With
-# the `H` of this one observation at the first estimates, σ stays at 7.9°.
+# In the picture a single observation halves σ. The correction before it has turned the map, so the
+# landmark that is seen now stands far beside its first place, and that leaks into the range at
+# once. With the `H` of this one observation at the first estimates σ stays as it is.
 
 # %% [markdown] tags=["statement"]
 # ## Exercise 5: a repair with two bugs

@@ -69,8 +69,8 @@ __all__ = [
 # %% [markdown] tags=["statement"]
 # ## Exercise 1: a loop on a line, without a matrix (pencil first)
 #
-# A vacuum cleaner drives along a corridor. Its processor adds, multiplies and divides,
-# but cannot solve linear systems. Pose 0 is at 0; step $k$ leads from pose $k$ to pose $k + 1$ and was measured
+# A vacuum cleaner drives along a corridor. Its processor adds, multiplies and divides, but cannot
+# solve linear systems. Pose 0 is at 0; step $k$ leads from pose $k$ to pose $k + 1$ and was measured
 # as $z_k$ with the variance $s_k$, on smooth floor a small one, on the carpet a large one. One
 # closure measures $x_b - x_a$ as $c$ with the variance $s_c$. Where are the poses that make
 #

@@ -53,8 +53,8 @@ __all__ = [
 #
 # A mecanum robot, whose wheels carry rollers so that it can drive sideways too, stands between
 # two shelves. Its controller takes commands in the frame of the robot: $\delta_x$ metres ahead,
-# $\delta_y$ metres to the left, then a turn by $\delta_\psi$ to the left. So for a pair of point to line it needs the derivatives by such a motion, not by a
-# change of $x, y, \psi$ in the world. After the motion, the error of one pair is
+# $\delta_y$ metres to the left, then a turn by $\delta_\psi$ to the left. So for a pair of point
+# to line it needs the derivatives by such a motion, not by a change of $x, y, \psi$ in the world. After the motion, the error of one pair is
 #
 # $$
 # e(\delta) = \mathbf n^\top \Big( R(\psi) \big[ R(\delta_\psi)\,\mathbf s
@@ -1317,8 +1317,8 @@ check_icp.mistakes = {
 # Without the gate the path is more than 5 m off; with one of 1.5 m, or without the weights, about
 # 3 m. Three rounds in place of ten double the error. The wheels as an observation change little
 # here. In the corridor of the check, which has no corner, the scan slides without them. In eleven
-# other drifts, the gate of 1.5 m gave 3 m again, no weights 2 to 9 m, and no gate more than 5 m;
-# three rounds were worse than ten in each, though by a few centimetres only in one.
+# other drifts no gate, the wide gate, no weights and three rounds were each worse than the whole,
+# three rounds hardly so in one of them. Which of them is worst depends on the drift.
 #
 # What you have now is the front end of a SLAM system: a third of a metre off after 311 m, without
 # a single loop closed. The line *matching* of the lesson, on the same log with the same drift, has

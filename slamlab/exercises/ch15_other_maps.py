@@ -1582,8 +1582,8 @@ def _noted_late(*given: Any) -> Any:
 
 # %% [markdown] tags=["statement"]
 # **What you have now**: from a start known to half a metre, a localisation that needs no wall, no
-# landmark and no satellite, on a map that four robots made together. Give each particle a map of its own, which grows by $\nu/2$ and
-# $S/2$ after step 4 and is copied with its particle in step 6, and it is Gamma-SLAM.
+# landmark and no satellite, on a map that four robots made together. Give each particle a map of
+# its own, which grows by $\nu/2$ and $S/2$ after step 4 and is copied with its particle in step 6, and it is Gamma-SLAM.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 15](../solutions/15_other_maps.ipynb).

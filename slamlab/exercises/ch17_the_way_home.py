@@ -1286,11 +1286,11 @@ check_remember.mistakes = {
 # one; past it the robot is beside its true way, 19 cm in the lesson.
 #
 # Four rules: three are the lesson's, the fourth stops earlier, at 0.03 m. The cubics become points
-# at most 1 cm apart (400 in each cubic are enough here). The nearest point of the way is sought only in the 0.3 m before the last one
-# found, towards the start (some centimetres to the other side do no harm, the whole way does); at
-# first the end of the way is the last one found. $P_f$ is 0.15 m
-# nearer to the start along the way, or the start itself if that is nearer. The robot stops when
-# less than 0.03 m are left *along* the way, which may come past its start.
+# at most 1 cm apart (400 in each cubic are enough here). The nearest point of the way is sought
+# only in the 0.3 m before the last one found, towards the start (some centimetres to the other side
+# do no harm, the whole way does); at first the end of the way is the last one found. $P_f$ is
+# 0.15 m nearer to the start along the way, or the start itself if that is nearer. The robot stops
+# when less than 0.03 m are left *along* the way, which may come past its start.
 #
 # `move` drives 0.1 s and returns what the odometer measured. This time it errs, on the way out
 # and on the way home. The picture has one robot whose ways you see, and the ends of twelve.

@@ -1022,7 +1022,7 @@ def _rows(hypotheses: Function, *case: Any) -> Any:
     rows = hypotheses(*case)
     kind = np.asarray(rows)
     if kind.ndim == 1 and kind.size and kind.dtype.kind == "f":
-        raise TypeError("rows came as float: expected int, so that `poses[rows]` works")
+        raise TypeError("rows are float: expected int, so that `poses[rows]` works")
     return rows
 
 

@@ -176,9 +176,17 @@ def test_joined_accounts_are_those_of_the_whole_filter():
         _, error, moved, cov = ch._day(ch.joined, seed)
         e = error - moved
         off.append((np.abs(error).mean(), np.abs(e).mean()))
+        if off[-1][1] > off[-1][0]:  # the page: it began nearer than the covariance expects
+            assert error @ error < np.trace(cov)
         scores.append(e @ np.linalg.solve(cov, e) / len(e))
     assert sum(after < before for before, after in off) >= 17
     assert 0.7 < np.mean(scores) < 1.4
+
+
+def test_one_observation_halves_the_sigma_that_the_standing_filter_reports():
+    """As the page of solutions says of its picture."""
+    reported = np.array(ch._standing_robot()[3])
+    assert 0.45 < (reported[1:] / reported[:-1])[3:].min() < 0.55
 
 
 def test_the_sum_is_a_limit_of_what_the_standing_filter_reports():

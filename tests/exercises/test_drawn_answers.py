@@ -128,7 +128,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch05.check_odometry, lambda pose, P, *a: ch05.odometry(pose, P + np.eye(3), *a)),
         (ch06.check_first_hit, lambda o, x, y, a: ch06.first_hit(o, x, y, a) + 0.5),
         (ch06.check_beam_angles, lambda n, v, turned: np.linspace(-v / 2, v / 2, n)),
-        (ch06.check_scan_to_points, lambda p, *a: ch06.scan_to_points(p * [1, 1, 0], *a)),
+        (ch06.check_scan_to_points, lambda p, *a: ch06.scan_to_points(p * [1, 1, -1], *a)),
         (ch06.check_nearest_wall, lambda s, x, y, a: ch06.nearest_wall(s[:4], x, y, a)),
         (ch06.check_record, lambda o, r, p, *a: ch06.record(o, r, p * [1, 1, 0], *a)),
         (ch07.check_line, lambda p, v: ch07.line(p, np.ones(len(p)))),
