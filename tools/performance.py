@@ -36,10 +36,10 @@ TABLES = {
         "Pose graphs beside gtsam",
         ["chi2 of slamlab", "chi2 of gtsam"],
         "`PoseGraph.optimize` and gtsam's Gauss-Newton, both from the same start until a step "
-        "lowers the cost by less than 1e-12 of it. gtsam's own `optimize` ends where a step raises "
-        "the cost, as the first on Intel does; here it goes on. Each cost is in its program's "
-        "metric, and the two differ in the second order of an edge's error. Building gtsam's "
-        "graph is not counted.",
+        "lowers the cost by less than 1e-12 of it. gtsam's own `optimize` ends where a step "
+        "raises the cost, as the first on Intel does; here it goes on. Each cost is in its "
+        "program's metric, and the two differ in the second order of an edge's error. Building "
+        "gtsam's graph is not counted.",
     ),
     "test_ekf_speed": (
         "EKF-SLAM beside the textbook's dense matrices",
