@@ -4,6 +4,11 @@ if (window.MathJax) {
   const narrow = window.matchMedia("(max-width: 600px)");
   const place = function () { return narrow.matches ? "left" : "center"; };
   window.MathJax.chtml = { matchFontHeight: false, scale: 1.17, displayAlign: place() };
+  window.MathJax.startup = { pageReady: function () {
+    return window.MathJax.startup.defaultPageReady().then(function () {
+      document.querySelectorAll("mjx-container[display='true']").forEach(fadeWhatGoesOn);
+    });
+  } };
   // Formulas are laid out for the width that they meet: again when a phone is turned.
   narrow.addEventListener("change", function () {
     var formulas = window.MathJax.startup.document;
@@ -21,7 +26,10 @@ function scrollBox(thing, kind, label) {
   box.setAttribute("aria-label", label);
   thing.parentNode.insertBefore(box, thing);
   box.appendChild(thing);
-  // What goes on beyond the right edge fades there.
+  fadeWhatGoesOn(box);
+}
+// What goes on beyond the right edge fades there.
+function fadeWhatGoesOn(box) {
   function fade() {
     box.classList.toggle("goes-on", box.scrollWidth - box.clientWidth - box.scrollLeft > 2);
   }
@@ -44,6 +52,7 @@ document.addEventListener("DOMContentLoaded", function () {
   });
   document.querySelectorAll(".bd-article pre").forEach(function (pre) {
     pre.tabIndex = 0;
+    fadeWhatGoesOn(pre);
   });
   // No line begins with the stop or the comma that follows a formula.
   document.querySelectorAll(".bd-article span.math").forEach(function (formula) {
@@ -52,7 +61,8 @@ document.addEventListener("DOMContentLoaded", function () {
     if (!stop) return;
     after.splitText(stop[0].length);
     var both = document.createElement("span");
-    both.className = "formula-and-stop";
+    // A short one keeps it on a phone, too.
+    both.className = formula.textContent.length < 30 ? "formula-and-stop short" : "formula-and-stop";
     formula.before(both);
     both.append(formula, after);
   });
@@ -95,10 +105,12 @@ document.addEventListener("DOMContentLoaded", function () {
   var phone = window.matchMedia("(max-width: 600px)");
   // How the alternative text of an exercise's picture begins; the rest is the caption below it.
   var yours = "Two panels, yours and as it should be: ";
+  // Others that have a caption say more of themselves.
+  var others = /\/(exercises|solutions)\//.test(location.pathname) ? /^Two (panels|maps)/ : /^$/;
   // Middles of the empty stripes between panels, as parts of the width: one near a half, or two
   // near the thirds; none if something crosses them. And where the panels end, as a part of the
   // height: the caption of an exercise's picture stands below both.
-  function gaps(picture, captioned) {
+  function gaps(picture, captioned, known) {
     var canvas = document.createElement("canvas");
     var width = canvas.width = 600;
     var height = canvas.height = Math.round(width * picture.naturalHeight / picture.naturalWidth);
@@ -107,37 +119,47 @@ document.addEventListener("DOMContentLoaded", function () {
     context.fillRect(0, 0, width, height);
     context.drawImage(picture, 0, 0, width, height);
     var pixels = context.getImageData(0, 0, width, height).data;
-    var bottom = height;
     function blank(x, y) {
       var at = 4 * (y * width + x);
       return pixels[at] + pixels[at + 1] + pixels[at + 2] >= 750;
     }
-    function empty(x) {
+    function empty(x, bottom) {
       for (var y = 0; y < bottom; y++) if (!blank(x, y)) return false;
       return true;
     }
-    function written(y) {
-      for (var x = 0; x < width; x++) if (!blank(x, y)) return true;
+    function written(y, from, to) {
+      for (var x = from; x < to; x++) if (!blank(x, y)) return true;
       return false;
     }
-    function gap(from, to) {
+    // The widest empty stripe within two parts of the width, in the rows above the bottom.
+    function gap(from, to, bottom, least) {
       var best = null, start = -1;
       for (var x = Math.round(from * width); x <= to * width; x++) {
-        if (!empty(x)) { start = -1; continue; }
+        if (!empty(x, bottom)) { start = -1; continue; }
         if (start < 0) start = x;
-        if (x - start >= 4 && (!best || x - start > best[1] - best[0])) best = [start, x];
+        if (x - start >= least && (!best || x - start > best[1] - best[0])) best = [start, x];
       }
-      return best && (best[0] + best[1]) / 2 / width;
+      return best;
     }
-    var half = gap(0.4, 0.6);
-    while (captioned && !half && bottom > 0.75 * height) {
-      bottom -= 1;
-      half = gap(0.4, 0.6);
+    function middle(stripe) { return stripe && (stripe[0] + stripe[1]) / 2 / width; }
+    if (captioned) {
+      // A stripe is wider than the space between two words of the caption.
+      var bottom = height, between, line;
+      while (!(between = gap(0.35, 0.65, bottom, 12)) && bottom > 0.7 * height) bottom -= 1;
+      if (!between) return { cuts: [], bottom: 1 };
+      // The line of the caption that crosses the stripe begins some rows higher.
+      line = bottom;
+      while (bottom < height && line - bottom < 14 && written(bottom - 1, 0, width)) bottom -= 1;
+      // A short caption does not cross it: it stands left, below all that the right panel has.
+      if (known && bottom === height) {
+        while (bottom > 0.7 * height && !written(bottom - 1, between[1], width)) bottom -= 1;
+      }
+      return { cuts: [middle(between)], bottom: bottom / height };
     }
-    while (bottom < height && bottom > 0 && written(bottom - 1)) bottom -= 1;
-    var thirds = [gap(0.26, 0.4), gap(0.58, 0.74)];
-    if (thirds[0] && thirds[1]) return { cuts: thirds, bottom: bottom / height };
-    return { cuts: half ? [half] : [], bottom: bottom / height };
+    var thirds = [gap(0.26, 0.4, height, 4), gap(0.58, 0.74, height, 4)].map(middle);
+    var half = middle(gap(0.4, 0.6, height, 4));
+    if (thirds[0] && thirds[1]) return { cuts: thirds, bottom: 1 };
+    return { cuts: half ? [half] : [], bottom: 1 };
   }
   function stack(whole, picture, cuts, bottom) {
     var box = document.createElement("div");
@@ -145,10 +167,13 @@ document.addEventListener("DOMContentLoaded", function () {
     whole.replaceWith(box);
     box.appendChild(whole);
     var ends = [0].concat(cuts, [1]);
+    // Two panels that are compared keep one scale.
+    var most = Math.max.apply(null, cuts.concat([1]).map(function (end, k) { return end - ends[k]; }));
     cuts.concat([1]).forEach(function (end, k) {
       var share = end - ends[k];
       var panel = document.createElement("div");
       panel.className = "figure-panel";
+      if (bottom < 1) panel.style.width = 100 * share / most + "%";
       panel.style.aspectRatio = share * picture.naturalWidth / (bottom * picture.naturalHeight);
       var part = document.createElement("img");
       part.src = picture.src;
@@ -161,7 +186,7 @@ document.addEventListener("DOMContentLoaded", function () {
     if (bottom === 1) return;
     var caption = document.createElement("p");
     caption.className = "panels-caption";
-    var text = picture.alt.slice(yours.length);
+    var text = picture.alt.startsWith(yours) ? picture.alt.slice(yours.length) : picture.alt;
     caption.textContent = text[0].toUpperCase() + text.slice(1);
     box.appendChild(caption);
   }
@@ -169,10 +194,11 @@ document.addEventListener("DOMContentLoaded", function () {
     var width = Number(picture.getAttribute("width")) || picture.naturalWidth;
     var whole = picture.closest("a") || picture;
     if (width < 480 || whole.parentElement.matches(".figure-panels, .figure-scroll")) return;
-    var found = { cuts: [] }, captioned = picture.alt.startsWith(yours);
+    var found = { cuts: [] }, known = picture.alt.startsWith(yours);
+    var captioned = known || others.test(picture.alt);
     try {
       if (captioned || picture.naturalWidth > 1.5 * picture.naturalHeight) {
-        found = gaps(picture, captioned);
+        found = gaps(picture, captioned, known);
       }
     } catch (error) { /* a page from the disk may not look into its pictures */ }
     if (found.cuts.length) stack(whole, picture, found.cuts, found.bottom);

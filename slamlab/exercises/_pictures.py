@@ -51,12 +51,13 @@ def side_by_side(
         A notebook shows it.
     """
     from matplotlib.figure import Figure  # the checks themselves need numpy only
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     from slamlab.plots import use_style
 
     use_style()
-    figure = Figure(figsize=(7, 3.4), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(7, 3.4), layout=ConstrainedLayoutEngine(h_pad=0.07, wspace=0.06))
+    left, right = figure.subplots(1, 2)  # the book stacks them on a phone: it finds the gap
     picture(right, reference)
     message = _attempt(picture, left, student)
     left.set_aspect(right.get_aspect(), adjustable="box")
@@ -66,7 +67,6 @@ def side_by_side(
             getattr(ax, f"set_{name}")(low - 0.1 * (high - low), high + 0.1 * (high - low))
     right.set_aspect(right.get_aspect(), adjustable="box")
     left.set(xlabel=right.get_xlabel(), ylabel=right.get_ylabel())
-    right.set(ylabel="")
     for ax, whose in zip((left, right), names, strict=True):
         ax.set_title("\n".join(filter(None, [whose, ax.get_title(loc="left")])))
     what = " ".join((picture.__doc__ or "").removeprefix("Draw ").split())

@@ -33,6 +33,7 @@ import ast
 import builtins
 import copy
 import inspect
+import re
 import textwrap
 import warnings
 import zlib
@@ -170,13 +171,18 @@ class Report:
         style = "style='text-align:left; vertical-align:top; padding:0.15em 0.6em'"
         rows = "".join(
             f"<tr><td {style}>{'ok' if row.ok else '<b>NO</b>'}</td><td {style}>"
-            + "<br>".join(escape(line) for line in (row.name, *row.lines))
+            + "<br>".join(_in_html(line) for line in (row.name, *row.lines))
             + "</td></tr>"
             for row in self._shown()
         )
         table = f"<table style='margin-left:0'>{rows}</table>" if rows else ""
-        said = "".join(f"<p><b>{escape(message)}</b></p>" for message in self._said())
-        return f"<p>{escape(self._head())}</p>{table}{said}"
+        said = "".join(f"<p><b>{_in_html(message)}</b></p>" for message in self._said())
+        return f"<p>{_in_html(self._head())}</p>{table}{said}"
+
+
+def _in_html(line: str) -> str:
+    """Escape what HTML would read; code stands in its own letters."""
+    return re.sub("`([^`]+)`", r"<code>\1</code>", escape(line))
 
 
 @dataclass(frozen=True)

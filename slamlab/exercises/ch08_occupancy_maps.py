@@ -572,7 +572,7 @@ check_hits_needed.mistakes = {
     "rounded to the nearest: after so many hits the map may not be sure yet": (
         "np.ceil => np.round"
     ),
-    "each hit adds log odds of p_hit *less those of the prior*": "(step - start) => step",
+    "each hit adds log odds of p_hit less those of the prior": "(step - start) => step",
     "the map does not begin at zero: it begins at the prior": "(end - start) => end",
     "the prior was taken for one half": (
         "for p in (prior, p_hit, goal) => for p in (0.5, p_hit, goal)"

@@ -497,7 +497,7 @@ check_range_edge.mistakes = {
 # in the picture B then ends 1.5 m off in place of 0.1 m, and its headings are 27 degrees off in
 # place of 3.
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Robot B round robot A, by its wheels far off; with the wrong lever it ends 1.5 m off, its headings 27 degrees, with the right one 0.1 m and 3 degrees."}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels: robot B round robot A, by its wheels far off; with the wrong lever it ends 1.5 m off, its headings 27 degrees, with the right one 0.1 m and 3 degrees."}}
 # def wrong_side(x_i, x_j, antenna, r, sigma):
 #     H, g = range_edge(x_i, x_j, antenna, r, sigma)
 #     sign = np.array([1, 1, -1, 1, 1, -1])               # of the columns of J
@@ -670,7 +670,7 @@ check_reverse.mistakes = {
 # As handed out, the farther the place the more wrong the edge: it is sure of a position that its
 # heading does not give.
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Four closures seen from the stored place: as handed out the dots spread far beyond three of the ellipses, as it should be each ellipse covers its dots."}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels: four closures seen from the stored place; as handed out the dots spread far beyond three of the ellipses, as it should be each ellipse covers its dots."}}
 # def as_given(z, cov):
 #     turn = np.eye(3)
 #     turn[:2, :2] = rotation(z[2])
@@ -1494,7 +1494,7 @@ check_map.mistakes = {
 # loses a true one. The final map of town 3 is then as far off as that of all closures:
 
 
-# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "The town by its wheels, by all closures and as a map. With headings first before the decision the map is folded, 10.1 m off; as it should be it covers the true blocks, 0.6 m off."}}
+# %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels: the town by its wheels, by all closures and as a map. With headings first before the decision the map is folded, 10.1 m off; as it should be it covers the true blocks, 0.6 m off."}}
 # def bent_first(odometry, closures, sigma):
 #     n = len(odometry)
 #     chain = np.column_stack([np.arange(n), np.arange(1, n + 1)])

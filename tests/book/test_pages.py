@@ -354,6 +354,16 @@ def test_on_a_phone_panels_and_cards_are_stacked_and_what_scrolls_fades_at_its_e
         assert not caption.is_visible()
         assert not visit.tab.locator(".figure-panel").first.is_visible()
         assert visit.tab.locator(".figure-panels > *").first.is_visible()
+    # No caption is torn: each stands below its panels, which keep one scale.
+    with Visit(tab, address, "notebooks/exercises/11_data_association.html", 390) as visit:
+        boxes = visit.tab.query_selector_all(".figure-panels")
+        pictures = "img[alt^='Two ']:not(.figure-panel *)"
+        assert len(boxes) == len(visit.tab.query_selector_all(pictures)) == 7
+        for box in boxes:
+            assert box.query_selector(".panels-caption")
+            images = box.query_selector_all(".figure-panel img")
+            left, right = (image.evaluate("e => e.offsetWidth") for image in images)
+            assert abs(left - right) <= 1
     with Visit(tab, address, "book/league.html", 390) as visit:
         faded = "e => [e.scrollLeft = 1e6, e.classList.contains('goes-on')][1]"
         wide = visit.tab.locator(".table-scroll.goes-on").first

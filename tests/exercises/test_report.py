@@ -203,7 +203,7 @@ def test_the_table_says_what_the_text_says():
     assert "this is the difference" in table
     nothing = check(lambda a, b: None)
     assert "<tr>" not in nothing._repr_html_()
-    assert "nothing returned yet" in nothing._repr_html_()
+    assert "nothing returned yet: replace the <code>...</code> by" in nothing._repr_html_()
 
 
 def _reach(a: float) -> float:
