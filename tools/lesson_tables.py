@@ -39,6 +39,10 @@ GAMMA_SLAM = ("motion", "rig", "side", "wide")
 HALL = ("motion", "sensor", "pillars", "hall", "sigmas", "V")
 ICP = ("office", "lidar", "here")
 SCANS = ("room", "lidar", "step", "atlas", "pitch", "hall", "hall_atlas")
+WAY_BACK = ("E", "leg", "start", "truth", "room", "camera", "light", "steps", "believed", "points")
+WAY_BACK += ("start_home", "F", "whole")
+WAY_NOISE = ("leg", "bend", "truth", "rng", "camera", "believed", "whole", "light", "v", "w")
+WAY_NOISE += ("memory", "strategies", "true_steps")
 WAY_HOME = ("E", "leg", "start", "truth", "room", "camera", "light", "drives", "calm")
 TABLES = {
     "00 mistakes": Table("00_slam_in_ten_minutes", "with_mistake", "MISTAKES", range(40)),
@@ -59,6 +63,10 @@ TABLES = {
     "15 mistakes": Table("15_other_maps", "with_mistake", "MISTAKES", range(1, 21), GAMMA_SLAM),
     "15 powers": Table("15_other_maps", "with_power", "POWERS", range(1, 21), GAMMA_SLAM),
     "17 mistakes": Table("17_the_way_home", "with_mistake", "MISTAKES", range(20), WAY_HOME),
+    "17 returns": Table("17_the_way_home", "at_home", "RETURNS", range(40), WAY_BACK),
+    "17c drives": Table("17c_the_way_home", "camera_drive", "DRIVES", range(40), WAY_NOISE),
+    "17c pairs": Table("17c_the_way_home", "fitted", "PAIRS", range(2, 22), WAY_NOISE),
+    "17c returns": Table("17c_the_way_home", "returned", "RETURNS", range(20), WAY_NOISE),
     "18 contest": Table("18_exploration", "toured", "RUNS", range(20), EXPLORATION),
     "18 mistakes": Table("18_exploration", "with_mistake", "MISTAKES", range(20), EXPLORATION),
     "18b parts": Table("18b_exploration", "part_of_beam", "PARTS", range(120), EXPLORATION),
@@ -69,10 +77,12 @@ TABLES = {
 }
 
 
-@cache
+once = cache(of_page)  # tables of a page that need the same constants share it
+
+
 def page(table: str) -> dict:
     """Give the functions of a table's page."""
-    return of_page(TABLES[table].page, *TABLES[table].constants)
+    return once(TABLES[table].page, *TABLES[table].constants)
 
 
 def one(table: str, name: str, seed: int) -> dict:
@@ -108,6 +118,10 @@ TRIAL = Trial(
         ("15 mistakes", "4  density of variances", 2),
         ("15 powers", "0.1", 4),
         ("17 mistakes", "B  begins halfway", 1),
+        ("17 returns", "0.7 w", 1),
+        ("17c drives", "each picture serves twice", 1),
+        ("17c pairs", "20 matches, none wrong", 3),
+        ("17c returns", "pursuit, tail first", 2),
         ("18 contest", "first room: information gain", 3),
         ("18 mistakes", "4  only where beams end", 11),
         ("18b parts", "0.75", 21),

@@ -46,7 +46,7 @@ TRIALS = {
     ),
     "long_way": (
         "robots that drive home along a straight path by its length (m): median distance from "
-        'the start at the "end" (m)'
+        'the start at the "end", and the "stops" of the robots (m)'
     ),
     "matching": 'scan matchers on the two logs, "error" of the path (m)',
     "orchard": (
