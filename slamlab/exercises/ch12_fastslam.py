@@ -1706,19 +1706,19 @@ check_fast_slam.mistakes = {
 # 0.67 m, and one with the loop of exercise 3 0.71 m. So that bug, which raised no error and passed
 # a test, costs about as many metres as leaving resampling out: it resamples, but keeps wrong rows,
 # and about one ancestor is left where the right filter has two. Is that an accident of these
-# twenty drives? Five other sets of ten:
+# twenty drives? Three other sets of ten:
 
 # %% active="ipynb" tags=["solution"]
-# sets = [[once_round(s) for s in range(k, k + 10)] for k in range(20, 70, 10)]
+# sets = [[once_round(s) for s in range(k, k + 10)] for k in range(20, 50, 10)]
 # measured = []
 # for name in list(LINES)[:4]:
 #     slam = changed(parts, *LINES[name])
 #     measured.append(np.array([at_the_end(slam, one)[:2] for one in sets]))
 #     worse = (measured[-1] > measured[0]).sum(0)
 #     if name in list(LINES)[1:]:
-#         print(f"{name:24s}farther off in {worse[0]} of 5, larger NEES in {worse[1]}")
+#         print(f"{name:24s}farther off in {worse[0]} of 3, larger NEES in {worse[1]}")
 # farther = (measured[1] > measured[3])[:, 0].sum()
-# print(f"the loop is farther off than no resampling in {farther} of 5")
+# print(f"the loop is farther off than no resampling in {farther} of 3")
 
 # %% [markdown] tags=["solution"]
 # *Ancestors* is your count of exercise 4: of the hundred particles of step 45 (of 63), how many
@@ -1770,7 +1770,7 @@ check_fast_slam.mistakes = {
 #                  "poses, weights = redraw(paths[:, -1], weights, means, covs,\n"
 #                  "                                odometry[k], z[k], r, noise[k])")
 # sharp, alone = [], []
-# for s in range(50):
+# for s in range(20):
 #     truth, given = once_round(s, 100, (0.01, 0.3), 1.0)
 #     sharp.append((truth, given))
 #     normal = np.random.default_rng(1000 + s).standard_normal((63, 1, 3))
@@ -1780,7 +1780,7 @@ check_fast_slam.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # How few particles of version 2.0 are enough here? **One.** With a sharp sensor, and on these
-# fifty drives, it ends as near to the robot as a hundred of version 1.0, within a centimetre or
+# twenty drives, it ends as near to the robot as a hundred of version 1.0, within a centimetre or
 # two.
 #
 # **What you have now** is a SLAM of your own, in some forty lines: it takes any mix of numbers,
