@@ -1,4 +1,4 @@
-"""Returns to an orchard, known on the first half of the lap: the stored trial of chapters 11 and 11b.
+"""Returns to an orchard, known on the first half of the lap: trial of chapters 11, 11b.
 
 python tools/orchard_returns.py      (a minute; options as in tools/trials.py)
 
@@ -32,7 +32,7 @@ METHODS = {
 
 
 def one(drift, name, seed):
-    """Drive once: precision and recall of the pairs after the return, σ of the place, error (m)."""
+    """Drive once: precision and recall after the return, σ of the place, error at the end (m)."""
     log = orchard_loop(np.random.default_rng(100 + seed), drift=float(drift), laps=1.03)
     slam = EKFSlam(Unicycle(), ORCHARD_SENSOR, log.truth[0], associate=Confirmation(METHODS[name]))
     result = run(slam, log, known_ids=RETURN)

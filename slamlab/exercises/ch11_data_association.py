@@ -1628,7 +1628,7 @@ check_together.mistakes = {
 #           f"in all {right.sum():.0f} and {wrong.sum():.0f}, {off.mean():.2f} m off")
 
 # %% [markdown] tags=["solution"]
-# The gate of a single pair changes a few pairs in a thousand at most, for nearly every true pair is
+# The gate of a single pair changes a few of these 768 pairs, for nearly every true pair is
 # inside it. (The lesson's search uses it to begin with the measurement that has the fewest trees
 # in that gate.) Two other things count: all pairs of a set are judged together, and a first pair
 # can be given back.
