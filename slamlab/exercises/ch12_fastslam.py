@@ -1706,19 +1706,19 @@ check_fast_slam.mistakes = {
 # 0.67 m, and one with the loop of exercise 3 0.71 m. So that bug, which raised no error and passed
 # a test, costs about as many metres as leaving resampling out: it resamples, but keeps wrong rows,
 # and about one ancestor is left where the right filter has two. Is that an accident of these
-# twenty drives? Three other sets of ten:
+# twenty drives? Five other sets of ten:
 
 # %% active="ipynb" tags=["solution"]
-# sets = [[once_round(s) for s in range(k, k + 10)] for k in range(20, 50, 10)]
+# sets = [[once_round(s) for s in range(k, k + 10)] for k in range(20, 70, 10)]
 # measured = []
 # for name in list(LINES)[:4]:
 #     slam = changed(parts, *LINES[name])
 #     measured.append(np.array([at_the_end(slam, one)[:2] for one in sets]))
 #     worse = (measured[-1] > measured[0]).sum(0)
 #     if name in list(LINES)[1:]:
-#         print(f"{name:24s}farther off in {worse[0]} of 3, larger NEES in {worse[1]}")
+#         print(f"{name:24s}farther off in {worse[0]} of 5, larger NEES in {worse[1]}")
 # farther = (measured[1] > measured[3])[:, 0].sum()
-# print(f"the loop is farther off than no resampling in {farther} of 3")
+# print(f"the loop is farther off than no resampling in {farther} of 5")
 
 # %% [markdown] tags=["solution"]
 # *Ancestors* is your count of exercise 4: of the hundred particles of step 45 (of 63), how many
