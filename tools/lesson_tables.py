@@ -31,13 +31,16 @@ class Table:
 
 
 # Of each page, the names in small letters that its function needs.
+COURT = ("court", "graph", "dead_reckoned", "reference")
 EKF_SLAM = ("sets", "log", "V")
 EXPEDITION = ("world", "lidar", "near", "guard")
 EXPLORATION = ("robot", "lidar", "room", "clearance", "contest")
 FAST_SLAM = ("motion", "floor", "dull", "sharp")
+FIELD = ("motion", "sensor", "r")
 GAMMA_SLAM = ("motion", "rig", "side", "wide")
 HALL = ("motion", "sensor", "pillars", "hall", "sigmas", "V")
 ICP = ("office", "lidar", "here")
+RETURNS = ("methods",)
 SCANS = ("room", "lidar", "step", "atlas", "pitch", "hall", "hall_atlas")
 WAY_BACK = ("E", "leg", "start", "truth", "room", "camera", "light", "steps", "believed", "points")
 WAY_BACK += ("start_home", "F", "whole")
@@ -45,13 +48,19 @@ WAY_NOISE = ("leg", "bend", "truth", "rng", "camera", "believed", "whole", "ligh
 WAY_NOISE += ("memory", "strategies", "true_steps")
 WAY_HOME = ("E", "leg", "start", "truth", "room", "camera", "light", "drives", "calm")
 TABLES = {
+    "00 closures": Table("00_slam_in_ten_minutes", "with_closures", "COUNTS", range(25), COURT),
     "00 mistakes": Table("00_slam_in_ten_minutes", "with_mistake", "MISTAKES", range(40)),
+    "00 starts": Table("00_slam_in_ten_minutes", "poor_start", "TURNED", range(20), COURT),
     "04 awakenings": Table("04_particle_filter", "awakened", "CLOUDS", range(100), HALL),
     "04 mistakes": Table("04_particle_filter", "with_mistake", "MISTAKES", range(100), HALL),
     "04b injection": Table("04b_particle_filter", "injected", "INJECTION", range(100), HALL),
     "09 mistakes": Table("09_ekf_slam", "with_mistake", "MISTAKES", range(5, 25), EKF_SLAM),
+    "11 mistakes": Table("11_data_association", "with_mistake", "MISTAKES", range(20)),
+    "11b clutter": Table("11b_data_association", "with_clutter", "CLUTTER", range(20), RETURNS),
+    "11b confirmed": Table("11b_data_association", "confirmed", "ADDED", range(1, 21), RETURNS),
     "12 mistakes": Table("12_fastslam", "with_mistake", "MISTAKES", range(1, 21), FAST_SLAM),
     "12 noise given": Table("12_fastslam", "with_noise", "GIVEN", range(100), FAST_SLAM),
+    "12 rounds": Table("12_fastslam", "two_rounds", "ROUNDS", range(20), FAST_SLAM),
     "12 sensors": Table("12_fastslam", "with_sensor", "ASKED", range(1, 21), FAST_SLAM),
     "13 kernels": Table("13_pose_graphs", "rejected", "RECIPES", range(20)),
     "13 mistakes": Table("13_pose_graphs", "with_mistake", "MISTAKES", range(40), ("sigma",)),
@@ -62,6 +71,8 @@ TABLES = {
     "15 grounds": Table("15_other_maps", "on_ground", "GROUNDS", range(1, 21), GAMMA_SLAM),
     "15 mistakes": Table("15_other_maps", "with_mistake", "MISTAKES", range(1, 21), GAMMA_SLAM),
     "15 powers": Table("15_other_maps", "with_power", "POWERS", range(1, 21), GAMMA_SLAM),
+    "16 cameras": Table("16_uav_local_range", "with_camera", "CAMERAS", range(1, 21), FIELD),
+    "16 changes": Table("16_uav_local_range", "with_change", "CHANGES", range(1, 21), FIELD),
     "17 mistakes": Table("17_the_way_home", "with_mistake", "MISTAKES", range(20), WAY_HOME),
     "17 returns": Table("17_the_way_home", "at_home", "RETURNS", range(40), WAY_BACK),
     "17c drives": Table("17c_the_way_home", "camera_drive", "DRIVES", range(40), WAY_NOISE),
@@ -102,13 +113,19 @@ TRIAL = Trial(
     {(table, name): how.seeds for table, how in TABLES.items() for name in page(table)[how.names]},
     one,
     sample=(
+        ("00 closures", "10", 3),
         ("00 mistakes", "D  Ω ten times too large", 3),
+        ("00 starts", "0.2", 2),
         ("04 awakenings", "8000", 3),
         ("04 mistakes", "C  weights kept", 1),
         ("04b injection", "with, kidnapped", 2),
         ("09 mistakes", "D  no lever arm in H", 6),
+        ("11 mistakes", "3  gate of one pair", 2),
+        ("11b clutter", "4: nearest neighbour", 3),
+        ("11b confirmed", "at the third", 2),
         ("12 mistakes", "2  weight with R alone", 2),
         ("12 noise given", "100, noise 0.25", 1),
+        ("12 rounds", "30", 2),
         ("12 sensors", "sharp: 10 of 2.0", 2),
         ("13 kernels", "k = 3, headings first", 1),
         ("13 mistakes", "1  Ω in the frame of pose i", 2),
@@ -117,6 +134,8 @@ TRIAL = Trial(
         ("15 grounds", "cells across patches", 3),
         ("15 mistakes", "4  density of variances", 2),
         ("15 powers", "0.1", 4),
+        ("16 cameras", "20", 3),
+        ("16 changes", "no theta", 2),
         ("17 mistakes", "B  begins halfway", 1),
         ("17 returns", "0.7 w", 1),
         ("17c drives", "each picture serves twice", 1),

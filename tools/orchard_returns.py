@@ -1,4 +1,4 @@
-"""Returns to an orchard, known on the first half of the lap: chapter 11b's stored trial.
+"""Returns to an orchard, known on the first half of the lap: trial of chapters 11, 11b.
 
 python tools/orchard_returns.py      (a minute; options as in tools/trials.py)
 
@@ -32,13 +32,14 @@ METHODS = {
 
 
 def one(drift, name, seed):
-    """Drive once: precision and recall of the pairs after the return, and σ of the place (m)."""
+    """Drive once: precision and recall after the return, σ of the place, error at the end (m)."""
     log = orchard_loop(np.random.default_rng(100 + seed), drift=float(drift), laps=1.03)
     slam = EKFSlam(Unicycle(), ORCHARD_SENSOR, log.truth[0], associate=Confirmation(METHODS[name]))
     result = run(slam, log, known_ids=RETURN)
     score = association_scores(result, RETURN)
     sigma = np.sqrt(np.trace(result.covs[BACK, :2, :2]))
-    found = {"precision": score.precision, "recall": score.recall, "sigma": sigma}
+    end = np.hypot(*(result.poses[-1] - log.truth[-1])[:2])
+    found = {"precision": score.precision, "recall": score.recall, "sigma": sigma, "end": end}
     return {key: round(float(value), 6) for key, value in found.items()}
 
 

@@ -1606,7 +1606,7 @@ check_together.mistakes = {
 # check_together.draw(greedy)
 
 # %% [markdown] tags=["solution"]
-# One scene is luck. Here are twenty times twenty-four returns, with 1920 trees to find, and your
+# One scene is luck. Here are eight times twenty-four returns, with 768 trees to find, and your
 # rule with the lesson's gate of a single pair in addition:
 
 # %% active="ipynb" tags=["solution"]
@@ -1620,7 +1620,7 @@ check_together.mistakes = {
 #
 # for associate in (nearest_neighbour, greedy, single_gate_too, together):
 #     counts = []
-#     for seed in range(20):
+#     for seed in range(8):
 #         right, wrong, ways, _ = orchard_returns(associate, seed=seed)
 #         counts.append((right, wrong, np.hypot(*ways[:, 1].T).mean()))
 #     (right, wrong, off), first = np.transpose(counts), counts[0]
@@ -1628,7 +1628,7 @@ check_together.mistakes = {
 #           f"in all {right.sum():.0f} and {wrong.sum():.0f}, {off.mean():.2f} m off")
 
 # %% [markdown] tags=["solution"]
-# The gate of a single pair changes a few pairs in two thousand, for nearly every true pair is
+# The gate of a single pair changes a few of these 768 pairs, for nearly every true pair is
 # inside it. (The lesson's search uses it to begin with the measurement that has the fewest trees
 # in that gate.) Two other things count: all pairs of a set are judged together, and a first pair
 # can be given back.
@@ -1636,7 +1636,7 @@ check_together.mistakes = {
 # %% [markdown] tags=["statement"]
 # ## The lesson's drive, with your pairs
 #
-# Now your function goes into the EKF-SLAM of the lesson: on one of its ten drives a robot leaves
+# Now your function goes into the EKF-SLAM of the lesson: on one of its twenty drives a robot leaves
 # an orchard, drives round the farm, and comes back among some thirty trees. Until then the trees
 # are named to it. On the return it gets, of the measurements of a scan that have a tree in their
 # gate, the ten nearest. In the filter each -1 of yours becomes one of the lesson's two answers:
@@ -1666,7 +1666,7 @@ check_together.mistakes = {
 # draw_lap(together)
 
 # %% [markdown] tags=["solution"]
-# And on the ten drives of the lesson's *Predict, then run*:
+# And on ten drives of the lesson's *Predict, then run*:
 
 # %% active="ipynb" tags=["solution"]
 # from slamlab.exercises.ch11_data_association import lap_of_lesson

@@ -1770,7 +1770,7 @@ check_fast_slam.mistakes = {
 #                  "poses, weights = redraw(paths[:, -1], weights, means, covs,\n"
 #                  "                                odometry[k], z[k], r, noise[k])")
 # sharp, alone = [], []
-# for s in range(50):
+# for s in range(20):
 #     truth, given = once_round(s, 100, (0.01, 0.3), 1.0)
 #     sharp.append((truth, given))
 #     normal = np.random.default_rng(1000 + s).standard_normal((63, 1, 3))
@@ -1780,7 +1780,7 @@ check_fast_slam.mistakes = {
 
 # %% [markdown] tags=["solution"]
 # How few particles of version 2.0 are enough here? **One.** With a sharp sensor, and on these
-# fifty drives, it ends as near to the robot as a hundred of version 1.0, within a centimetre or
+# twenty drives, it ends as near to the robot as a hundred of version 1.0, within a centimetre or
 # two.
 #
 # **What you have now** is a SLAM of your own, in some forty lines: it takes any mix of numbers,

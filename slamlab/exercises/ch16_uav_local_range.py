@@ -1163,7 +1163,7 @@ check_leave.mistakes = {
 # is called fixed-point smoothing. Only then does the region go from the entry to now, with $\Phi$.
 
 # %% [markdown] tags=["solution"]
-# What does it buy? Twice forty flights as in the picture: 16 s without radio, a photograph, six
+# What does it buy? Twice twenty flights as in the picture: 16 s without radio, a photograph, six
 # steps with radio. How far off is the photograph at once, and with what is heard after it?
 
 # %% active="ipynb" tags=["solution"]
@@ -1174,7 +1174,7 @@ check_leave.mistakes = {
 #     poses = given[0], leave(*given)[2]
 #     return [np.hypot(*(pose[:2] - then[:2])) for pose in poses]
 #
-# for flights in (range(40), range(40, 80)):
+# for flights in (range(20), range(20, 40)):
 #     off = np.array([off_by(seed) for seed in flights])
 #     at_once, later = off.mean(axis=0)
 #     print(f"photograph off by {at_once:.1f} m at once, {later:.1f} m on leaving; "
@@ -1468,8 +1468,8 @@ check_fly.mistakes = {
 # of what is left ([16e](../16e_uav_local_range.ipynb) counts products).
 
 # %% [markdown] tags=["solution"]
-# Ten flights, with regions of three sizes. The radio hears 20 m far and the old map is some metres
-# off, so `stay` is 30 m less than the radius.
+# Ten flights of the full filter, and the first four with regions of three sizes. The radio hears
+# 20 m far and the old map is some metres off, so `stay` is 30 m less than the radius.
 
 # %% active="ipynb" tags=["solution"]
 # from slamlab.exercises.ch16_uav_local_range import metres_off, survey
@@ -1478,7 +1478,7 @@ check_fly.mistakes = {
 # full = [fly(*given, np.inf, np.inf) for given, *_ in flights]
 #
 # for radius in (32.0, 40.0, 50.0):
-#     local = [fly(*given, radius, radius - 30) for given, *_ in flights]
+#     local = [fly(*given, radius, radius - 30) for given, *_ in flights[:4]]
 #     gap = max(np.abs(a - b).max() for f, g in zip(full, local)
 #               for a, b in zip(f[:3], g[:3]))
 #     print(f"R = {radius:.0f} m: {np.mean([len(g[3]) for g in local]):.0f} regions, "
