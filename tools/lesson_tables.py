@@ -41,6 +41,7 @@ GAMMA_SLAM = ("motion", "rig", "side", "wide")
 HALL = ("motion", "sensor", "pillars", "hall", "sigmas", "V")
 ICP = ("office", "lidar", "here")
 RETURNS = ("methods",)
+SLOPE = ("office", "lidar", "slip", "released_slope")
 SCANS = ("room", "lidar", "step", "atlas", "pitch", "hall", "hall_atlas")
 WAY_BACK = ("E", "leg", "start", "truth", "room", "camera", "light", "steps", "believed", "points")
 WAY_BACK += ("start_home", "F", "whole")
@@ -64,10 +65,12 @@ TABLES = {
     "12 sensors": Table("12_fastslam", "with_sensor", "ASKED", range(1, 21), FAST_SLAM),
     "13 kernels": Table("13_pose_graphs", "rejected", "RECIPES", range(20)),
     "13 mistakes": Table("13_pose_graphs", "with_mistake", "MISTAKES", range(40), ("sigma",)),
+    "14 alone": Table("14_scan_matching_and_hector", "without_wheels", "ALONE", range(1, 21), ICP),
     "14 mistakes": Table(
         "14_scan_matching_and_hector", "with_mistake", "MISTAKES", range(20), ICP
     ),
     "14 slopes": Table("14_scan_matching_and_hector", "with_slopes", "SLOPES", range(1, 21), ICP),
+    "14b turned": Table("14b_scan_matching_and_hector", "turned", "ANGLES", range(1, 21), SLOPE),
     "15 grounds": Table("15_other_maps", "on_ground", "GROUNDS", range(1, 21), GAMMA_SLAM),
     "15 mistakes": Table("15_other_maps", "with_mistake", "MISTAKES", range(1, 21), GAMMA_SLAM),
     "15 powers": Table("15_other_maps", "with_power", "POWERS", range(1, 21), GAMMA_SLAM),
@@ -129,8 +132,10 @@ TRIAL = Trial(
         ("12 sensors", "sharp: 10 of 2.0", 2),
         ("13 kernels", "k = 3, headings first", 1),
         ("13 mistakes", "1  Ω in the frame of pose i", 2),
+        ("14 alone", "18°, four maps", 3),
         ("14 mistakes", "error not projected", 1),
         ("14 slopes", "Hector as written", 2),
+        ("14b turned", "30°", 2),
         ("15 grounds", "cells across patches", 3),
         ("15 mistakes", "4  density of variances", 2),
         ("15 powers", "0.1", 4),
