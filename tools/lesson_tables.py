@@ -34,6 +34,7 @@ class Table:
 EKF_SLAM = ("sets", "log", "V")
 EXPEDITION = ("world", "lidar", "near", "guard")
 EXPLORATION = ("robot", "lidar", "room", "clearance", "contest")
+FREE_RUNS = (*EXPLORATION, "starts", "once", "surface", "wall_pixels")
 FAST_SLAM = ("motion", "floor", "dull", "sharp")
 GAMMA_SLAM = ("motion", "rig", "side", "wide")
 HALL = ("motion", "sensor", "pillars", "hall", "sigmas", "V")
@@ -61,7 +62,10 @@ TABLES = {
     "17 mistakes": Table("17_the_way_home", "with_mistake", "MISTAKES", range(20), WAY_HOME),
     "18 contest": Table("18_exploration", "toured", "RUNS", range(20), EXPLORATION),
     "18 mistakes": Table("18_exploration", "with_mistake", "MISTAKES", range(20), EXPLORATION),
-    "18b parts": Table("18b_exploration", "part_of_beam", "PARTS", range(120), EXPLORATION),
+    "18b guards": Table("18b_exploration", "guarded", "GUARDS", range(20), FREE_RUNS),
+    "18b parts": Table("18b_exploration", "part_of_beam", "PARTS", range(120), FREE_RUNS),
+    "18b rooms": Table("18b_exploration", "job_of", "WORK", range(20), FREE_RUNS),
+    "18b stacks": Table("18b_exploration", "by_stack", "RULES", range(120), FREE_RUNS),
     "19 mistakes": Table(
         "19_autocorrelation_localization", "with_mistake", "MISTAKES", range(1, 21), SCANS
     ),
@@ -110,7 +114,10 @@ TRIAL = Trial(
         ("17 mistakes", "B  begins halfway", 1),
         ("18 contest", "first room: information gain", 3),
         ("18 mistakes", "4  only where beams end", 11),
+        ("18b guards", "6, 1 mm of room", 13),
         ("18b parts", "0.75", 21),
+        ("18b rooms", "office, 60% in 18 m: nearest frontier", 4),
+        ("18b stacks", "quarters: turns to its own beams", 25),
         ("19 mistakes", "2  no cap", 2),
         ("20 ways home", "worn wheels", 6),
     ),
