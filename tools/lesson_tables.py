@@ -35,6 +35,7 @@ COURT = ("court", "graph", "dead_reckoned", "reference")
 EKF_SLAM = ("sets", "log", "V")
 EXPEDITION = ("world", "lidar", "near", "guard")
 EXPLORATION = ("robot", "lidar", "room", "clearance", "contest")
+FREE_RUNS = (*EXPLORATION, "starts", "once", "surface", "wall_pixels")
 FAST_SLAM = ("motion", "floor", "dull", "sharp")
 FIELD = ("motion", "sensor", "r")
 GAMMA_SLAM = ("motion", "rig", "side", "wide")
@@ -47,6 +48,11 @@ WAY_BACK = ("E", "leg", "start", "truth", "room", "camera", "light", "steps", "b
 WAY_BACK += ("start_home", "F", "whole")
 WAY_NOISE = ("leg", "bend", "truth", "rng", "camera", "believed", "whole", "light", "v", "w")
 WAY_NOISE += ("memory", "strategies", "true_steps")
+WALLS = ("sigma", "room", "lidar", "sensor", "truth", "exact")
+WALL_SLAM = (
+    *("room", "lidar", "drive", "clean", "exact"),
+    *("full", "parts", "starts", "steps", "steps_cov"),
+)
 WAY_HOME = ("E", "leg", "start", "truth", "room", "camera", "light", "drives", "calm")
 TABLES = {
     "00 closures": Table("00_slam_in_ten_minutes", "with_closures", "COUNTS", range(25), COURT),
@@ -55,7 +61,12 @@ TABLES = {
     "04 awakenings": Table("04_particle_filter", "awakened", "CLOUDS", range(100), HALL),
     "04 mistakes": Table("04_particle_filter", "with_mistake", "MISTAKES", range(100), HALL),
     "04b injection": Table("04b_particle_filter", "injected", "INJECTION", range(100), HALL),
+    "07 mistakes": Table("07_walls_from_points", "with_mistake", "MISTAKES", range(20), WALLS),
+    "07b assigned": Table("07b_walls_from_points", "assigned", "POSES", range(20), WALLS),
     "09 mistakes": Table("09_ekf_slam", "with_mistake", "MISTAKES", range(5, 25), EKF_SLAM),
+    "09b noise": Table("09b_ekf_slam", "driven_again", "EVERY", range(20), WALL_SLAM),
+    "09b odometry": Table("09b_ekf_slam", "drawn_anew", "DRAWN", range(20), WALL_SLAM),
+    "09b rooms": Table("09b_ekf_slam", "in_room", "ROOMS", range(20), WALL_SLAM),
     "11 mistakes": Table("11_data_association", "with_mistake", "MISTAKES", range(20)),
     "11b clutter": Table("11b_data_association", "with_clutter", "CLUTTER", range(20), RETURNS),
     "11b confirmed": Table("11b_data_association", "confirmed", "ADDED", range(1, 21), RETURNS),
@@ -83,7 +94,10 @@ TABLES = {
     "17c returns": Table("17c_the_way_home", "returned", "RETURNS", range(20), WAY_NOISE),
     "18 contest": Table("18_exploration", "toured", "RUNS", range(20), EXPLORATION),
     "18 mistakes": Table("18_exploration", "with_mistake", "MISTAKES", range(20), EXPLORATION),
-    "18b parts": Table("18b_exploration", "part_of_beam", "PARTS", range(120), EXPLORATION),
+    "18b guards": Table("18b_exploration", "guarded", "GUARDS", range(20), FREE_RUNS),
+    "18b parts": Table("18b_exploration", "part_of_beam", "PARTS", range(120), FREE_RUNS),
+    "18b rooms": Table("18b_exploration", "job_of", "WORK", range(20), FREE_RUNS),
+    "18b stacks": Table("18b_exploration", "by_stack", "RULES", range(120), FREE_RUNS),
     "19 mistakes": Table(
         "19_autocorrelation_localization", "with_mistake", "MISTAKES", range(1, 21), SCANS
     ),
@@ -122,7 +136,12 @@ TRIAL = Trial(
         ("04 awakenings", "8000", 3),
         ("04 mistakes", "C  weights kept", 1),
         ("04b injection", "with, kidnapped", 2),
+        ("07 mistakes", "C  cut in the middle", 4),
+        ("07b assigned", "150 poses", 6),
         ("09 mistakes", "D  no lever arm in H", 6),
+        ("09b noise", "a sixth of the scans", 7),
+        ("09b odometry", "part 8", 3),
+        ("09b rooms", "boxes drawn by the seed", 4),
         ("11 mistakes", "3  gate of one pair", 2),
         ("11b clutter", "4: nearest neighbour", 3),
         ("11b confirmed", "at the third", 2),
@@ -148,7 +167,10 @@ TRIAL = Trial(
         ("17c returns", "pursuit, tail first", 2),
         ("18 contest", "first room: information gain", 3),
         ("18 mistakes", "4  only where beams end", 11),
+        ("18b guards", "6, 1 mm of room", 13),
         ("18b parts", "0.75", 21),
+        ("18b rooms", "office, 60% in 18 m: nearest frontier", 4),
+        ("18b stacks", "quarters: turns to its own beams", 25),
         ("19 mistakes", "2  no cap", 2),
         ("20 ways home", "worn wheels", 6),
     ),
