@@ -150,8 +150,9 @@ document.addEventListener("DOMContentLoaded", function () {
       // The line of the caption that crosses the stripe begins some rows higher.
       line = bottom;
       while (bottom < height && line - bottom < 14 && written(bottom - 1, 0, width)) bottom -= 1;
+      if (bottom < height) bottom -= 2;  // where its letters fade out
       // A short caption does not cross it: it stands left, below all that the right panel has.
-      if (known && bottom === height) {
+      else if (known) {
         while (bottom > 0.7 * height && !written(bottom - 1, between[1], width)) bottom -= 1;
       }
       return { cuts: [middle(between)], bottom: bottom / height };
