@@ -1,6 +1,6 @@
 """Tables of the lessons over many seeds: the stored runs of their own functions.
 
-python tools/lesson_tables.py     (half an hour; options as in tools/trials.py)
+python tools/lesson_tables.py     (an hour; options as in tools/trials.py)
 
 A page says what its runs are called and makes one of them by name and seed; nothing of the
 experiment is written here. Writes slamlab/datasets/data/lesson_tables.json, which
@@ -42,17 +42,17 @@ GAMMA_SLAM = ("motion", "rig", "side", "wide")
 HALL = ("motion", "sensor", "pillars", "hall", "sigmas", "V")
 ICP = ("office", "lidar", "here")
 RETURNS = ("methods",)
-SLOPE = ("office", "lidar", "slip", "released_slope")
 SCANS = ("room", "lidar", "step", "atlas", "pitch", "hall", "hall_atlas")
-WAY_BACK = ("E", "leg", "start", "truth", "room", "camera", "light", "steps", "believed", "points")
-WAY_BACK += ("start_home", "F", "whole")
-WAY_NOISE = ("leg", "bend", "truth", "rng", "camera", "believed", "whole", "light", "v", "w")
-WAY_NOISE += ("memory", "strategies", "true_steps")
+SLOPE = ("office", "lidar", "slip", "released_slope")
 WALLS = ("sigma", "room", "lidar", "sensor", "truth", "exact")
 WALL_SLAM = (
     *("room", "lidar", "drive", "clean", "exact"),
     *("full", "parts", "starts", "steps", "steps_cov"),
 )
+WAY_BACK = ("E", "leg", "start", "truth", "room", "camera", "light", "steps", "believed", "points")
+WAY_BACK += ("start_home", "F", "whole")
+WAY_NOISE = ("leg", "bend", "truth", "rng", "camera", "believed", "whole", "light", "v", "w")
+WAY_NOISE += ("memory", "strategies", "true_steps")
 WAY_HOME = ("E", "leg", "start", "truth", "room", "camera", "light", "drives", "calm")
 TABLES = {
     "00 closures": Table("00_slam_in_ten_minutes", "with_closures", "COUNTS", range(25), COURT),

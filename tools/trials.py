@@ -126,7 +126,9 @@ class Trial:
             if place > len(runs):
                 raise ValueError(f"seed: expected the runs before seed {seed} to be stored")
             runs[place : place + 1] = [run]
-            self.path.write_text(text_of(stored))
+            new = self.path.with_suffix(".new")
+            new.write_text(text_of(stored))
+            new.replace(self.path)  # who reads meanwhile has the old file or the new one, whole
 
     def runs(self) -> Iterator[tuple[str, str, int]]:
         """Give all runs, seed after seed, so that rows grow together."""
