@@ -1,6 +1,6 @@
 """Tables of the lessons over many seeds: the stored runs of their own functions.
 
-python tools/lesson_tables.py     (an hour; options as in tools/trials.py)
+python tools/lesson_tables.py     (some forty minutes; options as in tools/trials.py)
 
 A page says what its runs are called and makes one of them by name and seed; nothing of the
 experiment is written here. Writes slamlab/datasets/data/lesson_tables.json, which
@@ -85,9 +85,9 @@ TABLES = {
     "15 grounds": Table("15_other_maps", "on_ground", "GROUNDS", range(1, 21), GAMMA_SLAM),
     "15 mistakes": Table("15_other_maps", "with_mistake", "MISTAKES", range(1, 21), GAMMA_SLAM),
     "15 powers": Table("15_other_maps", "with_power", "POWERS", range(1, 21), GAMMA_SLAM),
+    "15d clouds": Table("15d_other_maps", "cloud", "KINDS", range(1, 21)),
     "16 cameras": Table("16_uav_local_range", "with_camera", "CAMERAS", range(1, 21), FIELD),
     "16 changes": Table("16_uav_local_range", "with_change", "CHANGES", range(1, 21), FIELD),
-    "15d clouds": Table("15d_other_maps", "cloud", "KINDS", range(1, 21)),
     "17 mistakes": Table("17_the_way_home", "with_mistake", "MISTAKES", range(20), WAY_HOME),
     "17 returns": Table("17_the_way_home", "at_home", "RETURNS", range(40), WAY_BACK),
     "17c drives": Table("17c_the_way_home", "camera_drive", "DRIVES", range(40), WAY_NOISE),
@@ -159,9 +159,9 @@ TRIAL = Trial(
         ("15 grounds", "cells across patches", 3),
         ("15 mistakes", "4  density of variances", 2),
         ("15 powers", "0.1", 4),
+        ("15d clouds", "30 that match", 2),
         ("16 cameras", "20", 3),
         ("16 changes", "no theta", 2),
-        ("15d clouds", "30 that match", 2),
         ("17 mistakes", "B  begins halfway", 1),
         ("17 returns", "0.7 w", 1),
         ("17c drives", "each picture serves twice", 1),

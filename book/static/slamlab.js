@@ -105,8 +105,9 @@ document.addEventListener("DOMContentLoaded", function () {
   var phone = window.matchMedia("(max-width: 600px)");
   // How the alternative text of an exercise's picture begins; the rest is the caption below it.
   var yours = "Two panels, yours and as it should be: ";
-  // Others that have a caption say more of themselves.
-  var others = /\/(exercises|solutions)\//.test(location.pathname) ? /^Two (panels|maps)/ : /^$/;
+  // Of others with a caption the text, written by hand, begins likewise.
+  var handwritten = /^Two (panels|maps)/;
+  var ofExercises = /\/(exercises|solutions)\//.test(location.pathname);
   // Middles of the empty stripes between panels, as parts of the width: one near a half, or two
   // near the thirds; none if something crosses them. And where the panels end, as a part of the
   // height: the caption of an exercise's picture stands below both.
@@ -196,7 +197,7 @@ document.addEventListener("DOMContentLoaded", function () {
     var whole = picture.closest("a") || picture;
     if (width < 480 || whole.parentElement.matches(".figure-panels, .figure-scroll")) return;
     var found = { cuts: [] }, known = picture.alt.startsWith(yours);
-    var captioned = known || others.test(picture.alt);
+    var captioned = known || (ofExercises && handwritten.test(picture.alt));
     try {
       if (captioned || picture.naturalWidth > 1.5 * picture.naturalHeight) {
         found = gaps(picture, captioned, known);

@@ -333,6 +333,27 @@ def test_a_page_that_opens_on_a_dark_phone_is_readable(tab, address, axe, page):
 
 
 @needs_browser
+@pytest.mark.parametrize("width", [390, 1100])
+def test_in_the_dark_a_picture_keeps_the_shades_that_its_description_names(tab, address, width):
+    page = "notebooks/exercises/08_occupancy_maps.html"
+    with Visit(tab, address, page, width, "dark") as visit:
+        filters = visit.tab.eval_on_selector_all(
+            ".bd-article .cell_output img:not(.figure-panel *)",
+            """e => e.flatMap(one => [one, ...one.closest('.cell_output').querySelectorAll(
+                   '.figure-panel img')].map(
+                       each => [one.alt.includes('white'), getComputedStyle(each).filter]))""",
+        )
+        assert {named for named, _ in filters} == {True, False}
+        assert all(named != ("invert" in how) for named, how in filters)
+        visit.tab.emulate_media(media="print")
+        printed = visit.tab.eval_on_selector_all(
+            ".bd-article .cell_output img", "e => e.map(one => getComputedStyle(one).filter)"
+        )
+        visit.tab.emulate_media(media="screen")
+        assert set(printed) == {"none"}
+
+
+@needs_browser
 def test_on_a_phone_panels_and_cards_are_stacked_and_what_scrolls_fades_at_its_edge(tab, address):
     with Visit(tab, address, "notebooks/index.html", 390) as visit:
         cards = visit.tab.eval_on_selector_all(
