@@ -47,9 +47,9 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what is too slow on plain code, or speaks of compiled code, where there is none."""
     marker = item.get_closest_marker("needs_numba")
     if marker is not None:
-        from slamlab.kernels import COMPILED
+        from slamlab.kernels import numba_serves
 
-        if not COMPILED:
+        if not numba_serves():
             pytest.skip(marker.kwargs["reason"])
 
 

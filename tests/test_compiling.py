@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from slamlab.kernels import compiling
+from slamlab.kernels import compiling, numba_serves
 from slamlab.kernels.compiling import _Notice
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -106,7 +106,7 @@ import sys, warnings
 sys.modules["numba"] = None
 import numpy as np
 from slamlab import kernels
-assert not kernels.COMPILED
+assert not kernels.numba_serves()
 
 @kernels.compiled("linear.no_such_kernel")
 def plain(x):
@@ -128,3 +128,18 @@ def test_without_numba_plain_code_serves_and_says_so_once():
         cwd=ROOT,
     )
     assert done.stdout.startswith("1 numba is not installed: plain NumPy serves")
+
+
+def test_numba_is_imported_by_the_first_call_of_a_kernel_and_not_before():
+    code = (
+        "import sys\n"
+        "import slamlab.exercises.labs, slamlab.navigation, slamlab.plots, slamlab.slam\n"
+        "import slamlab.simulation, slamlab.widgets\n"
+        "before = 'numba' in sys.modules\n"
+        "from slamlab.mapping import OccupancyGrid\n"
+        "from slamlab.sensors import Lidar\n"
+        "OccupancyGrid((9, 9), 0.1).insert([0.4, 0.4, 0.0], [0.3], Lidar(1))\n"
+        "print(before, 'numba' in sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", str(numba_serves())]

@@ -446,7 +446,7 @@ DOORS = {"Hector": 125, "scan graph": 130}
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_step_can_be_read(name, monkeypatch):
     # Where a kernel serves, one reads its plain twin.
-    monkeypatch.setattr("slamlab.kernels.COMPILED", False)
+    monkeypatch.setattr("slamlab.kernels.numba_serves", lambda: False)
     monkeypatch.setattr("slamlab.kernels._SAID", ["said"])
     make, own, most = SYSTEMS[name]
     make()()  # the root of a noise covariance is computed once for a log: not in a later step

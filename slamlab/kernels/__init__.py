@@ -12,9 +12,7 @@ from functools import cache, wraps
 from importlib import import_module
 from typing import Any, TypeVar
 
-from slamlab.kernels.compiling import COMPILED
-
-__all__ = ["COMPILED", "TWINS", "compiled"]
+__all__ = ["TWINS", "compiled", "numba_serves"]
 
 Plain = TypeVar("Plain", bound=Callable[..., Any])
 
@@ -36,7 +34,7 @@ def compiled(name: str) -> Callable[[Plain], Plain]:
 
         @wraps(plain)
         def serve(*args: Any, **kwargs: Any) -> Any:
-            if COMPILED:
+            if numba_serves():
                 return kernel_of(name)(*args, **kwargs)
             say_that_plain_code_serves()
             return plain(*args, **kwargs)
@@ -45,6 +43,15 @@ def compiled(name: str) -> Callable[[Plain], Plain]:
         return serve  # type: ignore[return-value]
 
     return decorate
+
+
+@cache
+def numba_serves() -> bool:
+    """Say whether numba can be imported: asked, and imported, at the first call of a kernel.
+
+    The import takes most of a second, which a page that calls no kernel need not wait for.
+    """
+    return bool(import_module("slamlab.kernels.compiling").COMPILED)
 
 
 @cache

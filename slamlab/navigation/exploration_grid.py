@@ -16,7 +16,7 @@ from scipy import ndimage
 from slamlab._checks import Array, as_array, as_count, as_distances, as_scalar
 from slamlab.grids import Grid
 from slamlab.kernels import compiled
-from slamlab.kernels.floor import (
+from slamlab.kernels.floor_rules import (
     FREE,
     MOST_PASSES,
     OCCUPIED,

@@ -60,7 +60,7 @@ def test_shapes_that_few_points_cannot_tell_apart_are_left_out_by_both(variant, 
 
 def test_without_numba_the_same_segments_are_stored(monkeypatch):
     compiled_one = PathMemory.from_points(eight(), 0.02)
-    monkeypatch.setattr("slamlab.kernels.COMPILED", False)
+    monkeypatch.setattr("slamlab.kernels.numba_serves", lambda: False)
     monkeypatch.setattr("slamlab.kernels._SAID", ["said"])
     plain_one = PathMemory.from_points(eight(), 0.02)
     np.testing.assert_allclose(plain_one.knots, compiled_one.knots, rtol=1e-9)

@@ -22,7 +22,7 @@ def explored(plain, monkeypatch, n=12):
     """A grid after some scans, the paths over it, and what scans from six places would show."""
     with monkeypatch.context() as patch:
         if plain:
-            patch.setattr("slamlab.kernels.COMPILED", False)
+            patch.setattr("slamlab.kernels.numba_serves", lambda: False)
             patch.setattr("slamlab.kernels._SAID", ["said"])
         rng, lidar = np.random.default_rng(20), Lidar(180, max_range=8.0, sigma_range=0.02)
         grid, states = ExplorationGrid(ROOM.bounds, 0.1), []

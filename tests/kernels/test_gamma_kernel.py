@@ -53,7 +53,7 @@ def test_a_cell_of_one_point_has_no_variance():
 
 
 def test_without_numba_the_plain_code_serves(monkeypatch):
-    monkeypatch.setattr("slamlab.kernels.COMPILED", False)
+    monkeypatch.setattr("slamlab.kernels.numba_serves", lambda: False)
     monkeypatch.setattr("slamlab.kernels._SAID", ["said"])
     picture = next(iter(pictures()))
     for some, other in zip(gather(*picture), gather.plain(*picture), strict=True):

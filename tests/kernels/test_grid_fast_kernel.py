@@ -101,7 +101,7 @@ def test_the_kernel_draws_the_same_maps():
 def test_without_numba_the_whole_system_ends_where_it_ends(monkeypatch):
     paths = []
     for compiled in (True, False):
-        monkeypatch.setattr("slamlab.kernels.COMPILED", compiled)
+        monkeypatch.setattr("slamlab.kernels.numba_serves", lambda here=compiled: here)
         monkeypatch.setattr("slamlab.kernels._SAID", ["said"])
         rng = np.random.default_rng(3)
         slam = GridFastSlam(LIDAR, START, 3, rng=rng)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from slamlab.kernels import COMPILED
+from slamlab.kernels import numba_serves
 from slamlab.localization import DeadReckoning
 from slamlab.navigation import PathFollower, PathMemory, RegulatedPurePursuit, ReturnLaw
 from slamlab.robots import YOUBOT, RelativePose, Unicycle
@@ -83,7 +83,7 @@ def test_every_law_comes_home_along_the_path(name, path):
 def test_the_way_left_never_grows_and_no_stretch_is_skipped(name):
     law, motion, turn = HOMES[name]
     # On plain code a hundred runs take more than 20 s.
-    poses = np.tile(far_end(HAIRPIN), (100 if COMPILED else 10, 1))
+    poses = np.tile(far_end(HAIRPIN), (100 if numba_serves() else 10, 1))
     home, pilot = go_home(HAIRPIN, poses, law, motion, NOISY, rng(1), turn_first=turn)
     assert pilot.arrived.all(), "no run is lost"
     left = way_left(HAIRPIN, home, law)

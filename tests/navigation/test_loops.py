@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from slamlab.kernels import COMPILED
+from slamlab.kernels import numba_serves
 from slamlab.navigation.cubic import Cubic
 from slamlab.navigation.path_memory import VARIANTS, PathMemory
 from slamlab.navigation.spline import Spline
@@ -97,7 +97,7 @@ KINDS = [wander, lattice, noisy_lattice, out_and_back, jitter, lissajous]
 
 
 # On plain code twenty paths take 15 s.
-@settings(derandomize=True, deadline=None, max_examples=200 if COMPILED else 20)
+@settings(derandomize=True, deadline=None, max_examples=200 if numba_serves() else 20)
 @given(
     st.integers(0, 2**31),
     st.sampled_from(KINDS),

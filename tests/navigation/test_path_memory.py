@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
-from slamlab.kernels import COMPILED
+from slamlab.kernels import numba_serves
 from slamlab.navigation import (
     VARIANTS,
     Cubic,
@@ -324,7 +324,7 @@ def test_nearest_undoes_point_at(seed, share):
 def test_nearest_agrees_with_a_dense_search_and_heeds_its_window():
     memory = stored(wandering(6), loop_accuracy=None)
     rng = np.random.default_rng(0)
-    n = 30 if COMPILED else 3  # on plain code thirty take more than 20 s
+    n = 30 if numba_serves() else 3  # on plain code thirty take more than 20 s
     places = memory.point_at(rng.uniform(0, memory.length, n)) + rng.normal(0, 0.2, (n, 2))
     low = rng.uniform(0, 0.7, n) * memory.length
     high = low + 0.3 * memory.length
