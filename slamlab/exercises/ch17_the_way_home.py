@@ -1721,9 +1721,9 @@ def _front_first(pose: Any, point: Any, law: Any, limits: Any) -> tuple[float, f
 #     ends = [end(seed, noise_out, noise_home) for seed in range(0, 120, 3)]
 #     return np.sqrt(np.mean(np.square(ends)))
 #
-# out, home = rms(1, 0), rms(0, 1)
+# out, home, both = rms(1, 0), rms(0, 1), np.sqrt(np.mean(ends[::3] ** 2))
 # print(f"RMS of 40 drives: out only {out:.2f} m, home only {home:.2f} m")
-# print(f"added in squares {np.hypot(out, home):.2f} m, both {rms(1, 1):.2f} m")
+# print(f"added in squares {np.hypot(out, home):.2f} m, both {both:.2f} m")
 # print(f"neither: {end(0, 0, 0):.2f} m")
 
 # %% [markdown] tags=["solution"]

@@ -1603,7 +1603,7 @@ check_locate.mistakes = {
 # def four_candidates(places, stored, marks, scan, nearest, *rest):
 #     return locate(places, stored, marks, scan, 4, *rest)
 #
-# for how in (locate, gaps_as_zero, lesson_scale, four_candidates):
+# for how in (gaps_as_zero, lesson_scale, four_candidates):
 #     print(f"{how.__name__}: {counted(halls, how)}")
 
 # %% [markdown] tags=["solution"]
