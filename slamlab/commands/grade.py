@@ -32,7 +32,7 @@ from slamlab._optional import has
 from slamlab.commands import _page
 from slamlab.commands._copies import fingerprints, same_code
 from slamlab.commands._process import cells_of, files_in, printable
-from slamlab.commands._submission import Mark, checks_of, marked
+from slamlab.commands._submission import Limits, Mark, checks_of, marked
 from slamlab.exercises import Check
 
 __all__ = ["arguments", "run"]
@@ -80,6 +80,7 @@ def run(options: argparse.Namespace) -> None:
     marks = [Mark(name, _chapter(path, chapters)) for name, path in zip(names, paths, strict=True)]
     files = [_read(path) for path in paths]
     folders = [Path(slamlab.exercises.__path__[0]), options.folder, options.output.parent]
+    limits = Limits(options.seconds, options.megabytes, folders)
     pictures = not options.no_pictures and has("matplotlib")
 
     def judge(mark: Mark, cells: list[str] | str) -> Mark:
@@ -89,8 +90,7 @@ def run(options: argparse.Namespace) -> None:
         if not mark.chapter:
             mark.notes.append(f"which chapter? its name holds none of {', '.join(chapters)}")
             return mark
-        limits = options.seconds, options.megabytes
-        return marked(mark, cells, checks[mark.chapter], *limits, folders, pictures)
+        return marked(mark, cells, checks[mark.chapter], limits, pictures)
 
     pool = ThreadPoolExecutor(options.jobs)
     try:
