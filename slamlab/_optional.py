@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
-__all__ = ["needed", "with_bar"]
+__all__ = ["has", "needed", "with_bar"]
 
 Thing = TypeVar("Thing")
 
@@ -35,6 +36,11 @@ def _counted(things: Iterable[Thing], report: Report, total: int) -> Iterator[Th
     for done, thing in enumerate(things, start=1):
         yield thing
         report(done, total)
+
+
+def has(name: str) -> bool:
+    """Say whether a module is installed."""
+    return importlib.util.find_spec(name) is not None
 
 
 def needed(name: str, purpose: str, extra: str = "course", package: str = "") -> Any:

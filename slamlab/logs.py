@@ -134,6 +134,12 @@ class Step:
     ranges: Array | None
     truth: Array | None
 
+    @property
+    def is_landmark(self) -> NDArray[np.bool_]:
+        """Which measurements are, by their ids, of landmarks and not clutter; shape (k,)."""
+        ids = np.asarray(self.ids)
+        return ids >= 0 if ids.dtype.kind in "iu" else np.ones(len(ids), bool)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_covariance, as_function
+from slamlab.evaluation.consistency import pose_errors
 from slamlab.evaluation.run import MEASURES, run
-from slamlab.geometry import compose, rotation, wrap_angle
+from slamlab.geometry import compose, rotation
 from slamlab.logs import Log, Step
 from slamlab.models import (
     Estimator,
@@ -222,8 +223,8 @@ class _Motion:
     def jacobians(self) -> None:
         step, pose, dt = self.model.step, self.poses[0], self.dt
         F_x, F_u = self.model.jacobians(pose, self.u, dt)
-        _close("by pose", F_x, _slopes(lambda x: step(x, self.u, dt), pose, _turned))
-        _close("by u", F_u, _slopes(lambda v: step(pose, v, dt), self.u, _turned))
+        _close("by pose", F_x, _slopes(lambda x: step(x, self.u, dt), pose, pose_errors))
+        _close("by u", F_u, _slopes(lambda v: step(pose, v, dt), self.u, pose_errors))
 
     def leading_axes(self) -> None:
         model, poses, controls, dt = self.model, self.poses, self.controls, self.dt
@@ -242,7 +243,7 @@ class _Motion:
         drawn = self.model.sample(many, u, dt, V, np.random.default_rng(1))
         again = self.model.sample(many, u, dt, V, np.random.default_rng(1))
         _close("the same seed", again, drawn)
-        off = _turned(drawn, self.model.step(pose, u, dt))
+        off = pose_errors(drawn, self.model.step(pose, u, dt))
         F_u = self.model.jacobians(pose, u, dt)[1]
         Q = F_u @ V @ F_u.T
         size = np.trace(Q)
@@ -276,7 +277,7 @@ class _Motion:
     def equivariance(self) -> None:
         here = self.model.step(self.poses, self.u, self.dt)
         there = self.model.step(compose(_TURN, self.poses), self.u, self.dt)
-        off = _turned(there, compose(_TURN, here))
+        off = pose_errors(there, compose(_TURN, here))
         _close("a step in a turned world", off, np.zeros_like(off))
 
 
@@ -465,7 +466,7 @@ class _Estimator:
     def equivariance(self) -> None:
         one = run(self.begun(), self.log)
         other = run(self.make(compose(_TURN, self.start)), self.log)
-        off = _turned(other.poses, compose(_TURN, one.poses))
+        off = pose_errors(other.poses, compose(_TURN, one.poses))
         _close("poses in a turned world", off, np.zeros_like(off), self.tolerance)
         if self.tolerance > 1e-6:
             return
@@ -505,8 +506,7 @@ def _measured(system: Estimator, step: Step) -> tuple[Array | None, Any]:
     z = {"scan": step.ranges, "landmarks": step.z}.get(system.measures)
     if z is None or system.measures == "scan" or step.ids is None:
         return None if z is None else z.copy(), None
-    real = step.ids >= 0 if step.ids.dtype.kind in "iu" else np.ones(len(step.ids), bool)
-    return z[..., real, :].copy(), step.ids[real].copy()
+    return z[..., step.is_landmark, :].copy(), step.ids[step.is_landmark].copy()
 
 
 def _fed_and_scribbled(system: Estimator, log: Log, k: int) -> None:
@@ -647,13 +647,6 @@ def _refuses(names: str, what: str, call: Call) -> None:
     except Exception as error:
         raise _Broken(f"{what}: expected ValueError, got {type(error).__name__}") from error
     raise _Broken(f"{what}: expected ValueError, nothing was raised")
-
-
-def _turned(a: Array, b: Array) -> Array:
-    """Difference of poses, the heading wrapped."""
-    off = np.asarray(a, float) - b
-    off[..., 2] = wrap_angle(off[..., 2])
-    return off
 
 
 def _slopes(f: Callable[[Array], Array], x: Array, off: Any = np.subtract) -> Array:

@@ -1,8 +1,6 @@
 """The release says one thing everywhere: version, date, citation, paper."""
 
-import os
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -12,12 +10,12 @@ import pytest
 import yaml
 
 import slamlab
+from tools.browser import CHROMIUM
 
 ROOT = Path(__file__).resolve().parents[1]
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
 CHANGES = (ROOT / "CHANGELOG.md").read_text()
 PAPER = (ROOT / "paper" / "paper.md").read_text()
-CHROMIUM = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
 
 
 def test_the_version_is_the_same_everywhere():

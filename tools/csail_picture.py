@@ -13,11 +13,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from slamlab.evaluation import ate, run
-from slamlab.filters.particle import lineage
 from slamlab.localization import DeadReckoning
 from slamlab.robots import RelativePose
 from slamlab.simulation import drifted
-from tools.grid_table import LOGS, drive, read
+from tools.grid_table import LOGS, best_path, drive, read
 
 ROOT = Path(__file__).resolve().parents[1]
 SEED, CELL, SIDE = 20, 0.2, 0.92  # a drive, a cell (m) and its pixels
@@ -49,10 +48,7 @@ def drawing():
     whole = read(LOGS["CSAIL"])
     log = drifted(whole, np.random.default_rng(SEED))
     wheels = run(DeadReckoning(RelativePose(), log.truth[0]), log)
-    result, system, _ = drive(whole, SEED, 30, 0.3, 0.0)
-    parents = lineage(result.recorded["ancestors"])
-    paths = np.array(result.recorded["poses"])[np.arange(len(whole))[:, None], parents]
-    best = paths[:, system.log_weights.argmax()]
+    best = best_path(drive(whole, SEED, 30, 0.3, 0.0)[0])
     dashed, solid = 'stroke="#D55E00" stroke-dasharray="7 5"', 'stroke="#0072B2"'
     parts = []
     for left, low, poses, error, name, style in (

@@ -83,6 +83,12 @@ def drive(whole, seed, n, temper, lost):
     return result, system, 1e3 * (time.process_time() - begin) / len(log)
 
 
+def best_path(result):
+    """Path (T, 3) of the particle of a run that has the largest weight in the end."""
+    parents = lineage(result.recorded["ancestors"])[:, result.system.log_weights.argmax()]
+    return np.array(result.recorded["poses"])[np.arange(len(parents)), parents]
+
+
 def followed(path, truth, off, within=4.0):
     """Count the steps at which a path turns as the scans say; of how many the reference misses."""
     due = np.diff(np.where(np.abs(off) > 5, off, 0.0))
@@ -111,9 +117,7 @@ def one(log, row, seed):
     off, wrong = turns_of(LOGS[log])
     whole = without(read(LOGS[log]), wrong) if left_out else read(LOGS[log])
     result, system, ms = drive(whole, seed, n, temper, lost)
-    parents = lineage(result.recorded["ancestors"])
-    paths = np.array(result.recorded["poses"])[np.arange(len(whole))[:, None], parents]
-    best = paths[:, system.log_weights.argmax()]
+    best = best_path(result)
     copies = np.count_nonzero(system._maps.shared.table) * EMPTY.nbytes
     return {
         "error": round(float(ate(result).rmse), 3),

@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
@@ -97,16 +98,21 @@ def _joined(outputs: list[nbformat.NotebookNode]) -> list[nbformat.NotebookNode]
     return joined
 
 
-def run(notebook: nbformat.NotebookNode, folder: Path) -> None:
-    """Execute in place with the kernel of this environment."""
-    NotebookClient(
+def client(notebook: nbformat.NotebookNode, folder: Path, **options: Any) -> NotebookClient:
+    """Return what executes a notebook in place, with the kernel of this environment."""
+    return NotebookClient(
         notebook,
-        timeout=600,
         record_timing=False,
         kernel_name="python3",
         kernel_manager_class=LocalAsyncKernelManager,
         resources={"metadata": {"path": str(folder)}},
-    ).execute()
+        **{"timeout": 600} | options,
+    )
+
+
+def run(notebook: nbformat.NotebookNode, folder: Path) -> None:
+    """Execute in place."""
+    client(notebook, folder).execute()
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,15 @@ The journal's own tool runs pandoc, too; here its page goes through Chromium.
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
 from pathlib import Path
 
 import pypandoc
 import yaml
 from playwright.sync_api import sync_playwright
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tools.browser import CHROMIUM
 
 ROOT = Path(__file__).resolve().parents[1]
 PAPER = ROOT / "paper" / "paper.md"
@@ -44,13 +45,12 @@ def page() -> str:
 
 def main(output: Path = ROOT / "_build" / "paper.pdf") -> int:
     """Print it; 1 if there is no browser."""
-    chromium = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
-    if chromium is None:
+    if CHROMIUM is None:
         print("chromium is not installed", file=sys.stderr)
         return 1
     output.parent.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         tab = browser.new_page()
         tab.set_content(page().replace("</head>", f"{STYLE}</head>"))
         margin = dict.fromkeys(("top", "bottom", "left", "right"), "2.3cm")

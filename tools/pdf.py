@@ -10,16 +10,9 @@ from __future__ import annotations
 
 import argparse
 import fnmatch
-import functools
 import html
-import http.server
 import io
-import os
-import shutil
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, urlparse
@@ -28,6 +21,9 @@ import yaml
 from playwright.sync_api import Browser, sync_playwright
 from pypdf import PdfReader, PdfWriter
 from pypdf.generic import ArrayObject, DictionaryObject, NameObject
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tools.browser import CHROMIUM, serving
 
 ROOT = Path(__file__).resolve().parents[1]
 HTML = ROOT / "_build" / "html"
@@ -74,25 +70,6 @@ def pages_of(toc: Path, wanted: list[str]) -> list[tuple[str, str]]:
         if any(fnmatch.fnmatch(name, glob) for glob in wanted)
         and not any(fnmatch.fnmatch(name, glob) for glob in LEFT_OUT)
     ]
-
-
-class Quiet(http.server.SimpleHTTPRequestHandler):
-    """A server that says nothing."""
-
-    def log_message(self, *args: object) -> None:
-        """Keep quiet."""
-
-
-@contextmanager
-def serving(folder: Path) -> Iterator[str]:
-    """Serve a folder on a free port, and give the address."""
-    handler = functools.partial(Quiet, directory=str(folder))
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}/"
-    finally:
-        server.shutdown()
 
 
 def print_page(browser: Browser, address: str, part: str, name: str) -> Leaf:
@@ -183,15 +160,14 @@ def main() -> int:
     parser.add_argument("pages", nargs="*", default=["*"], help="names, such as notebooks/02*")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "_build" / "slam.pdf")
     arguments = parser.parse_args()
-    chromium = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
     names = pages_of(ROOT / "_toc.yml", arguments.pages)
     missing = [name for _, name in names if not (HTML / f"{name}.html").exists()]
-    if chromium is None or missing or not names:
+    if CHROMIUM is None or missing or not names:
         why = f"{missing[0]} is not built: run make book" if missing else "no page fits"
-        print("chromium is not installed" if chromium is None else why, file=sys.stderr)
+        print("chromium is not installed" if CHROMIUM is None else why, file=sys.stderr)
         return 1
     with sync_playwright() as playwright, serving(HTML) as address:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         leaves = []
         for part, name in names:
             leaves.append(print_page(browser, address, part, name))

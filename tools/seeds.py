@@ -23,11 +23,10 @@ from itertools import zip_longest
 from pathlib import Path
 
 import nbformat
-from nbclient import NotebookClient
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from tools.kernels import LocalAsyncKernelManager, find_fonts
-from tools.notebooks import ROOT, SETTINGS, n_cores
+from tools.kernels import find_fonts
+from tools.notebooks import ROOT, SETTINGS, client, n_cores
 
 STEP = 1000
 # Chapters whose lessons `make test` holds to one shift: nothing raises, no verdict turns. Their
@@ -121,16 +120,8 @@ def executed(path: Path, shift: int) -> nbformat.NotebookNode:
         start_up = Path(folder, "profile_default", "startup")
         start_up.mkdir(parents=True)
         (start_up / "00-move-seeds.py").write_text(START_UP, encoding="utf-8")
-        client = NotebookClient(
-            notebook,
-            timeout=900,
-            allow_errors=True,
-            record_timing=False,
-            kernel_name="python3",
-            kernel_manager_class=LocalAsyncKernelManager,
-            resources={"metadata": {"path": str(path.parent)}},
-        )
-        client.execute(env=os.environ | {"IPYTHONDIR": folder, "SLAMLAB_SEED_SHIFT": str(shift)})
+        environment = os.environ | {"IPYTHONDIR": folder, "SLAMLAB_SEED_SHIFT": str(shift)}
+        client(notebook, path.parent, timeout=900, allow_errors=True).execute(env=environment)
     return notebook
 
 

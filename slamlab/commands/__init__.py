@@ -24,7 +24,8 @@ __all__ = ["main"]
 EXAMPLES = {
     "grade": (
         "grade submissions/ --chapter 02",
-        "grade submissions/ --chapter 02,09 --roster class.csv",
+        "grade submissions/ --chapter 02,09 --roster class.csv -o marks.csv",
+        "grade submissions/ --chapter 09 --variant 2027",
     ),
     "graph": ("graph court.g2o -o court/", "graph court.g2o --kernel huber"),
     "handout": ("handout 01 02 --to week1/",),

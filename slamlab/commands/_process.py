@@ -28,13 +28,28 @@ import numpy as np
 
 from slamlab._optional import needed
 
-__all__ = ["Gone", "Process", "RemoteFunction", "cells_of", "printable"]
+__all__ = ["Gone", "Process", "RemoteFunction", "cells_of", "files_in", "printable"]
 
 LONGEST = 2**27  # bytes of an answer
 
 
 class Gone(BaseException):
     """The process did not answer: it ended, was too slow, or said too much."""
+
+
+def files_in(name: str, folder: Path) -> list[Path]:
+    """Return the notebooks and programs of a folder and the folders in it.
+
+    Raises
+    ------
+    ValueError
+        If there is none; `name` is that of the argument, for the message.
+    """
+    files = [path for path in sorted(folder.rglob("*")) if path.suffix in (".ipynb", ".py")]
+    files = [path for path in files if ".ipynb_checkpoints" not in path.parts]
+    if not files:
+        raise ValueError(f"{name}: expected .ipynb or .py files in {folder}, found none")
+    return files
 
 
 def cells_of(path: Path) -> list[str]:
@@ -246,11 +261,11 @@ class RemoteFunction:
             kind, text = (printable(str(part)) for part in came["raised"])
             known = {"NotImplementedError": NotImplementedError}
             raise known.get(kind, type(kind, (Exception,), {}))(text)
-        after = decoded(came["after"])
+        after = [decoded(one) for one in came["after"]]
         arrays: list[np.ndarray] = []
         for one, new in zip(given, after, strict=True):
             arrays += _changed_in_place(one, new)
-        return _joined(came["result"], arrays)
+        return decoded(came["result"], arrays)
 
 
 def _changed_in_place(one: Any, new: Any) -> list[np.ndarray]:
@@ -269,29 +284,26 @@ def _changed_in_place(one: Any, new: Any) -> list[np.ndarray]:
     return []
 
 
-def _joined(came: Any, arrays: list[np.ndarray]) -> Any:
-    """Plain data again; an array that shares its memory with an earlier one does so here, too."""
+def decoded(came: Any, earlier: Sequence[np.ndarray] = ()) -> Any:
+    """Turn what came as JSON into plain data: numbers, texts, arrays, tuples and lists.
+
+    An array that shares its memory with an earlier one, of those given or of these data, does so
+    here, too.
+    """
+    return _decoded(came, list(earlier))
+
+
+def _decoded(came: Any, arrays: list[np.ndarray]) -> Any:
     if isinstance(came, list):
-        return [_joined(entry, arrays) for entry in came]
+        return [_decoded(entry, arrays) for entry in came]
     if not isinstance(came, dict):
-        return came
+        return printable(came) if isinstance(came, str) else came
     if "tuple" in came:
-        return tuple(_joined(entry, arrays) for entry in came["tuple"])
-    array = decoded(came)
+        return tuple(_decoded(entry, arrays) for entry in came["tuple"])
+    kind = {"b": bool, "i": np.int64, "u": np.uint64, "f": np.float64}[came["kind"]]
+    array = np.array(came["array"], dtype=kind).reshape(came["shape"])
     place = came.get("shares")
     if isinstance(place, int) and 0 <= place < len(arrays) and arrays[place].size == array.size:
         array = arrays[place].reshape(array.shape)
     arrays.append(array)
     return array
-
-
-def decoded(came: Any) -> Any:
-    """Turn what came as JSON into plain data: numbers, texts, arrays, tuples and lists."""
-    if isinstance(came, list):
-        return [decoded(entry) for entry in came]
-    if not isinstance(came, dict):
-        return printable(came) if isinstance(came, str) else came
-    if "tuple" in came:
-        return tuple(decoded(entry) for entry in came["tuple"])
-    kind = {"b": bool, "i": np.int64, "u": np.uint64, "f": np.float64}[came["kind"]]
-    return np.array(came["array"], dtype=kind).reshape(came["shape"])

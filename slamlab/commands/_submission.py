@@ -18,7 +18,7 @@ from slamlab.commands._page import png_of
 from slamlab.commands._process import Gone, Process, RemoteFunction, printable
 from slamlab.exercises import Check, Report
 
-__all__ = ["Mark", "checks_of", "marked"]
+__all__ = ["Limits", "Mark", "checks_of", "marked"]
 
 _DRAWING = Lock()
 _SECONDS_TO_DRAW = 30.0  # of the teacher's process, beside those of the submission
@@ -63,13 +63,24 @@ class Mark:
         return sum(self.share(name) for name in self.reports)
 
 
+@dataclass(frozen=True)
+class Limits:
+    """What the process of a submission may take, and the folders in which it may open nothing."""
+
+    seconds: float
+    megabytes: int
+    folders: Sequence[Path] = ()
+
+    def start(self, cells: Sequence[str]) -> Process:
+        """Start the process of a submission."""
+        return Process(cells, self.seconds, self.megabytes, folders=self.folders)
+
+
 def marked(
     mark: Mark,
     cells: Sequence[str],
     checks: dict[str, Check],
-    seconds: float,
-    megabytes: int,
-    folders: Sequence[Path],
+    limits: Limits,
     pictures: bool = False,
 ) -> Mark:
     """Run one submission and judge it; whatever it does, the mark comes back, a note says why.
@@ -83,7 +94,7 @@ def marked(
     try:
         while left:
             if process is None:
-                process = Process(cells, seconds, megabytes, (), folders)
+                process = limits.start(cells)
                 mark.notes += [] if noted else [printable(note) for note in process.notes]
                 noted = True
             name = left.pop(0)
@@ -95,12 +106,12 @@ def marked(
                 mark.reports[name] = checks[name].judge(seen)
                 raised |= {name: seen[0].raised} if all(one.raised for one in seen) else {}
                 if pictures and checks[name].has_picture:
-                    mark.pictures[name] = _drawn(checks[name], process, seconds)
+                    mark.pictures[name] = _drawn(checks[name], process)
             except Gone as error:
                 mark.notes.append(f"{name}: {str(error).removeprefix('call: ')}")
                 process.__exit__()
                 process = None
-        _judge_again(mark, cells, checks, seconds, megabytes, folders)
+        _judge_again(mark, cells, checks, limits)
         mark.notes += _reasons(mark, raised, checks)
     except Gone as error:
         mark.notes.append(f"its cells: {str(error).removeprefix('setup: ')}")
@@ -127,11 +138,11 @@ def _reasons(mark: Mark, raised: dict[str, str], checks: dict[str, Check]) -> li
     return [one if one[-2:] != ": " else f"{one}nothing holds" for one in said]
 
 
-def _drawn(check: Check, process: Process, seconds: float) -> bytes:
+def _drawn(check: Check, process: Process) -> bytes:
     """Return what `check.draw` shows, as PNG. One at a time: matplotlib knows no threads."""
     process.stop_clock()
     with _DRAWING:
-        process.start_clock(seconds + _SECONDS_TO_DRAW)
+        process.start_clock(process.seconds + _SECONDS_TO_DRAW)
         try:
             figure = check.draw(RemoteFunction(process, check.name))
         except Gone as error:
@@ -141,12 +152,7 @@ def _drawn(check: Check, process: Process, seconds: float) -> bytes:
 
 
 def _judge_again(
-    mark: Mark,
-    cells: Sequence[str],
-    checks: dict[str, Check],
-    seconds: float,
-    megabytes: int,
-    folders: Sequence[Path],
+    mark: Mark, cells: Sequence[str], checks: dict[str, Check], limits: Limits
 ) -> None:
     """Judge what fails and calls what fails once more, with the right functions in place.
 
@@ -158,12 +164,12 @@ def _judge_again(
     again = {name: right for name, right in again.items() if right and name in wrong}
     if not again:
         return
-    with _references(checks, seconds, megabytes) as reference:
+    with _references(checks, limits) as reference:
         for name, right in again.items():
             try:
-                with Process(cells, seconds, megabytes, (), folders) as process:
+                with limits.start(cells) as process:
                     process.reference = partial(_only, right, reference)
-                    process.start_clock(_TIMES_AGAIN * seconds)
+                    process.start_clock(_TIMES_AGAIN * limits.seconds)
                     seen = checks[name].observe(RemoteFunction(process, name, right))
             except Gone as error:
                 said = str(error).removeprefix("call: ")
@@ -186,15 +192,14 @@ def _only(right: Sequence[str], reference: Callable[..., Any], name: str, *given
 
 
 @contextmanager
-def _references(
-    checks: dict[str, Check], seconds: float, megabytes: int
-) -> Iterator[Callable[..., Any]]:
+def _references(checks: dict[str, Check], limits: Limits) -> Iterator[Callable[..., Any]]:
     """Give a function that works out what the reference of an exercise returns."""
     imports = [
         f"from {check.reference.__module__} import {check.reference.__name__} as {name}"
         for name, check in checks.items()
     ]
-    with Process(["\n".join(imports)], seconds, megabytes, answers=True) as process:
+    cells = ["\n".join(imports)]
+    with Process(cells, limits.seconds, limits.megabytes, answers=True) as process:
 
         def work_out(name: str, given: Sequence[Any], named: dict[str, Any]) -> Any:
             place = [one.name for one in checks[name].parameters]

@@ -12,10 +12,6 @@ The process of a submission gets arguments and answers with numbers: references,
 submissions are not in it, it may start no process, and limits of time and memory hold. Whatever
 one submission does, the others keep their marks. Files elsewhere on the computer are as open to it
 as to whoever runs the command: strangers' code belongs into a container or a throwaway account.
-
-    python -m slamlab grade hand-ins --chapter 02
-    python -m slamlab grade hand-ins --chapter 02,09 --roster class.csv -o marks.csv
-    python -m slamlab grade hand-ins --chapter 09 --variant 2027
 """
 
 from __future__ import annotations
@@ -32,15 +28,15 @@ from typing import Any
 
 import slamlab.exercises
 from slamlab._checks import as_count, as_positive
+from slamlab._optional import has
 from slamlab.commands import _page
 from slamlab.commands._copies import fingerprints, same_code
-from slamlab.commands._process import cells_of, printable
-from slamlab.commands._submission import Mark, checks_of, marked
+from slamlab.commands._process import cells_of, files_in, printable
+from slamlab.commands._submission import Limits, Mark, checks_of, marked
 from slamlab.exercises import Check
 
 __all__ = ["arguments", "run"]
 
-_KINDS = {".ipynb", ".py"}
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what a spreadsheet would work out
 
 
@@ -77,17 +73,15 @@ def run(options: argparse.Namespace) -> None:
     chapters = [chapter.strip() for chapter in options.chapter.split(",")]
     checks = {chapter: checks_of(chapter, options.variant) for chapter in chapters}
     roster = None if options.roster is None else read_roster(options.roster)
-    paths = sorted(path for path in options.folder.rglob("*") if path.suffix in _KINDS)
-    paths = [path for path in paths if ".ipynb_checkpoints" not in path.parts]
-    if not paths:
-        raise ValueError(f"folder: expected .ipynb or .py files in {options.folder}, found none")
+    paths = files_in("folder", options.folder)
     (options.output.parent / "feedback").mkdir(parents=True, exist_ok=True)
     # Every file is read before the first of them runs.
     names = _names([path.relative_to(options.folder) for path in paths])
     marks = [Mark(name, _chapter(path, chapters)) for name, path in zip(names, paths, strict=True)]
     files = [_read(path) for path in paths]
     folders = [Path(slamlab.exercises.__path__[0]), options.folder, options.output.parent]
-    pictures = not options.no_pictures and _can_draw()
+    limits = Limits(options.seconds, options.megabytes, folders)
+    pictures = not options.no_pictures and has("matplotlib")
 
     def judge(mark: Mark, cells: list[str] | str) -> Mark:
         if isinstance(cells, str):
@@ -96,8 +90,7 @@ def run(options: argparse.Namespace) -> None:
         if not mark.chapter:
             mark.notes.append(f"which chapter? its name holds none of {', '.join(chapters)}")
             return mark
-        limits = options.seconds, options.megabytes
-        return marked(mark, cells, checks[mark.chapter], *limits, folders, pictures)
+        return marked(mark, cells, checks[mark.chapter], limits, pictures)
 
     pool = ThreadPoolExecutor(options.jobs)
     try:
@@ -115,15 +108,6 @@ def run(options: argparse.Namespace) -> None:
         owners = [_labels(path.relative_to(options.folder)) for path in paths]
         missing = write_gradebook(roster, owners, marks, checks, book)
         print(f"{'gradebook':30s} {book}, {missing} of {len(roster)} without a submission")
-
-
-def _can_draw() -> bool:
-    """Say whether matplotlib is installed: without it marks come without pictures."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        return False
-    return True
 
 
 def _name_copies(

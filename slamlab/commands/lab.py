@@ -19,7 +19,7 @@ import numpy as np
 
 from slamlab import exercises
 from slamlab._checks import as_positive
-from slamlab.commands._process import Gone, Process, cells_of
+from slamlab.commands._process import Gone, Process, cells_of, files_in
 from slamlab.commands._remote import remote_system
 from slamlab.exercises.lab_scores import Row, library_rows, row, scans_and_odometry, sheet
 from slamlab.exercises.labs import LABS, Task, as_system_sees_it, tasks
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> None:
     """Print the scores of a file, or those of a folder and a leaderboard."""
     as_positive("seconds", options.seconds, 1e6)
     as_positive("megabytes", options.megabytes, 1e6)
-    files = _files(options.file)
+    files = files_in("file", options.file) if options.file.is_dir() else [options.file]
     seed = secrets.randbits(32) if options.seed is None else options.seed
     drives = tasks(options.lab, np.random.default_rng((21, seed)))
     bars = [library_rows(options.lab, task, not options.alone) for task in drives]
@@ -78,17 +78,6 @@ def run(options: argparse.Namespace) -> None:
             print(f"  {won:3d} of {of:<3d} {name}{f'  ({note})' if note else ''}")
 
 
-def _files(path: Path) -> list[Path]:
-    """Return the file, or those of a folder and the folders in it."""
-    if not path.is_dir():
-        return [path]
-    files = [file for file in sorted(path.rglob("*")) if file.suffix in (".py", ".ipynb")]
-    files = [file for file in files if ".ipynb_checkpoints" not in file.parts]
-    if not files:
-        raise ValueError(f"file: expected .ipynb or .py files in {path}, found none")
-    return files
-
-
 def _yours(options: argparse.Namespace, task: Task, cells: list[str]) -> Row:
     """Let the student's system do a drive in its own process."""
     closed = (*CLOSED[options.lab], "slamlab.commands")
@@ -102,7 +91,7 @@ def _yours(options: argparse.Namespace, task: Task, cells: list[str]) -> Row:
             process.start_clock()
             if options.lab == "V":
                 return row(
-                    "V", task, "you", partial(process.ask, "slam", *scans_and_odometry(task))
+                    "V", task, "you", partial(process.ask, "slam", *scans_and_odometry(task.log))
                 )
             log = as_system_sees_it(task.log)
             return row("II", task, "you", partial(process.ask, "map_room", task.setting, log))

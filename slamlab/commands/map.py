@@ -20,6 +20,7 @@ import numpy as np
 
 from slamlab._checks import as_scalar
 from slamlab._files import about
+from slamlab._optional import has
 from slamlab.commands import _page
 from slamlab.commands._localize import KnownMap, found
 from slamlab.commands._progress import Progress
@@ -189,8 +190,7 @@ def known_map(options: argparse.Namespace) -> KnownMap | None:
     if options.method is not None:
         raise ValueError(f"--localize: expected no --method beside it, got {options.method}")
     folder = options.localize if options.localize.is_dir() else options.localize.parent
-    if options.output is not None and options.output.resolve() == folder.resolve():
-        raise ValueError("--output: expected another folder than that of the map, got the same")
+    _check_output(options.output, folder)
     return KnownMap.read(options.localize)
 
 
@@ -203,9 +203,14 @@ def map_before(options: argparse.Namespace) -> Sessions | None:
         raise ValueError("--resume: expected no --localize beside it, got both")
     if options.method not in (None, METHODS[0]):
         raise ValueError(f"--resume: expected --method {METHODS[0]}, got {options.method}")
-    if options.output is not None and options.output.resolve() == folder.resolve():
-        raise ValueError("--output: expected another folder than that of the map, got the same")
+    _check_output(options.output, folder)
     return earlier(folder)
+
+
+def _check_output(output: Path | None, folder: Path) -> None:
+    """ValueError if the results would go into the folder of the map that was made before."""
+    if output is not None and output.resolve() == folder.resolve():
+        raise ValueError("--output: expected another folder than that of the map, got the same")
 
 
 def read_log(options: argparse.Namespace) -> Log:
@@ -372,7 +377,7 @@ def write(
     else:
         write_tum(folder / "trajectory.tum", result.times, result.trajectory)
     parts = [_page.table(rows)]
-    if _has("matplotlib"):
+    if has("matplotlib"):
         png = drawing(result, grid)
         (folder / "map.png").write_bytes(png)
         alt = "The map with the path; closures that count join the places that they tie."
@@ -380,7 +385,7 @@ def write(
     if has_graph(system):
         system.graph().write_g2o(folder / "graph.g2o")
         parts += _closure_table(system)
-    if _has("anywidget"):
+    if has("anywidget"):
         parts += _replay(result)
     title = f"Map of {name}" if isinstance(grid, OccupancyGrid) else f"{name} in a known map"
     (folder / "index.html").write_text(_page.page(title, *parts), encoding="utf-8")
@@ -468,9 +473,3 @@ def _replay(result: Run | Resumed) -> list[str]:
     seen = LidarPoints(points, accumulate=True)
     figure = Replay(Paths(estimate=path[steps]), seen, title="The drive")
     return [figure.html]
-
-
-def _has(name: str) -> bool:
-    from importlib.util import find_spec
-
-    return find_spec(name) is not None

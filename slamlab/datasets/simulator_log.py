@@ -64,9 +64,10 @@ def read_simulator(path: str | Path) -> Log:
     table = np.array([_row(lines[k - 1], f"{path.name}: line {k}", n) for k in numbers])
     with np.errstate(over="ignore"):
         dt = np.diff(table[:, 0], prepend=table[0, 0])
-    for i in np.flatnonzero(~((dt >= 0) & (dt < np.inf)))[:1]:
-        before, now = table[i - 1 : i + 1, 0]
-        place = f"{path.name}: line {numbers[i]}"
+    bad = np.flatnonzero(~((dt >= 0) & (dt < np.inf)))
+    if bad.size:
+        before, now = table[bad[0] - 1 : bad[0] + 1, 0]
+        place = f"{path.name}: line {numbers[bad[0]]}"
         raise ValueError(f"{place}: expected a time not before {before:g} s, got {now:g} s")
     scan = ScanGeometry(2 * np.pi * np.arange(n) / n)
     motion, truth, ranges = table[:, 1:4], table[:, 4:7], table[:, 7:]

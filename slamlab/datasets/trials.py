@@ -153,11 +153,16 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
     """
     if trial not in TRIALS:
         raise ValueError(f"trial: expected one of {', '.join(TRIALS)}, got {trial!r}")
-    stored = json.loads((Path(__file__).parent / "data" / f"{trial}.json").read_text())
+    return stored(trial)
+
+
+def stored(name: str) -> dict[str, dict[str, dict[str, Array]]]:
+    """Read the runs of a file of ours: first word, second word, name, one number a seed."""
+    text = (Path(__file__).parent / "data" / f"{name}.json").read_text()
     return {
         first: {
             second: {key: np.array([run.get(key, np.nan) for run in runs]) for key in runs[0]}
             for second, runs in rows.items()
         }
-        for first, rows in stored.items()
+        for first, rows in json.loads(text).items()
     }

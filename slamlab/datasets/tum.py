@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array
 from slamlab.datasets.relations import line_of, numbers_of
+from slamlab.geometry import wrap_angle
 
 __all__ = ["read_tum", "write_tum"]
 
@@ -69,8 +70,7 @@ def read_tum(path: str | Path) -> tuple[Array, Array]:
             f"{path.name}: line {line_of(text, bad[0])}: expected a path in the plane, "
             "it rises or tilts"
         )
-    theta = 2 * np.arctan2(q[:, 2], q[:, 3])
-    theta = np.arctan2(np.sin(theta), np.cos(theta))
+    theta = wrap_angle(2 * np.arctan2(q[:, 2], q[:, 3]))
     return table[:, 0].copy(), np.column_stack([table[:, 1:3], theta])
 
 

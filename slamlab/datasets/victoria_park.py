@@ -8,7 +8,6 @@ Chapters 10 to 13.
 from __future__ import annotations
 
 import gzip
-import json
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
@@ -17,12 +16,19 @@ from typing import TextIO
 import numpy as np
 
 from slamlab._checks import Array, as_covariance, cut
+from slamlab.datasets.trials import stored
 from slamlab.logs import Log
 from slamlab.robots import RelativePose
 from slamlab.sensors import PointSensor
 from slamlab.slam import PoseGraph
 
 __all__ = ["read_landmark_log", "victoria_park", "victoria_park_runs"]
+
+# Where the last numbers of a line, the upper triangle of a covariance, stand in its matrix.
+_COVS = {
+    "ODOMETRY": np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]]),
+    "LANDMARK": np.array([[0, 1], [1, 2]]),
+}
 
 
 def victoria_park() -> Log:
@@ -67,13 +73,9 @@ def victoria_park_runs() -> dict[str, dict[int, dict[str, Array]]]:
     >>> bool(runs["EKF-SLAM, invariant"][1]["error"] < runs["EKF-SLAM"][1]["error"])
     True
     """
-    stored = json.loads((Path(__file__).parent / "data" / "victoria_park.json").read_text())
     return {
-        system: {
-            int(scale): {name: np.array([row[name] for row in rows], float) for name in rows[0]}
-            for scale, rows in scales.items()
-        }
-        for system, scales in stored.items()
+        system: {int(scale): numbers for scale, numbers in scales.items()}
+        for system, scales in stored("victoria_park").items()
     }
 
 
@@ -146,29 +148,22 @@ def _parse(file: TextIO, name: str) -> Log:
         steps,
         moved[:, :3],
         np.minimum(steps, 1.0),
-        moved[:, 3:][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]],
+        moved[:, 3:][:, _COVS["ODOMETRY"]],
         controls="displacement",
         landmark_measurements=tuple(some[:, 1:3] for some in seen),
         ids=tuple(some[:, 0].astype(int) for some in seen),
-        covs=tuple(some[:, 3:][:, [[0, 1], [1, 2]]] for some in seen),
+        covs=tuple(some[:, 3:][:, _COVS["LANDMARK"]] for some in seen),
     )
 
 
-# Where the numbers of a line stand in its covariance.
-_UPPER = {
-    "ODOMETRY": [[3, 4, 5], [4, 6, 7], [5, 7, 8]],
-    "LANDMARK": [[2, 3], [3, 4]],
-}
-
-
 def _numbers(words: list[str], where: str) -> tuple[int, int, list[float]]:
-    counts = {"ODOMETRY": 12, "LANDMARK": 8}
-    if words[0] not in counts:
+    if words[0] not in _COVS:
         raise ValueError(f"{where}: expected ODOMETRY or LANDMARK, got {words[0][:40]!r}")
-    if len(words) != counts[words[0]]:
-        raise ValueError(
-            f"{where}: {words[0]}: expected {counts[words[0]] - 1} fields, got {len(words) - 1}"
-        )
+    triangle = _COVS[words[0]]
+    size = len(triangle)
+    count = 2 + size + size * (size + 1) // 2
+    if len(words) != 1 + count:
+        raise ValueError(f"{where}: {words[0]}: expected {count} fields, got {len(words) - 1}")
     try:
         values = [float(word) for word in words[3:]]
         pair = int(words[1]), int(words[2])
@@ -176,6 +171,5 @@ def _numbers(words: list[str], where: str) -> tuple[int, int, list[float]]:
         raise ValueError(f"{where}: expected numbers, {cut(error)}") from error
     if not all(map(isfinite, values)):
         raise ValueError(f"{where}: expected finite numbers, got NaN or infinity")
-    rows = _UPPER[words[0]]
-    as_covariance(f"{where}: covariance", [[values[k] for k in row] for row in rows])
+    as_covariance(f"{where}: covariance", np.array(values[size:])[triangle])
     return *pair, values

@@ -57,8 +57,8 @@ def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> Associat
     ----------
     run : Run
         Of a system whose reports have `ids`, over a log with the true ids. Or of particles that
-        decide for themselves, with every step recorded and "columns", "started" and "ancestors"
-        kept; then the pairs of all particles are counted.
+        decide for themselves, every step and their "associations", "is_new" and "ancestors"
+        recorded; then the pairs of all particles are counted.
     known_ids : int, default 0
         As in `run`: in the first so many steps the log's ids were handed over, and nothing
         is counted.

@@ -61,9 +61,7 @@ def nees(
     1.0
     """
     if isinstance(errors, Run):
-        error = errors.poses - errors.truth
-        error[..., 2] = wrap_angle(error[..., 2])
-        return _nees_where_uncertain(error, errors.covs)
+        return nees_where_uncertain(pose_errors(errors.poses, errors.truth), errors.covs)
     error = _errors(errors)
     n = error.shape[-1]
     for i in as_tuple("angles", angles):
@@ -85,7 +83,14 @@ def _errors(errors: ArrayLike | tuple[ArrayLike, ArrayLike]) -> Array:
     return as_array("errors", cast(ArrayLike, errors), ("...", "n")).copy()
 
 
-def _nees_where_uncertain(errors: Array, covs: Array) -> Array:
+def pose_errors(poses: Array, truth: Array) -> Array:
+    """Return poses less the true ones, the heading wrapped."""
+    error = np.asarray(poses, float) - truth
+    error[..., 2] = wrap_angle(error[..., 2])
+    return error
+
+
+def nees_where_uncertain(errors: Array, covs: Array) -> Array:
     """NEES, NaN where a covariance is singular."""
     values = np.linalg.eigvalsh(covs)
     uncertain = values[..., 0] > 1e-12 * values[..., -1]
@@ -127,7 +132,7 @@ def invariant_nees(
     """
     if isinstance(poses, Run):
         error, P = _invariant(poses.poses, poses.truth, poses.covs)
-        return _nees_where_uncertain(error, P)
+        return nees_where_uncertain(error, P)
     both = as_tuple("poses", poses)
     if len(both) != 2:
         raise ValueError(f"poses: expected a pair, estimated and true, got {len(both)} things")

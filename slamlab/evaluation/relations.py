@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
-from slamlab._checks import Array, as_array, as_scalar, as_tuple
+from slamlab._checks import as_array, as_scalar, as_tuple
 from slamlab.evaluation.trajectory import TrajectoryError
 from slamlab.geometry import between, compose, inverse, wrap_angle
 
@@ -61,8 +62,10 @@ def relation_error(
         raise ValueError(f"relations: expected moments and relative poses, got {len(pair)} things")
     moments = as_array("relations[0]", pair[0], ("m", 2))
     measured = as_array("relations[1]", pair[1], (len(moments), 3))
-    rows, there = _rows(times, moments, as_scalar("tolerance", tolerance, 0.0))
-    both = np.asarray(there.all(1))
+    # By absolute differences (p=1); where there is no pose, the row is the number of poses.
+    gaps, rows = cKDTree(times[:, None]).query(moments[..., None], p=1)
+    near = (gaps <= as_scalar("tolerance", tolerance, 0.0)) & (rows < len(times))
+    both = near.all(1)
     if not both.any():
         raise ValueError(
             f"relations: expected some between the moments of the path, none of {len(both)} is"
@@ -71,15 +74,3 @@ def relation_error(
     # (4): e = relation^-1 (+) (x_i^-1 (+) x_j)
     e = compose(inverse(measured[both]), between(poses[i], poses[j]))
     return TrajectoryError(np.hypot(e[:, 0], e[:, 1]), np.abs(wrap_angle(e[:, 2])))
-
-
-def _rows(times: Array, moments: Array, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Row of the pose nearest in time, and whether it is near enough."""
-    if len(times) == 0:
-        return np.zeros(moments.shape, dtype=int), np.zeros(moments.shape, dtype=bool)
-    order = np.argsort(times, kind="stable")
-    after = np.clip(np.searchsorted(times[order], moments), 1, max(len(times) - 1, 1))
-    candidates = np.stack([after - 1, np.minimum(after, len(times) - 1)])
-    gaps = np.abs(times[order][candidates] - moments)
-    best = np.take_along_axis(candidates, gaps.argmin(0)[None], 0)[0]
-    return order[best], gaps.min(0) <= tolerance

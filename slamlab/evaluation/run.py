@@ -42,7 +42,7 @@ class Run:
     seconds : ndarray, shape (T,)
         Computing time of each step (s).
     recorded : dict of name to list of length R
-        The attributes of the system that were asked for with `keep`.
+        The attributes of the system that were asked for with `record`.
     """
 
     log: Log
@@ -165,9 +165,9 @@ def _advance(system: Any, step: Step, what: str, given: bool) -> Any:
         return None
     z, covs, ids = step.z, step.covs, None
     if given and step.ids is not None:
-        real = step.ids >= 0 if step.ids.dtype.kind in "iu" else np.ones(len(step.ids), bool)
-        z, ids = z[..., real, :], step.ids[real]
-        covs = None if covs is None else covs[real]
+        kept = step.is_landmark
+        z, ids = z[..., kept, :], step.ids[kept]
+        covs = None if covs is None else covs[kept]
     return system.update(z, ids) if covs is None else system.update(z, ids, covs=covs)
 
 

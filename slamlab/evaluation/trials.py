@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_count, as_instance, as_tuple
-from slamlab.evaluation.consistency import chi2_band, nees
+from slamlab.evaluation.consistency import chi2_band, nees_where_uncertain, pose_errors
 from slamlab.evaluation.run import Run
-from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
 
 __all__ = ["Trial", "changed", "trial"]
@@ -149,10 +148,9 @@ def trial(
             poses, covs = (np.stack(each, 1) for each in zip(*parts, strict=True))
         else:
             poses, covs = _poses_and_covs(estimate(log), log.truth.shape)
-        e = poses - log.truth
-        e[..., 2] = wrap_angle(e[..., 2])
+        e = pose_errors(poses, log.truth)
         errors.append(np.sqrt((e[1:, :, :2] ** 2).sum(-1).mean()))
-        scores.append(_mean_nees(e, covs))
+        scores.append(nees_where_uncertain(e, covs).mean(1))
     if len({score.shape for score in scores}) > 1 or len({log.truth.shape for log in logs}) > 1:
         raise ValueError("sets: expected logs of one shape, got several")
     return Trial(np.array(errors), np.array(scores), logs[0].truth.shape[1])
@@ -167,15 +165,6 @@ def _poses_and_covs(result: Any, shape: tuple[int, ...]) -> tuple[Array, Array]:
     return as_array("estimate: poses", result[0], shape), as_array(
         "estimate: covs", result[1], (*shape, 3)
     )
-
-
-def _mean_nees(errors: Array, covs: Array) -> Array:
-    """Mean over the drives (axis 1), NaN at the steps where a covariance is singular."""
-    scores = np.full(len(errors), np.nan)
-    values = np.linalg.eigvalsh(covs)
-    usable = (values[..., 0] > 1e-12 * values[..., -1]).all(1)
-    scores[usable] = nees(errors[usable], covs[usable]).mean(1)
-    return scores
 
 
 def changed(

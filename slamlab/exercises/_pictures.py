@@ -14,11 +14,12 @@ from __future__ import annotations
 import textwrap
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-__all__ = ["Picture", "side_by_side"]
+__all__ = ["Picture", "attempt", "say", "side_by_side"]
 
 Function = Callable[..., Any]
 # Draws the truth and what a function gives into axes.
@@ -59,7 +60,7 @@ def side_by_side(
     figure = Figure(figsize=(7, 3.4), layout=ConstrainedLayoutEngine(h_pad=0.07, wspace=0.06))
     left, right = figure.subplots(1, 2)  # the book stacks them on a phone: it finds the gap
     picture(right, reference)
-    message = _attempt(picture, left, student)
+    message = attempt(partial(picture, left, _watched(student)))
     left.set_aspect(right.get_aspect(), adjustable="box")
     for name in ("xlim", "ylim"):
         low, high = getattr(right, f"get_{name}")()
@@ -73,17 +74,13 @@ def side_by_side(
     if what:
         caption = "\n".join(textwrap.wrap(what[0].upper() + what[1:], 100))
         figure.supxlabel(caption, x=0.02, ha="left", fontsize=9, color="0.35")
-    if message:
-        left.text(
-            0.5, 0.5, "\n".join(textwrap.wrap(message, 36)), transform=left.transAxes,
-            ha="center", va="center", fontsize=9, bbox={"facecolor": "white", "edgecolor": "0.5"},
-        )  # fmt: skip
+    say(left, message)
     figure.draw_without_rendering()  # titles of three lines and equal axes need a second layout
     return figure
 
 
-def _attempt(picture: Picture, ax: Any, student: Function) -> str:
-    """Draw what a function gives; say in words why it cannot be drawn."""
+def _watched(student: Function) -> Function:
+    """Return the function with copies as arguments; NotImplementedError where nothing comes."""
 
     def watched(*arguments: Any) -> Any:
         came = student(
@@ -93,12 +90,26 @@ def _attempt(picture: Picture, ax: Any, student: Function) -> str:
             raise NotImplementedError
         return came
 
+    return watched
+
+
+def attempt(work: Callable[[], None]) -> str:
+    """Draw what a student's code gives; say in words why it cannot be drawn."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            picture(ax, watched)
+            work()
         except NotImplementedError:
             return "nothing returned yet"
         except Exception as error:
             return f"cannot be drawn: {type(error).__name__}: {str(error)[:120]}"
     return ""
+
+
+def say(ax: Any, message: str) -> None:
+    """Write a message, if there is one, into the middle of the axes."""
+    if message:
+        ax.text(
+            0.5, 0.5, "\n".join(textwrap.wrap(message, 36)), transform=ax.transAxes,
+            ha="center", va="center", fontsize=9, bbox={"facecolor": "white", "edgecolor": "0.5"},
+        )  # fmt: skip

@@ -53,6 +53,7 @@ from slamlab.exercises._pictures import Picture, side_by_side
 from slamlab.exercises._values import (
     agree,
     difference,
+    is_stub,
     overlap,
     places,
     plain,
@@ -356,9 +357,8 @@ class Check:
 
     def observe(self, student: Function) -> list[Observation]:
         """Try a function on every input; what it raises is noted, never raised on."""
-        kept: dict[
-            Any, Any
-        ] = {}  # as they came: an array that is gone lends its place to the next
+        # As they came: an array that is gone lends its place in memory to the next.
+        kept: dict[Any, Any] = {}
         return [self._look(student, arguments, kept) for _, arguments in self.inputs]
 
     def judge(self, observations: Sequence[Observation]) -> Report:
@@ -409,7 +409,7 @@ class Check:
         self, function: Function, arguments: tuple[Any, ...], kept: dict[Any, Any] | None = None
     ) -> Observation:
         given, names = copy.deepcopy(arguments), self._names(arguments)
-        stub = _is_stub(function)
+        stub = is_stub(function)
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
@@ -581,9 +581,3 @@ def _without_docstring(source: str) -> str:
 
 def _holds(seen: Observation, due: Any, tolerance: float) -> bool:
     return not seen.raised and agree(seen.came, due, tolerance)
-
-
-def _is_stub(function: Function) -> bool:
-    """Say whether a function has no body yet: nothing but `...` or its docstring."""
-    code = getattr(function, "__code__", None)
-    return code is not None and not code.co_names and len(code.co_code) <= 8

@@ -8,8 +8,15 @@ from typing import Any
 import numpy as np
 
 __all__ = [
-    "agree", "difference", "overlap", "pairs", "places", "plain", "right_in_part", "same", "show",
+    "agree", "difference", "is_stub", "overlap", "pairs", "places", "plain", "right_in_part",
+    "same", "show",
 ]  # fmt: skip
+
+
+def is_stub(function: Any) -> bool:
+    """Say whether a function has no body yet: nothing but `...` or its docstring."""
+    code = getattr(function, "__code__", None)
+    return code is not None and not code.co_names and len(code.co_code) <= 8
 
 
 def plain(value: Any) -> Any:

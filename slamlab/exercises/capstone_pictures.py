@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -20,6 +20,7 @@ from slamlab._checks import Array
 from slamlab.datasets import killian
 from slamlab.evaluation import align, ate, run
 from slamlab.exercises.capstone import STEPS, NotWritten, Own, room, two_laps
+from slamlab.exercises.lab_scores import scans_and_odometry
 from slamlab.geometry import between, inverse_transform, transform
 from slamlab.logs import Log
 from slamlab.plots import COLOURS
@@ -49,32 +50,9 @@ def practice_log() -> Log:
     return ring_laps((20.0, 14.0), np.random.default_rng(1), lidar, laps=1.6)
 
 
-class _Drive(NamedTuple):
-    """The parts of a log that the lab reads."""
-
-    ranges: Array
-    angles: Array
-    points: Callable[..., Array]
-    u: Array
-    covs: Array
-    truth: Array
-
-    @classmethod
-    def of(cls, log: Log) -> _Drive:
-        if log.truth is None or log.ranges is None or log.scan is None:
-            raise ValueError(f"log: expected a log with scans and truth, got {log}")
-        scan: Any = log.scan
-        covs = np.broadcast_to(log.control_cov, (len(log), 3, 3))
-        return cls(log.ranges, scan.beam_angles, scan.points, log.u, covs, log.truth)
-
-    @property
-    def odometry(self) -> Array:
-        return dead_reckoning(RelativePose(), self.truth[0], self.u[1:], 1.0)
-
-    @property
-    def arguments(self) -> tuple[Array, ...]:
-        """Return what `slam` is called with."""
-        return self.ranges, self.angles, self.u, self.covs
+def _odometry(log: Any) -> Array:
+    """Poses (T, 3) by the odometry of a log, from the first true one."""
+    return dead_reckoning(RelativePose(), log.truth[0], log.u[1:], 1.0)
 
 
 def draw(step: int, own: ModuleType | Mapping[str, Any]) -> Figure:
@@ -149,19 +127,19 @@ def _poses(own: Own) -> Figure:
 
 
 def _points(own: Own) -> Figure:
-    log = _Drive.of(practice_log())
+    log: Any = practice_log()
     figure, (left, right) = _axes(2)
-    all_points = log.points(log.ranges[40], np.zeros(3))
+    all_points = log.scan.points(log.ranges[40], np.zeros(3))
     plots.lidar_points(left, all_points, s=2.0)
-    points, title = _tried(own, lambda: own.scan_points(log.ranges[40], log.angles))
+    points, title = _tried(own, lambda: own.scan_points(log.ranges[40], log.scan.beam_angles))
     if points is not None:
         _dots(left, points, "estimate")
         title = f"one scan: {len(points)} of {np.isfinite(all_points[:, 0]).sum()} points kept"
     left.set_title(title, fontsize=10)
-    odometry = log.odometry
+    odometry = _odometry(log)
 
     def placed() -> Array:
-        scans = [own.scan_points(r, log.angles) for r in log.ranges[::4]]
+        scans = [own.scan_points(r, log.scan.beam_angles) for r in log.ranges[::4]]
         moved = [own.transform(x, p) for x, p in zip(odometry[::4], scans, strict=True)]
         return np.concatenate(moved)
 
@@ -175,11 +153,12 @@ def _points(own: Own) -> Figure:
 
 
 def _icp(own: Own) -> Figure:
-    log, k, j = _Drive.of(practice_log()), 20, 16
+    log: Any = practice_log()
+    k, j = 20, 16
     figure, axes = _axes(2)
     true = between(log.truth[j], log.truth[k])
     guess = np.array([*(true[:2] + [0.3, -0.2]), true[2] + 0.15])
-    place, scan = (log.points(log.ranges[i], np.zeros(3)) for i in (j, k))
+    place, scan = (log.scan.points(log.ranges[i], np.zeros(3)) for i in (j, k))
     place, scan = (points[np.isfinite(points[:, 0])] for points in (place, scan))
 
     def matched() -> Array:
@@ -231,15 +210,14 @@ def _search(own: Own) -> Figure:
 
 
 def _driven(own: Own, loops: bool) -> tuple[Any, str]:
-    log = _Drive.of(practice_log())
-    return _tried(own, lambda: own.slam(*log.arguments, loops))
+    return _tried(own, lambda: own.slam(*scans_and_odometry(practice_log()), loops))
 
 
 def _path(own: Own) -> Figure:
-    log = _Drive.of(practice_log())
+    log: Any = practice_log()
     figure, ax = _axes(1, 3.8)
     result, title = _driven(own, loops=False)
-    odometry = log.odometry
+    odometry = _odometry(log)
     plots.path(ax, log.truth, kind="truth", label="truth")
     plots.path(ax, odometry, kind="dead_reckoning", label="odometry")
     if result is not None:
@@ -258,15 +236,15 @@ def _laid(path: Array, truth: Array) -> Array:
 
 
 def _loops(own: Own) -> Figure:
-    log = _Drive.of(practice_log())
+    log: Any = practice_log()
     figure, ax = _axes(1, 3.8)
 
     def tried() -> tuple[Array, Array, list[Any], list[Any]]:
-        path, _, steps = own.slam(*log.arguments, False)
+        path, _, steps = own.slam(*scans_and_odometry(log), False)
         first = np.unique([node for node, _ in steps], return_index=True)[1]
         poses, nodes = path[first], []
         for r in log.ranges[first]:
-            scan = own.scan_points(r, log.angles)
+            scan = own.scan_points(r, log.scan.beam_angles)
             nodes.append((scan, own.estimate_normals(scan)))
         travel = np.r_[0, np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))]
         found: list[Any] = []
@@ -324,10 +302,10 @@ def _graph(own: Own) -> Figure:
 
 
 def _map(own: Own) -> Figure:
-    log = _Drive.of(practice_log())
+    log: Any = practice_log()
     figure, axes = _axes(2)
     result, _ = _driven(own, loops=True)
-    paths = {"along the odometry": log.odometry, "along your path": result and result[0]}
+    paths = {"along the odometry": _odometry(log), "along your path": result and result[0]}
     for ax, (name, path) in zip(axes, paths.items(), strict=True):
         if path is None:
             ax.set_title("your path: not yet", fontsize=10)
@@ -340,8 +318,8 @@ def _map(own: Own) -> Figure:
     return figure
 
 
-def _mapped(own: Own, log: _Drive, path: Array) -> Any:
-    return own.occupancy(log.ranges, log.angles, path, 0.1)
+def _mapped(own: Own, log: Any, path: Array) -> Any:
+    return own.occupancy(log.ranges, log.scan.beam_angles, path, 0.1)
 
 
 def _occupancy(ax: Any, odds: Array, low: Array, cell: float = 0.1) -> None:
@@ -378,30 +356,30 @@ def compare(own: ModuleType | Mapping[str, Any], log: Log | None = None) -> list
         nothing came.
     """
     log = practice_log() if log is None else log
-    drive = _Drive.of(log)
-    rows: list[list[Any]] = [["odometry", _metres(drive.odometry, drive), 0, 0.0]]
+    if log.truth is None or log.ranges is None or log.scan is None:
+        raise ValueError(f"log: expected a log with scans and truth, got {log}")
+    given = scans_and_odometry(log)
+    rows: list[list[Any]] = [["odometry", _metres(_odometry(log), log), 0, 0.0]]
     start = time.thread_time()
     student = Own(own)
-    came, title = _tried(student, lambda: student.slam(*drive.arguments))
+    came, title = _tried(student, lambda: student.slam(*given))
     seconds = time.thread_time() - start
     if came is None:
         rows.append(["yours", title.removeprefix("yours: "), "", ""])
     else:
-        rows.append(["yours", _metres(came[0], drive), len(came[1]), round(seconds, 1)])
+        rows.append(["yours", _metres(came[0], log), len(came[1]), round(seconds, 1)])
     start = time.thread_time()
     path, closures = _library(log)
     seconds = time.thread_time() - start
-    return [*rows, ["library", _metres(path, drive), closures, round(seconds, 1)]]
+    return [*rows, ["library", _metres(path, log), closures, round(seconds, 1)]]
 
 
 def _library(log: Log) -> tuple[Array, int]:
     """Return path and number of closures of the library's scan graph."""
     scan: Any = log.scan
     system = ScanGraphSlam(scan, np.zeros(3), motion=RelativePose())
-    path = run(system, log).trajectory
-    assert path is not None
-    return path, sum(one.state == "confirmed" for one in system.closures)
+    return run(system, log).trajectory, sum(one.state == "confirmed" for one in system.closures)
 
 
-def _metres(path: Array, drive: _Drive) -> float:
-    return round(ate(np.asarray(path, float)[:, :3], drive.truth).rmse, 3)
+def _metres(path: Array, log: Log) -> float:
+    return round(ate(np.asarray(path, float)[:, :3], log.truth).rmse, 3)

@@ -7,18 +7,20 @@ one drive to watch, and to save as one HTML file. Lab V has pictures of its own,
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from slamlab._checks import as_choice, as_count
+from slamlab._checks import Array, as_choice, as_count
 from slamlab.evaluation import Run, run
 from slamlab.exercises import lab_systems
+from slamlab.exercises._pictures import attempt, say
 from slamlab.exercises.lab_scores import answer, driven
 from slamlab.exercises.labs import Task, practice
+from slamlab.grids import Grid
+from slamlab.localization import DeadReckoning
 
 __all__ = ["draw", "replay"]
 
@@ -63,7 +65,7 @@ def draw(lab: str, system: System, seed: int = 0) -> Any:
     rows = figure.subplots(len(drives), 2, squeeze=False)
     for (left, right), task in zip(rows, drives, strict=True):
         _library(lab, right, task)
-        message = _attempt(partial(_DRAWERS[lab], left, task, system))
+        message = attempt(partial(_DRAWERS[lab], left, task, system))
         for ax in (left, right):
             ax.set_aspect("equal", adjustable="box")
             ax.set(xlim=right.get_xlim(), ylim=right.get_ylim())
@@ -71,12 +73,7 @@ def draw(lab: str, system: System, seed: int = 0) -> Any:
         beside = "as it should be" if lab == "II" else f"library, {BESIDE[lab]}"
         right.set_title(beside, fontsize=10)
         right.set(ylabel="")
-        if message:
-            left.text(
-                0.5, 0.5, "\n".join(textwrap.wrap(message, 36)), transform=left.transAxes,
-                ha="center", va="center", fontsize=9,
-                bbox={"facecolor": "white", "edgecolor": "0.5"},
-            )  # fmt: skip
+        say(left, message)
     return figure
 
 
@@ -120,9 +117,7 @@ def replay(lab: str, system: System, seed: int = 0, drive: int = 0) -> Any:
         )
     if lab == "II":
         log: Any = task.log
-        probability, side, (x, y) = answer("II", task, system)
-        rows, columns = np.shape(probability)
-        world.append(widgets.Occupancy(probability, [x, x + columns * side, y, y + rows * side]))
+        world.append(widgets.Occupancy(*_map_and_extent(answer("II", task, system))))
         paths = widgets.Paths(truth=log.truth, dead_reckoning=_dead_reckoned(task))
     else:
         log = driven(task, answer("IV", task, system))
@@ -132,40 +127,18 @@ def replay(lab: str, system: System, seed: int = 0, drive: int = 0) -> Any:
     return widgets.Replay(paths, seen, *world, times=log.times, title=title)
 
 
-def _dead_reckoned(task: Task) -> Any:
+def _dead_reckoned(task: Task) -> Array:
     """Poses (T, 3) by the controls alone."""
-    believed = [task.setting.start]
-    for u, dt in zip(task.log.u[1:], task.log.dt[1:], strict=True):
-        believed.append(task.setting.motion.step(believed[-1], u, dt))
-    return np.array(believed)
-
-
-def _attempt(work: Callable[[], None]) -> str:
-    """Draw what a system does; say in words why it cannot be drawn."""
-    try:
-        with np.errstate(all="ignore"):
-            work()
-    except NotImplementedError:
-        return "nothing returned yet"
-    except Exception as error:
-        return f"cannot be drawn: {type(error).__name__}: {str(error)[:120]}"
-    return ""
+    return run(DeadReckoning(task.setting.motion, task.setting.start), task.log).poses
 
 
 def _library(lab: str, ax: Any, task: Task) -> None:
     """Draw the system of the library, on axes that hold all of the drive."""
-    makers: dict[str, Any] = {
-        "I": lab_systems.trackers,
-        "III": lab_systems.slam_systems,
-        "IV": lab_systems.explorers,
-    }
+    theirs = lab_systems.systems(lab, task)[BESIDE[lab]]
+    _DRAWERS[lab](ax, task, lambda *_: theirs())
     if lab == "II":
-        drawer = lab_systems.cartographers()[BESIDE[lab]]
-        _map_drawn(ax, task, lambda *_: drawer(task))
         left, bottom, right, top = task.world.bounds
         ax.set(xlim=(left - 0.5, right + 0.5), ylim=(bottom - 0.5, top + 0.5))
-    else:
-        _DRAWERS[lab](ax, task, makers[lab](task)[BESIDE[lab]])
 
 
 # Labs I and III: the true path, dead reckoning, the system's path and some of its ellipses.
@@ -182,8 +155,7 @@ def _run_drawn(ax: Any, task: Task, system: System) -> None:
     plots.path(ax, task.log.truth, "truth")
     plots.floor(ax)
     result = run(answer("I", task, system), task.log)
-    path = result.poses if result.trajectory is None else result.trajectory
-    plots.path(ax, path)
+    plots.path(ax, result.trajectory)
     _ellipses(ax, result)
 
 
@@ -206,11 +178,13 @@ def _map_drawn(ax: Any, task: Task, system: System) -> None:
     plots.floor(ax)
     for wall in task.world.segments:
         ax.plot(*wall.T, color=plots.COLOURS["dead_reckoning"], lw=0.8)
-    probability, resolution, origin = answer("II", task, system)
-    rows, columns = np.shape(probability)
-    x, y = (float(one) for one in origin)
-    side = float(resolution)
-    plots.occupancy(ax, probability, [x, x + columns * side, y, y + rows * side])
+    plots.occupancy(ax, *_map_and_extent(answer("II", task, system)))
+
+
+def _map_and_extent(answer: Any) -> tuple[Any, tuple[float, float, float, float]]:
+    """Give the map that `map_room` returned, and what of the plane it covers (m)."""
+    probability, resolution, origin = answer
+    return probability, Grid(np.shape(probability), resolution, origin).extent
 
 
 # Lab IV: where the robot drove, and where it believed to be.

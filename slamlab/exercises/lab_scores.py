@@ -69,16 +69,16 @@ def practise(lab: str, system: Callable[..., Any], seed: int = 0, library: bool 
 def answer(lab: str, task: Task, system: Callable[..., Any]) -> Any:
     """Ask a student's function for what a drive is judged by: a map, a path or a system."""
     if lab == "V":
-        return system(*scans_and_odometry(task))
+        return system(*scans_and_odometry(task.log))
     if lab == "II":
         return system(task.setting, as_system_sees_it(task.log))
     return system(task.setting)
 
 
-def scans_and_odometry(task: Task) -> tuple[Array, ...]:
+def scans_and_odometry(log: Any) -> tuple[Array, ...]:
     """Return what `slam` of lab V is called with: ranges, beam angles, odometry, covariances."""
-    log = task.log
-    return log.ranges.copy(), log.scan.beam_angles.copy(), log.u.copy(), log.control_cov.copy()
+    covs = np.broadcast_to(log.control_cov, (len(log), 3, 3))
+    return log.ranges.copy(), log.scan.beam_angles.copy(), log.u.copy(), covs.copy()
 
 
 def row(lab: str, task: Task, who: str, answer: Callable[[], Any]) -> Row:
@@ -93,18 +93,10 @@ def row(lab: str, task: Task, who: str, answer: Callable[[], Any]) -> Row:
 
 def library_rows(lab: str, task: Task, everyone: bool = True) -> list[Row]:
     """Let the library's systems do a drive, or only dead reckoning."""
-    if lab == "II" and not everyone:
-        return []
-    if lab == "II":
-        drawn = lab_systems.cartographers().items()
-        return [row(lab, task, who, partial(draw, task)) for who, draw in drawn]
-    if lab == "V":
-        known = lab_systems.mappers(everyone).items()
-        return [row(lab, task, who, partial(go, task)) for who, go in known]
-    choice = {"I": lab_systems.trackers, "III": lab_systems.slam_systems}
-    makers = choice.get(lab, lab_systems.explorers)(task).items()
-    chosen = list(makers) if everyone else [] if lab == "IV" else list(makers)[:1]
-    return [row(lab, task, who, partial(make, task.setting)) for who, make in chosen]
+    known = list(lab_systems.systems(lab, task).items())
+    if not everyone:  # the wheels alone neither draw a map nor explore
+        known = [] if lab in ("II", "IV") else known[:1]
+    return [row(lab, task, who, answer) for who, answer in known]
 
 
 def sheet(lab: str, task: Task, mine: Row, bar: list[Row], timed: bool = True) -> tuple[int, int]:

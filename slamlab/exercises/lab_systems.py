@@ -19,10 +19,9 @@ from slamlab.mapping import OccupancyGrid
 from slamlab.navigation import CoveragePilot
 from slamlab.slam import Confirmation, EKFSlam, FastSlam, HectorSlam, ScanGraphSlam
 
-__all__ = ["cartographers", "explorers", "slam_systems", "trackers"]
+__all__ = ["systems"]
 
 Makers = dict[str, Callable[[Setting], Any]]
-Drawing = tuple[Array, float, Array]
 
 
 class _BeaconFilter:
@@ -60,79 +59,6 @@ class _BeaconFilter:
                 self._belief = belief
 
 
-def trackers(task: Task) -> Makers:
-    """Return makers of the trackers of lab I, by name."""
-    return {
-        "dead reckoning": lambda s: DeadReckoning(s.motion, s.start, s.start_cov),
-        "EKF, every reading": lambda s: _BeaconFilter(s, np.inf),
-        "EKF with a gate": lambda s: _BeaconFilter(s, 9.21),
-    }
-
-
-def slam_systems(task: Task) -> Makers:
-    """Return makers of the SLAM systems of lab III, by name."""
-    named = task.log is not None and task.log.ids is not None
-    chances = None if named else (0.85, 0.02)
-    rng = np.random.default_rng(0)
-    return {
-        "dead reckoning": lambda s: DeadReckoning(s.motion, s.start),
-        "EKFSlam": lambda s: EKFSlam(s.motion, s.sensor, s.start, associate=Confirmation()),
-        "FastSlam": lambda s: FastSlam(
-            s.motion, s.sensor, s.start, 30, version=2, rng=rng, detection_probabilities=chances
-        ),
-        "HectorSlam": lambda s: HectorSlam(s.lidar, s.start, motion=s.motion),
-        "ScanGraphSlam": lambda s: ScanGraphSlam(s.lidar, s.start, motion=s.motion),
-    }
-
-
-def _drawn(task: Task, poses: Array) -> Drawing:
-    """Occupancy grid of a log along some poses."""
-    log, lidar = task.log, task.setting.lidar
-    grid = OccupancyGrid((64, 64), 0.05, poses[0, :2] - 1.6)
-    for pose, ranges in zip(poses, log.ranges, strict=True):
-        grid.insert(pose, ranges, lidar)
-    return grid.probability, grid.resolution, grid.origin
-
-
-def cartographers() -> dict[str, Callable[[Task], Drawing]]:
-    """Lab II; the truth's own map is no system, but nothing can be expected to beat it by much."""
-
-    def follow(make: Callable[[Setting], Any]) -> Callable[[Task], Drawing]:
-        def draw(task: Task) -> Drawing:
-            log = as_system_sees_it(task.log)
-            return _drawn(task, run(make(task.setting), log).trajectory)
-
-        return draw
-
-    return {
-        "grid, dead reckoning": follow(lambda s: DeadReckoning(s.motion, s.start)),
-        "grid, HectorSlam": follow(lambda s: HectorSlam(s.lidar, s.start, motion=s.motion)),
-        "grid, ScanGraphSlam": follow(lambda s: ScanGraphSlam(s.lidar, s.start, motion=s.motion)),
-        "(grid, true poses)": lambda task: _drawn(task, _truth(task)),
-    }
-
-
-def _truth(task: Task) -> Array:
-    return task.log.truth
-
-
-def mappers(everyone: bool) -> dict[str, Callable[[Task], tuple[Array]]]:
-    """Return the odometry of lab V and, if asked for, the library's systems: paths of a log."""
-
-    def path_of(make: Callable[[Setting], Any]) -> Callable[[Task], tuple[Array]]:
-        return lambda task: (run(make(task.setting), task.log).trajectory,)
-
-    known = {"odometry": path_of(lambda s: DeadReckoning(s.motion, s.start))}
-    if everyone:
-        known["ScanGraphSlam, no closures"] = path_of(
-            lambda s: ScanGraphSlam(s.lidar, s.start, motion=s.motion, loops=False)
-        )
-        known["ScanGraphSlam"] = path_of(
-            lambda s: ScanGraphSlam(s.lidar, s.start, motion=s.motion)
-        )
-    return known
-
-
 class _Explorer:
     """A belief and a pilot in one."""
 
@@ -143,11 +69,83 @@ class _Explorer:
         return getattr(self._pilot if name == "command" else self._belief, name)
 
 
-def explorers(task: Task) -> Makers:
-    """Return makers of the explorers of lab IV, by name."""
+def _dead_reckoning(s: Setting) -> DeadReckoning:
+    return DeadReckoning(s.motion, s.start)
+
+
+def _hector(s: Setting) -> HectorSlam:
+    return HectorSlam(s.lidar, s.start, motion=s.motion)
+
+
+def _scan_graph(s: Setting, loops: bool = True) -> ScanGraphSlam:
+    return ScanGraphSlam(s.lidar, s.start, motion=s.motion, loops=loops)
+
+
+# What makes the systems of a lab, by name.
+TRACKERS: Makers = {
+    "dead reckoning": lambda s: DeadReckoning(s.motion, s.start, s.start_cov),
+    "EKF, every reading": lambda s: _BeaconFilter(s, np.inf),
+    "EKF with a gate": lambda s: _BeaconFilter(s, 9.21),
+}
+CARTOGRAPHERS: Makers = {
+    "grid, dead reckoning": _dead_reckoning,
+    "grid, HectorSlam": _hector,
+    "grid, ScanGraphSlam": _scan_graph,
+}
+EXPLORERS: Makers = {
+    "CoveragePilot, dead reckoning": lambda s: _Explorer(_dead_reckoning(s), s),
+    "CoveragePilot, HectorSlam": lambda s: _Explorer(_hector(s), s),
+}
+MAPPERS: Makers = {
+    "odometry": _dead_reckoning,
+    "ScanGraphSlam, no closures": partial(_scan_graph, loops=False),
+    "ScanGraphSlam": _scan_graph,
+}
+
+
+def _slam_systems(task: Task) -> Makers:
+    named = task.log is not None and task.log.ids is not None
+    chances = None if named else (0.85, 0.02)
+    rng = np.random.default_rng(0)
     return {
-        "CoveragePilot, dead reckoning": lambda s: _Explorer(DeadReckoning(s.motion, s.start), s),
-        "CoveragePilot, HectorSlam": lambda s: _Explorer(
-            HectorSlam(s.lidar, s.start, motion=s.motion), s
+        "dead reckoning": _dead_reckoning,
+        "EKFSlam": lambda s: EKFSlam(s.motion, s.sensor, s.start, associate=Confirmation()),
+        "FastSlam": lambda s: FastSlam(
+            s.motion, s.sensor, s.start, 30, version=2, rng=rng, detection_probabilities=chances
         ),
+        "HectorSlam": _hector,
+        "ScanGraphSlam": _scan_graph,
     }
+
+
+def systems(lab: str, task: Task) -> dict[str, Callable[[], Any]]:
+    """Return what the library has to say of a drive, by the name of the system that says it.
+
+    Each call begins anew, and gives what a student's function gives: a system, in lab II a map,
+    in lab V a path. Dead reckoning comes first. The truth's own map in lab II is no system, but
+    nothing can be expected to beat it by much.
+    """
+    known = {"I": TRACKERS, "II": CARTOGRAPHERS, "IV": EXPLORERS, "V": MAPPERS}
+    makers = _slam_systems(task) if lab == "III" else known[lab]
+    begun = {who: partial(make, task.setting) for who, make in makers.items()}
+    if lab == "II":
+        maps = {who: partial(_mapped, task, make) for who, make in begun.items()}
+        return {**maps, "(grid, true poses)": partial(_drawn, task, task.log.truth)}
+    if lab == "V":
+        return {who: partial(_path, task, make) for who, make in begun.items()}
+    return {**begun}
+
+
+def _path(task: Task, make: Callable[[], Any]) -> tuple[Array]:
+    return (run(make(), task.log).trajectory,)
+
+
+def _mapped(task: Task, make: Callable[[], Any]) -> tuple[Array, float, Array]:
+    return _drawn(task, run(make(), as_system_sees_it(task.log)).trajectory)
+
+
+def _drawn(task: Task, poses: Array) -> tuple[Array, float, Array]:
+    """Occupancy grid of a log along some poses."""
+    grid = OccupancyGrid((64, 64), 0.05, poses[0, :2] - 1.6)
+    grid.insert(poses, task.log.ranges, task.setting.lidar)
+    return grid.probability, grid.resolution, grid.origin

@@ -7,7 +7,7 @@ that nobody has seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -219,9 +219,7 @@ def _track(rng: np.random.Generator) -> list[Task]:
 
 def _spoilt(log: Log, name: str, rng: np.random.Generator) -> Log:
     """Switch the sensor off for 12 s in a tunnel; replace one reading in eight by an echo."""
-    far = [z[:, 0] > _NEAREST for z in log.landmark_measurements or ()]
-    observations = [z[good] for z, good in zip(log.landmark_measurements or (), far, strict=True)]
-    ids = [names[good] for names, good in zip(log.ids or (), far, strict=True)]
+    observations, ids = _far(zip(log.landmark_measurements or (), log.ids or (), strict=True))
     for k, z in enumerate(observations):
         if name == "tunnel" and 25.0 <= log.times[k] < 37.0:
             observations[k], ids[k] = np.empty((0, 2)), np.empty(0, dtype=int)
@@ -229,6 +227,12 @@ def _spoilt(log: Log, name: str, rng: np.random.Generator) -> Log:
             echo = rng.random(len(z)) < 0.125
             z[echo, 0] += rng.uniform(1.0, 4.0, int(echo.sum()))
     return replace(log, landmark_measurements=tuple(observations), ids=tuple(ids))
+
+
+def _far(steps: Iterable[tuple[Array, Any]]) -> tuple[list[Array], list[Any]]:
+    """Measurements and ids of each step without the landmarks that are too near to be seen."""
+    kept = [(z[z[:, 0] > _NEAREST], ids[z[:, 0] > _NEAREST]) for z, ids in steps]
+    return [z for z, _ in kept], [ids for _, ids in kept]
 
 
 # Lab II: a scan after every step, wheels that slip a little, and a room to draw.
@@ -310,11 +314,12 @@ def _ring(
     log = _driven(setting, world, [(m, m), (w - m, m), (w - m, h - m), (m, h - m)], laps, rng)
     landmarks = rng.uniform((0, 0), size, (20 * n, 2))
     landmarks = landmarks[world.is_free(landmarks)][:n]
-    seen = [setting.sensor.measure(pose, landmarks, rng, **chances) for pose in log.truth]
-    far = [z[:, 0] > _NEAREST for z, _ in seen]
-    observations = [z[good] for (z, _), good in zip(seen, far, strict=True)]
-    ids = tuple(names[good] for (_, names), good in zip(seen, far, strict=True))
-    log = replace(log, landmark_measurements=tuple(observations), ids=ids if named else None)
+    observations, ids = _far(
+        setting.sensor.measure(pose, landmarks, rng, **chances) for pose in log.truth
+    )
+    log = replace(
+        log, landmark_measurements=tuple(observations), ids=tuple(ids) if named else None
+    )
     return Task(setting, log, world)
 
 

@@ -17,7 +17,8 @@ from scipy.special import gammaln
 
 from slamlab._checks import Array
 from slamlab.evaluation import Run, run
-from slamlab.geometry import transform, wrap_angle
+from slamlab.evaluation.consistency import pose_errors
+from slamlab.geometry import transform
 from slamlab.grids import Grid
 from slamlab.logs import Log
 from slamlab.mapping import HeightGrid, VarianceGrid
@@ -290,8 +291,7 @@ def filtered(log: Log, seed: int, camera: StereoRig = RIG, n: int = 60, **option
 
 def scores(result: Run) -> dict[str, float]:
     """Path error (m), median NEES from the twentieth step on, median number of parents."""
-    e = result.poses - result.truth
-    e[:, 2] = wrap_angle(e[:, 2])
+    e = pose_errors(result.poses, result.truth)
     inverse = np.linalg.inv(result.covs + 1e-9 * np.eye(3))
     nees = np.einsum("ti,tij,tj->t", e, inverse, e)[20:]
     parents = [len(np.unique(row)) for row in result.recorded["ancestors"]]

@@ -13,7 +13,7 @@ from slamlab._checks import Array, as_array, as_instance, as_shaped
 from slamlab.evaluation import Run
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
-from slamlab.plots._draw import ellipse, error_band, landmarks, path
+from slamlab.plots._draw import ellipse, error_band, floor, landmarks, path
 
 NAMES = {"truth": "truth", "dead_reckoning": "wheels", "estimate": "estimate"}
 
@@ -129,8 +129,7 @@ def _draw_map(
     for kind, drawn in (("dead_reckoning", wheels), ("estimate", poses), ("truth", log.truth)):
         if drawn is not None:
             path(ax, drawn, kind, label=NAMES[kind])
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.set(xlabel="x (m)", ylabel="y (m)")
+    floor(ax)
     ax.legend(
         loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3, frameon=False, fontsize=9,
         handlelength=1.6, columnspacing=1.0,

@@ -7,6 +7,7 @@ each one costs.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,22 +140,8 @@ class BeamlessLocate(RangeBearing):
         return G_pose, G_z
 
 
-@dataclass(frozen=True)
-class SlopesAndBeamAsPrinted(LeverlessBearingSlopes):
+class SlopesAndBeamAsPrinted(LeverlessRangeSlope, LeverlessBearingSlopes, BeamlessLocate):
     """P1 (26)-(29) and (41) together: signs right, lever terms and heading column as printed."""
-
-    def jacobians(self, pose: ArrayLike, landmark: ArrayLike) -> tuple[Array, Array]:
-        """Return H with the printed C, D, E, F; A and B are right."""
-        H_pose, H_landmark = super().jacobians(pose, landmark)
-        arguments = (getattr(self, field.name) for field in fields(RangeBearing) if field.init)
-        without_L = LeverlessRangeSlope(*arguments)
-        H_pose[..., 0, 2] = without_L.jacobians(pose, landmark)[0][..., 0, 2]
-        return H_pose, H_landmark
-
-    def locate_jacobians(self, pose: ArrayLike, z: ArrayLike) -> tuple[Array, Array]:
-        """Return G_pose with the heading column (-L s, L c) alone, and the right G_z."""
-        arguments = (getattr(self, field.name) for field in fields(RangeBearing) if field.init)
-        return BeamlessLocate(*arguments).locate_jacobians(pose, z)
 
 
 def gain_as_printed(P: ArrayLike, H: ArrayLike, S: ArrayLike, R: ArrayLike) -> Array:
@@ -209,17 +196,16 @@ def variants(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
     dict of str to Variant
         The repaired one first.
     """
-    sensor = as_instance("sensor", sensor, RangeBearing)
-    arguments = [getattr(sensor, field.name) for field in fields(RangeBearing) if field.init]
+    like = partial(_like, sensor)
     return {
         "repaired": Variant(motion, sensor),
         "(17) without dt": Variant(MotionAsPrinted(motion), sensor),
-        "(18) as printed": Variant(motion, BearingAsPrinted(*arguments)),
-        "(18) arctan without quadrant": Variant(motion, BearingWithoutQuadrant(*arguments)),
-        "(26), (27), (29) best signs": Variant(motion, LeverlessBearingSlopes(*arguments)),
-        "(26), (27), (29) worst signs": Variant(motion, LeverlessBearingSlopesWorst(*arguments)),
-        "(28) without L": Variant(motion, LeverlessRangeSlope(*arguments)),
-        "(41) without the beam": Variant(motion, BeamlessLocate(*arguments)),
+        "(18) as printed": Variant(motion, like(BearingAsPrinted)),
+        "(18) arctan without quadrant": Variant(motion, like(BearingWithoutQuadrant)),
+        "(26), (27), (29) best signs": Variant(motion, like(LeverlessBearingSlopes)),
+        "(26), (27), (29) worst signs": Variant(motion, like(LeverlessBearingSlopesWorst)),
+        "(28) without L": Variant(motion, like(LeverlessRangeSlope)),
+        "(41) without the beam": Variant(motion, like(BeamlessLocate)),
     }
 
 
@@ -236,13 +222,17 @@ def together(motion: MotionModel, sensor: RangeBearing) -> dict[str, Variant]:
     dict of str to Variant
         (17) and (41), whose mistakes nearly cancel; and all that P1 prints.
     """
-    sensor = as_instance("sensor", sensor, RangeBearing)
-    arguments = [getattr(sensor, field.name) for field in fields(RangeBearing) if field.init]
-    wheels = MotionAsPrinted(motion)
+    wheels, like = MotionAsPrinted(motion), partial(_like, sensor)
     return {
-        "(17) and (41)": Variant(wheels, BeamlessLocate(*arguments)),
-        "(17), (26)-(29), (41)": Variant(wheels, SlopesAndBeamAsPrinted(*arguments)),
+        "(17) and (41)": Variant(wheels, like(BeamlessLocate)),
+        "(17), (26)-(29), (41)": Variant(wheels, like(SlopesAndBeamAsPrinted)),
     }
+
+
+def _like(sensor: RangeBearing, kind: type[RangeBearing]) -> RangeBearing:
+    """Return a sensor of another kind with the parameters of this one."""
+    as_instance("sensor", sensor, RangeBearing)
+    return kind(*(getattr(sensor, field.name) for field in fields(RangeBearing) if field.init))
 
 
 def _lever(

@@ -105,11 +105,12 @@ class Replay(Figure):
         said = captions
         if captions is not None:
             said = [_pack.text("captions", one) for one in as_tuple("captions", captions)]
-        steps = _steps(arrays, times, said, settings["maps"])
+        seconds = None if times is None else as_array("times", times, ("T",))
+        steps = _steps(arrays, seconds, said, settings["maps"])
         payload: dict[str, Any] = {
             "steps": steps,
             "arrays": {name: _pack.pack_numbers(array) for name, array in arrays.items()},
-            "times": None if times is None else _times(times, steps),
+            "times": None if seconds is None else _times(seconds),
             "maps": settings["maps"],
             "captions": said,
             "bounds": _bounds(bounds, arrays, settings["maps"]),
@@ -183,14 +184,14 @@ def _grown(maps: Sequence[Array] | None) -> Array | None:
 
 def _steps(
     arrays: dict[str, Array],
-    times: ArrayLike | None,
+    times: Array | None,
     captions: Sequence[str] | None,
     maps: dict[str, Any] | None,
 ) -> int:
     """Return the common number of steps, or name what disagrees."""
     lengths = {ARGUMENTS[name]: len(array) for name, array in arrays.items() if name not in FIXED}
     if times is not None:
-        lengths["times"] = len(as_array("times", times, ("T",)))
+        lengths["times"] = len(times)
     if captions is not None:
         lengths["captions"] = len(captions)
     if not lengths and maps is not None:
@@ -209,12 +210,11 @@ def _steps(
     return steps
 
 
-def _times(times: ArrayLike, steps: int) -> Packed:
-    seconds = as_array("times", times, (steps,))
-    least = np.diff(seconds).min(initial=0.0)
+def _times(times: Array) -> Packed:
+    least = np.diff(times).min(initial=0.0)
     if least < 0:
         raise ValueError(f"times: expected increasing seconds, got a step of {least:g}")
-    return _pack.pack_series(seconds)
+    return _pack.pack_series(times)
 
 
 def _bounds(

@@ -333,15 +333,15 @@ def _series(
     if not isinstance(series, Mapping) or not series:
         raise ValueError(f"{title}: expected labelled arrays, got {series!r}")
     return {
-        label: _on_grid(f"{title}: {label}", as_shaped(f"{title}: {label}", value), grid, rest)
-        for label, value in series.items()
+        label: _on_grid(f"{title}: {label}", value, grid, rest) for label, value in series.items()
     }
 
 
 def _on_grid(
-    name: str, values: Array, grid: tuple[int, ...], rest: tuple[int | str, ...]
+    name: str, given: ArrayLike, grid: tuple[int, ...], rest: tuple[int | str, ...]
 ) -> Array:
     """Return the array if it is (*grid, *rest) or the constant (*rest); name it otherwise."""
+    values = as_shaped(name, given)
     wanted = rest if values.ndim == len(rest) else (*grid, *rest)
     fitting = as_shaped(name, values, wanted)
     if np.isinf(fitting).any():
@@ -393,8 +393,7 @@ def _range(arrays: list[Array], margin: float = 0.0) -> list[float]:
 
 
 def _number(name: str, values: ArrayLike, grid: tuple[int, ...]) -> dict[str, Any]:
-    label = f"numbers[{name!r}]"
-    given = _on_grid(label, as_shaped(label, values), grid, ())
+    given = _on_grid(f"numbers[{name!r}]", values, grid, ())
     return {"name": name, "values": _exact(np.broadcast_to(given, grid).ravel())}
 
 

@@ -1,14 +1,13 @@
 """Drawings: every word lies inside the picture, and no word lies on another."""
 
-import os
-import shutil
 from pathlib import Path
 
 import pytest
 
+from tools.browser import CHROMIUM
+
 ROOT = Path(__file__).resolve().parents[2]
 DRAWINGS = sorted((ROOT / "book" / "static" / "drawings").rglob("*.svg"))
-CHROMIUM = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
 FAULTS = """() => {

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import pytest
 
+from tools.browser import CHROMIUM
+
 sync_api = pytest.importorskip("playwright.sync_api")
 pytest.importorskip("jupyterlab")
 ROOT = Path(__file__).resolve().parents[2]
-CHROMIUM = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
 CHAPTER = "01_bayes_filter.ipynb"
 RAW = re.compile(r"(?m)^:::|```\{|\{(doc|cite|ref|eq|numref)[:}]")
 PICTURE = """() => [...document.querySelectorAll('.jp-OutputArea canvas')]

@@ -6,19 +6,16 @@ at by every check: as it opens, with its figures moved, in the dark on a phone, 
 
 import functools
 import html.parser
-import http.server
-import os
 import re
-import shutil
-import threading
 import urllib.parse
 from pathlib import Path
 
 import pytest
 
+from tools.browser import CHROMIUM, serving
+
 ROOT = Path(__file__).resolve().parents[2]
 HTML = ROOT / "_build" / "html"
-CHROMIUM = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
 FLAGS = [
     "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
@@ -82,28 +79,10 @@ VIOLATIONS = """async () => {
 }"""
 
 
-class Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *args):
-        pass
-
-
-class Server(http.server.ThreadingHTTPServer):
-    request_queue_size = 128  # a page asks for sixty files at once
-
-
-def serve(folder):
-    """Serve a folder on a free port: its address, and the server to shut down."""
-    handler = functools.partial(Quiet, directory=str(folder))
-    server = Server(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    return f"http://127.0.0.1:{server.server_port}/", server
-
-
 @pytest.fixture(scope="module")
 def address():
-    home, server = serve(HTML)
-    yield home
-    server.shutdown()
+    with serving(HTML) as home:
+        yield home
 
 
 @pytest.fixture(scope="module")
@@ -413,8 +392,7 @@ setTimeout(() => { throw new Error('broken'); });
 @needs_browser
 def test_a_visit_sees_each_kind_of_fault(tab, axe, tmp_path):
     (tmp_path / "page.html").write_text(FAULTY)
-    home, server = serve(tmp_path)
-    with Visit(tab, home, "page.html") as visit:
+    with serving(tmp_path) as home, Visit(tab, home, "page.html") as visit:
         whole = visit.tab.content()
         (missing,) = visit.violations(axe)
         assert missing.startswith("image-alt: ")
@@ -427,7 +405,6 @@ def test_a_visit_sees_each_kind_of_fault(tab, axe, tmp_path):
         visit.turn(PAPER, color_scheme="light", media="print")
         assert visit.cut_on_paper()[0].startswith("DIV")
         troubles = " ".join(visit.troubles)
-    server.shutdown()
     for fault in ("error: broken", "asks the network: http://example.org/a.png", "404: "):
         assert fault in troubles
 

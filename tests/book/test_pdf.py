@@ -1,17 +1,16 @@
 """`make pdf`: numbered sheets, contents that name the right one, links that stay inside."""
 
 import importlib.util
-import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tools.browser import CHROMIUM
+
 ROOT = Path(__file__).resolve().parents[2]
 HTML = ROOT / "_build" / "html"
-CHROMIUM = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
 PAGES = ["book/conventions", "book/glossary"]
 
 pytestmark = [

@@ -3,19 +3,15 @@
 The JavaScript is loaded as the page loads it; numbers go in and out as JSON.
 """
 
-import functools
-import http.server
 import json
-import threading
 
 import numpy as np
 import pytest
 from PIL import Image
 from test_widgets_browser import (
-    CHROMIUM,
     FLAGS,
     STATIC,
-    QuietHandler,
+    OnePage,
     escaped,
     kept_open,
     static_page,
@@ -34,6 +30,7 @@ from slamlab.sensors import Lidar, turn_between
 from slamlab.simulation import PerfectEstimator, record
 from slamlab.widgets import Simulator
 from slamlab.worlds import BitmapWorld, free_poses, rooms
+from tools.browser import CHROMIUM, serving
 
 sync_api = pytest.importorskip("playwright.sync_api")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium")
@@ -706,19 +703,16 @@ def test_cleanup_leaves_nothing_behind(show):
 
 @pytest.mark.skipif(not (STATIC / "vendor").is_dir(), reason="needs the vendored browser files")
 def test_it_drives_in_the_static_page_without_a_kernel(browser):
-    handler = type("Handler", (QuietHandler,), {"page": static_page(figure())})
-    serve = functools.partial(handler, directory=str(STATIC))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
+    handler = type("Handler", (OnePage,), {"page": static_page(figure())})
+    with serving(STATIC, handler) as home:
         page, troubles = browser.new_page(), []
         page.on("pageerror", lambda error: troubles.append(str(error)))
-        page.goto(f"http://127.0.0.1:{server.server_port}/")
+        page.goto(home)
         page.locator(".slam-simulator .slam-canvas").first.wait_for()
         start = pose_of(page)
         keys(page, "ArrowUp", "ArrowUp")
         assert np.hypot(*(pose_of(page) - start)[:2]) == pytest.approx(0.1, abs=1e-5)
         page.close()
-        server.shutdown()
     assert troubles == []
 
 

@@ -1,14 +1,11 @@
 """`make site`: a folder for any host, under any path; pointing somewhere only if told to."""
 
-import functools
-import http.server
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-import threading
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -16,9 +13,9 @@ import pytest
 import yaml
 
 from tools import site as tool
+from tools.browser import CHROMIUM, serving
 
 ROOT = Path(__file__).resolve().parents[2]
-CHROMIUM = os.environ.get("SLAMLAB_CHROMIUM") or shutil.which("chromium")
 URL = "https://someone.github.io/slam/"
 SCHEMA = "{http://www.sitemaps.org/schemas/sitemap/0.9}"
 PAGE = """<html><head><title>The A &amp; B</title>
@@ -140,25 +137,16 @@ def small(tmp_path_factory):
     return folder / "_build" / "html", ["book/how_to_use", *pages]
 
 
-class Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *args):
-        pass
-
-
 @pytest.mark.book
 @pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 def test_every_link_and_file_is_found_under_a_sub_path(small, tmp_path):
     sync_api = pytest.importorskip("playwright.sync_api")
     html, names = small
-    handler = functools.partial(Quiet, directory=str(tmp_path))
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    home = f"http://127.0.0.1:{server.server_port}/"
-    tool.make_site(html, tmp_path / "slam", f"{home}slam/")
     only_here = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
     flags = ["--no-sandbox", "--disable-gpu", only_here]
     asked, lost = set(), []
-    with sync_api.sync_playwright() as playwright:
+    with serving(tmp_path) as home, sync_api.sync_playwright() as playwright:
+        tool.make_site(html, tmp_path / "slam", f"{home}slam/")
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
         tab = chromium.new_page()
         tab.on("request", lambda request: asked.add(request.url))
@@ -173,7 +161,6 @@ def test_every_link_and_file_is_found_under_a_sub_path(small, tmp_path):
             assert canonical == f"{home}slam/{name}.html"
             links |= set(tab.eval_on_selector_all("a[href]", "all => all.map(a => a.href)"))
         chromium.close()
-    server.shutdown()
     assert lost == []
     web = {url for url in asked if url.startswith("http")}
     assert {url for url in web if not url.startswith(f"{home}slam/")} == set()

@@ -5,8 +5,9 @@ import re
 import nbformat
 import pytest
 
-from tests.book.test_pages import CHROMIUM, FLAGS, serve
+from tests.book.test_pages import FLAGS
 from tools import slides
+from tools.browser import CHROMIUM, serving
 
 pytestmark = [
     pytest.mark.book,
@@ -44,9 +45,8 @@ def test_the_algorithm_is_shown_and_the_prose_is_in_the_notes(tmp_path):
 def test_a_deck_runs_in_a_browser_without_a_network(tmp_path, chapter):
     sync_api = pytest.importorskip("playwright.sync_api")
     deck = decks(tmp_path, chapter)[chapter]
-    home, server = serve(tmp_path)
     troubles = []
-    with sync_api.sync_playwright() as playwright:
+    with serving(tmp_path) as home, sync_api.sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         tab = chromium.new_page(viewport={"width": 1200, "height": 800})
         tab.on("pageerror", lambda error: troubles.append(str(error)))
@@ -62,7 +62,6 @@ def test_a_deck_runs_in_a_browser_without_a_network(tmp_path, chapter):
             tab.evaluate("Reveal.next()")
         assert tab.evaluate("Reveal.isLastSlide()")
         chromium.close()
-    server.shutdown()
     assert troubles == []
 
 

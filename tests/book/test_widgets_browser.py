@@ -3,12 +3,8 @@
 The page imports the script of each widget and calls its `render` with a stand-in for the model.
 """
 
-import functools
-import http.server
 import json
 import re
-import shutil
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +28,9 @@ from slamlab.widgets import (
     WallDrag,
     WallSegments,
 )
+from tools.browser import CHROMIUM, Quiet, serving
 
 sync_api = pytest.importorskip("playwright.sync_api")
-CHROMIUM = shutil.which("chromium")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium")
 FLAGS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
@@ -581,11 +577,8 @@ def static_page(*widgets):
     )
 
 
-class QuietHandler(http.server.SimpleHTTPRequestHandler):
+class OnePage(Quiet):
     page = ""
-
-    def log_message(self, *words):
-        pass
 
     def do_GET(self):
         if self.path != "/":
@@ -598,11 +591,8 @@ class QuietHandler(http.server.SimpleHTTPRequestHandler):
 
 @pytest.mark.skipif(not (STATIC / "vendor").is_dir(), reason="needs the vendored browser files")
 def test_figures_live_in_a_static_page_without_a_kernel(browser):
-    handler = type("Handler", (QuietHandler,), {"page": static_page(replay(start=3), sweep())})
-    serve = functools.partial(handler, directory=str(STATIC))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        home = f"http://127.0.0.1:{server.server_port}/"
+    handler = type("Handler", (OnePage,), {"page": static_page(replay(start=3), sweep())})
+    with serving(STATIC, handler) as home:
         page = browser.new_page()
         troubles = []
         page.on("pageerror", lambda error: troubles.append(str(error)))
@@ -620,7 +610,6 @@ def test_figures_live_in_a_static_page_without_a_kernel(browser):
         page.keyboard.press("End")
         assert page.locator(".slam-sweep").get_attribute("data-indices") == "6,0"
         page.close()
-        server.shutdown()
     assert troubles == []
 
 

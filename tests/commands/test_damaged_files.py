@@ -232,7 +232,7 @@ def test_a_damaged_file_gives_an_answer_or_one_sentence(
     whole, rng, complaints = path.read_bytes(), damage(len(name + accident)), []
     for trial in range(times * ROUNDS):
         path.write_bytes(befall(whole, rng))
-        monkeypatch.setattr(map_command, "_has", lambda name: trial == 0)  # noqa: B023
+        monkeypatch.setattr(map_command, "has", lambda name: trial == 0)  # noqa: B023
         complaints += asked(path, tmp_path / "out", capsys)
     record_property("files", times * ROUNDS)
     assert complaints == []
@@ -300,7 +300,7 @@ ARRAYS = {
 
 @pytest.mark.parametrize("accident", ARRAYS)
 def test_damaged_arrays_give_a_map_or_one_sentence(accident, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(map_command, "_has", lambda name: accident.startswith(("one", "all")))
+    monkeypatch.setattr(map_command, "has", lambda name: accident.startswith(("one", "all")))
     path = tmp_path / "drive.npz"
     npz(path)
     with np.load(path) as good:

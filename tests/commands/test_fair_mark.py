@@ -3,7 +3,7 @@
 import pytest
 
 from slamlab.commands import _submission
-from slamlab.commands._submission import Mark, checks_of, marked
+from slamlab.commands._submission import Limits, Mark, checks_of, marked
 
 HEAD = "def track(mean, cov, u, z, H, variances, dt, sigma):"
 START = "import numpy as np\n"
@@ -42,7 +42,7 @@ def track(mean, cov, u, z, H, variances, dt, sigma):
 
 
 def judged(*cells, seconds=5.0):
-    return marked(Mark("one", "02"), [START, *cells], checks_of("02"), seconds, 2048, [])
+    return marked(Mark("one", "02"), [START, *cells], checks_of("02"), Limits(seconds, 2048))
 
 
 def test_a_wrong_predict_does_not_count_again_in_the_filter_that_calls_it():

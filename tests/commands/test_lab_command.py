@@ -82,7 +82,7 @@ CHEATS = {  # what is handed in before a good tracker, and a piece of what is sa
     "import slamlab.filters.extended as ekf\n": "slamlab.filters is not to be used here",
     "from slamlab import filters\n": "slamlab.filters is not to be used here",
     "import slamlab\nslamlab.slam.EKFSlam\n": "slamlab.slam is not to be used here",
-    "from slamlab.exercises.lab_systems import trackers\n": "PermissionError",
+    "from slamlab.exercises.lab_systems import systems\n": "PermissionError",
     "__import__('slamlab.slam')\n": "slamlab.slam is not to be used here",
     "open('/proc/1/environ')\n": "PermissionError: a submission opens nothing there",
 }

@@ -107,13 +107,13 @@ def test_an_interrupted_map_leaves_no_half_of_itself(part, drive, tmp_path, monk
         raise KeyboardInterrupt
 
     monkeypatch.setattr(map_command, part, stop)
-    monkeypatch.setattr(map_command, "_has", lambda name: name == "anywidget")
+    monkeypatch.setattr(map_command, "has", lambda name: name == "anywidget")
     assert main(["map", str(drive), "-o", str(tmp_path / "out")]) == 130
     assert not (tmp_path / "out").exists()
 
 
 def test_a_second_map_by_another_method_leaves_no_graph_of_the_first(drive, tmp_path, monkeypatch):
-    monkeypatch.setattr(map_command, "_has", lambda name: False)
+    monkeypatch.setattr(map_command, "has", lambda name: False)
     words = ["map", str(drive), "-o", str(tmp_path / "out"), "--method"]
     assert main([*words, "scan-graph"]) == 0
     assert "graph.g2o" in there(tmp_path / "out")

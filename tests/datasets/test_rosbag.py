@@ -182,7 +182,7 @@ def answers(path, tmp_path, capsys):
 def test_a_bag_of_odd_messages_gives_a_map_or_one_sentence(
     accident, tmp_path, capsys, monkeypatch
 ):
-    monkeypatch.setattr("slamlab.commands.map._has", lambda name: False)
+    monkeypatch.setattr("slamlab.commands.map.has", lambda name: False)
     few = {"no wheels": {"wheels": 0}, "one wheel": {"wheels": 1}}
     few |= {"one scan": {"scans": 1}, "no scan": {"scans": 0}}
     ros = len(accident) % 2 + 1
@@ -195,7 +195,7 @@ def test_a_bag_of_odd_messages_gives_a_map_or_one_sentence(
 def test_damaged_bytes_of_a_bag_give_a_map_or_one_sentence(
     ros, tmp_path, capsys, monkeypatch, record_property
 ):
-    monkeypatch.setattr("slamlab.commands.map._has", lambda name: False)
+    monkeypatch.setattr("slamlab.commands.map.has", lambda name: False)
     path, rng = tmp_path / ("drive.bag" if ros == 1 else "drive"), damage(ros)
     write(path, ros, drive(ros))
     files = [path] if ros == 1 else sorted(path.iterdir())

@@ -8,7 +8,7 @@ mpl.use("Agg")
 
 from slamlab.commands._process import Process
 from slamlab.exercises.lab_pictures import draw, replay
-from slamlab.exercises.lab_systems import cartographers
+from slamlab.exercises.lab_systems import systems
 from slamlab.exercises.labs import practice
 from slamlab.localization import DeadReckoning
 
@@ -20,7 +20,7 @@ def texts(figure):
 def true_room(setting, log):
     """Return what the library draws along the true poses: a student cannot know them."""
     task = next(t for t in practice("II") if t.setting.name == setting.name)
-    return cartographers()["(grid, true poses)"](task)
+    return systems("II", task)["(grid, true poses)"]()
 
 
 def test_the_right_room_looks_as_it_should():

@@ -1,12 +1,12 @@
 """The drives of the labs, and what their scores tell apart."""
 
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pytest
 
 from slamlab.exercises.lab_scores import row
-from slamlab.exercises.lab_systems import explorers, trackers
+from slamlab.exercises.lab_systems import systems
 from slamlab.exercises.labs import LABS, as_system_sees_it, practice, tasks
 
 drives = cache(practice)
@@ -92,8 +92,7 @@ def test_a_map_is_judged_by_its_walls_its_floor_and_its_inventions():
 
 def test_the_library_explores_both_rooms_and_comes_home():
     for task in practice("IV", 1):
-        make = explorers(task)["CoveragePilot, HectorSlam"]
-        best = row("IV", task, "best", partial(make, task.setting)).figures
+        best = row("IV", task, "best", systems("IV", task)["CoveragePilot, HectorSlam"]).figures
         assert best["floor seen %"] > 97
         assert best["from home (m)"] < 0.1
         assert best["hits"] == 0
@@ -103,6 +102,5 @@ def test_a_filter_that_is_right_has_an_nees_within_the_band():
     """The band from 1 to 9 around 3 is wide enough for one drive of a right filter."""
     for seed in (3, 4):
         for task in drives("I", seed):
-            make = trackers(task)["EKF with a gate"]
-            gated = row("I", task, "gated", partial(make, task.setting)).figures
+            gated = row("I", task, "gated", systems("I", task)["EKF with a gate"]).figures
             assert 1 <= gated["NEES (3)"] <= 9
