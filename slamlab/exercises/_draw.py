@@ -51,7 +51,7 @@ def in_the_room(
     unseen: float = 0.0,
     *,
     dt: float = 0.5,
-    doubt: float = 0.0,
+    prior: float = 0.0,
     still: bool = False,
 ) -> tuple[Any, ...]:
     """Draw n steps of dt (s) among landmarks: u, dt, V, z, ids, R (and P0 before)."""
@@ -61,8 +61,8 @@ def in_the_room(
     u = np.round(rng.uniform([0.2, -0.5], [0.8, 1.0], (n, 2)), 2)
     u[1:] *= not still
     V, R = a_covariance(rng, 2, 0.01) * (not still), a_covariance(rng, 2, 0.005)
-    P0 = [a_covariance(rng, 3, doubt)] if doubt else []
-    pose = rng.multivariate_normal(np.zeros(3), P0[0]) if doubt else np.zeros(3)
+    P0 = [a_covariance(rng, 3, prior)] if prior else []
+    pose = rng.multivariate_normal(np.zeros(3), P0[0]) if prior else np.zeros(3)
     z, ids = [], []
     for v, omega in u:
         pose = pose + dt * np.array([v * np.cos(pose[2]), v * np.sin(pose[2]), omega])

@@ -855,7 +855,7 @@ def to_world(pose: Array, P: Array, wall: Array, C: Array) -> tuple[Array, Array
 # %% tags=["cases"]
 @drawn
 def _sighting(
-    rng: np.random.Generator, doubt: float = 1.0, haze: float = 1.0, side: int = 0, rho: float = 4
+    rng: np.random.Generator, prior: float = 1.0, noise: float = 1.0, side: int = 0, rho: float = 4
 ) -> Any:
     """Draw a wall beyond the robot (side 1), or between it and the origin (-1): its other name."""
     side = side or int(rng.choice([-1, 1]))
@@ -865,7 +865,7 @@ def _sighting(
     away = float(place @ [np.cos(normal), np.sin(normal)])
     r = rng.uniform(0.3, 5) if side > 0 else -away * rng.uniform(0.3, 0.95)
     wall = np.array([r, float(wrap_angle(normal - heading))])
-    P, C = doubt * a_covariance(rng, 3, 0.05), haze * a_covariance(rng, 2, 0.02)
+    P, C = prior * a_covariance(rng, 3, 0.05), noise * a_covariance(rng, 2, 0.02)
     return np.array([*np.round(place, 2), heading]), P, np.round(wall, 2).tolist(), C
 
 
@@ -900,9 +900,9 @@ check_to_world = Check(
     {
         "a robot at the origin": _sighting(side=1, rho=0.0),
         "a wall beyond the robot": _sighting(side=1),
-        "a wall beyond a robot that knows its pose": _sighting(doubt=0.0, side=1),
+        "a wall beyond a robot that knows its pose": _sighting(prior=0.0, side=1),
         "a wall between the robot and the origin": _sighting(side=-1),
-        "a wall between both, seen without error": _sighting(haze=0.0, side=-1),
+        "a wall between both, seen without error": _sighting(noise=0.0, side=-1),
         "any pose, any wall": _sighting(),
     },
     tolerance=1e-6,

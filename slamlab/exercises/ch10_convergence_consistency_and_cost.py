@@ -1440,7 +1440,7 @@ def _in_the_room(
     still: bool = False,
 ) -> Any:
     """Draw P0, u, dt, V, z, ids, R of n steps in which up to `at_once` landmarks are seen."""
-    P0, u, dt, V, _, _, R = in_the_room(n, names, dt=dt, doubt=0.02, still=still)(rng)
+    P0, u, dt, V, _, _, R = in_the_room(n, names, dt=dt, prior=0.02, still=still)(rng)
     room = np.round(rng.uniform(3, 6, (names, 2)) * rng.choice([-1, 1], (names, 2)), 2)
     pose = rng.multivariate_normal(np.zeros(3), P0)
     z, ids = np.full((n, at_once, 2), np.nan), np.full((n, at_once), -1)
