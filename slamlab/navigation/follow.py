@@ -24,6 +24,7 @@ __all__ = ["PathFollower", "Law", "RegulatedPurePursuit", "ReturnPilot", "Return
 
 # Where the guard refuses the direction of the path, others are tried in this order (rad).
 _SIDES = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+_TOLERANCE = 0.05  # of the memory in which the way home is laid (m)
 _PATIENCE = 40  # commands without progress after which a robot is stuck
 
 
@@ -320,8 +321,6 @@ class ReturnPilot:
     smoother : Smoother, optional
         The belief itself, if it revises its past: the first n rows of its trajectory are then
         the way.
-    tolerance : float, default 0.05
-        Of the path memory (m).
     max_speed : float, default 0.5
         (m/s).
     cut_loops : bool, default True
@@ -364,14 +363,12 @@ class ReturnPilot:
         lidar: ScanSensor,
         *,
         smoother: Smoother | None = None,
-        tolerance: float = 0.05,
         max_speed: float = 0.5,
         cut_loops: bool = True,
     ) -> None:
         self._accuracy = 1e-4 if cut_loops else None
         self._way = np.asarray(as_array("path", path, ("n", "k")))[:, :2].copy()
         self._guard, self._lidar, self._past = guard, lidar, smoother
-        self._tolerance = as_scalar("tolerance", tolerance, 1e-6, 1e3)
         # A mecanum robot whose tail follows the path as its nose did on the way out.
         self._law = ReturnLaw(
             k_v=3.0, lookahead=0.25, max_speed=max_speed, backwards=True, mecanum=True
@@ -407,7 +404,7 @@ class ReturnPilot:
 
     def _lay(self) -> None:
         self.memory = PathMemory.from_points(
-            self._way, self._tolerance, loop_accuracy=self._accuracy, max_step=1e3
+            self._way, _TOLERANCE, loop_accuracy=self._accuracy, max_step=1e3
         )
         self._s = np.asarray(self.memory.length)
 
