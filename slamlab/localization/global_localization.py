@@ -250,19 +250,17 @@ class GlobalLocalization:
         """Share of the points near a wall (0.1 m, or two cells)."""
         near = max(_NEAR_A_WALL, 2 * self._walls.resolution)
         cells = self._walls.cells(transform(pose, points))
-        inside = np.all((cells >= 0) & (cells < self._walls.shape), axis=1)
+        inside = self._walls.holds(cells)
         row, column = (cells * inside[:, None]).T
         return float((inside & (self._walls.distance[row, column] <= near)).mean())
 
     def _anywhere(self) -> MonteCarloLocalization:
-        low = self._floor.origin
-        high = low + self._floor.resolution * np.array(self._floor.shape)[::-1]
         return MonteCarloLocalization(
             self._walls,
             self._motion,
             self._lidar,
             self._n_particles,
-            np.column_stack([low, high]),
+            np.reshape(self._floor.bounds, (2, 2)).T,
             self._rng,
             adaptive=KLD(
                 np.array([0.5, 0.5, 0.2]),
