@@ -94,10 +94,6 @@ class Cubic:
         t = as_scalar("t", t, self.t0, self.t1)
         return float(arc_length(self.coefficients, 0.0, self._tau(t).item()))
 
-    def box(self) -> Array:
-        """Exact bounding box: x low, y low, x high, y high (m), from ends and extrema."""
-        return bounding_box(self.coefficients)
-
     def self_crossing(self) -> tuple[float, float] | None:
         """Parameters t_a < t_b of the place where the curve crosses itself, or None.
 

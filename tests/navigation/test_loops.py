@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from slamlab.kernels import COMPILED
-from slamlab.navigation.cubic import Cubic
+from slamlab.navigation.cubic import Cubic, bounding_box
 from slamlab.navigation.path_memory import VARIANTS, PathMemory
 from slamlab.navigation.spline import Spline
 from tests.derivations.p3_search import search_as_printed
@@ -303,7 +303,7 @@ def test_cutting_makes_the_boxes_forget():
         spline.append(c)
         if rng.random() < 0.3:
             spline.cut(int(rng.integers(1, spline.n)), float(rng.random()))
-        boxes = np.array([Cubic(c).box() for c in spline.coefficients])
+        boxes = np.array([bounding_box(c) for c in spline.coefficients])
         assert_allclose(spline.heap[1], [*boxes[:, :2].min(0), *boxes[:, 2:].max(0)])
 
 
