@@ -113,9 +113,7 @@ class ReturnLaw:
         ValueError
             If a shape is wrong, a number is not finite, or `s` lies outside the path.
         """
-        pose = as_array("pose", pose, ("...", 3))
-        s, ahead = _look_ahead(path, pose, s, self.lookahead)
-        distance, alpha = _polar(pose, ahead, self.backwards)
+        s, distance, alpha = _look_ahead(path, pose, s, self.lookahead, self.backwards)
         # 2.3: v = k_v |P_f P_r|, omega = k_omega alpha.
         v = np.minimum(self.k_v * distance, self.max_speed)
         omega = np.clip(self.k_omega * alpha, -self.max_turn_rate, self.max_turn_rate)
@@ -184,9 +182,7 @@ class RegulatedPurePursuit:
 
     def command(self, path: PathMemory, pose: ArrayLike, s: ArrayLike) -> tuple[Array, Array]:
         """Return controls (..., 2) and arc lengths (...); arguments as in `ReturnLaw`."""
-        pose = as_array("pose", pose, ("...", 3))
-        s, ahead = _look_ahead(path, pose, s, self.lookahead)
-        distance, alpha = _polar(pose, ahead, self.backwards)
+        s, distance, alpha = _look_ahead(path, pose, s, self.lookahead, self.backwards)
         # The arc through P_f that begins along the body: curvature 2 sin(alpha) / |P_f P_r|.
         curvature = 2.0 * np.sin(alpha) / np.maximum(distance, 1e-6)
         slow_bend = np.minimum(1.0, 1.0 / np.maximum(np.abs(curvature) * self.min_radius, 1e-9))
@@ -200,21 +196,19 @@ class RegulatedPurePursuit:
 
 
 def _look_ahead(
-    path: PathMemory, pose: Array, s: ArrayLike, lookahead: float
-) -> tuple[Array, Array]:
-    """2.1: nearest point, looked for between s and a little nearer to the start; 2.2: P_f."""
+    path: PathMemory, pose: ArrayLike, s: ArrayLike, lookahead: float, backwards: bool
+) -> tuple[Array, Array, Array]:
+    """Arc length now, and distance and direction of P_f as seen from the front, or the tail."""
+    pose = as_array("pose", pose, ("...", 3))
     as_instance("path", path, PathMemory)
     s = np.minimum(as_array("s", s), path.length)
+    # 2.1: the nearest point, looked for between s and a little nearer to the start.
     near, _ = path.nearest(pose[..., :2], np.maximum(s - 2.0 * lookahead, 0.0), s)
-    return near, path.point_at(np.maximum(near - lookahead, 0.0))
-
-
-def _polar(pose: Array, target: Array, backwards: bool) -> tuple[Array, Array]:
-    """Distance of the target, and its direction seen from the front, or from the tail."""
-    delta = target - pose[..., :2]
-    heading = pose[..., 2] + (np.pi if backwards else 0.0)
+    # 2.2: P_f.
+    delta = path.point_at(np.maximum(near - lookahead, 0.0)) - pose[..., :2]
     x, y = delta[..., 0], delta[..., 1]
-    return np.hypot(x, y), wrap_angle(np.arctan2(y, x) - heading)
+    heading = pose[..., 2] + (np.pi if backwards else 0.0)
+    return near, np.hypot(x, y), wrap_angle(np.arctan2(y, x) - heading)
 
 
 class PathFollower:

@@ -226,7 +226,7 @@ class Spline:
 
 
 def heap_over(boxes: Array, half: int) -> Array:
-    """Heap (2 half, 4) over n <= half boxes, a power of two; an empty one lies nowhere."""
+    """Heap (2 half, 4) over boxes (n, 4), n <= half, a power of two; the rest holds nothing."""
     # As low and -high corner, the box round two boxes is the least of both.
     signs = np.array([[1.0], [1.0], [-1.0], [-1.0]])
     heap = np.full((4, 2 * half), np.inf)
