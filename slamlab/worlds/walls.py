@@ -90,8 +90,7 @@ class WallWorld(Solid):
         outlines = [as_array("polygons", polygon, ("k", 2)) for polygon in polygons]
         if not outlines or min(map(len, outlines)) < 3:
             raise ValueError("polygons: expected at least one, with three vertices or more")
-        sides = [np.stack([v, np.roll(v, -1, axis=0)], 1) for v in outlines]
-        return cls(np.concatenate(sides))
+        return cls(np.concatenate([sides_of(outline) for outline in outlines]))
 
     @classmethod
     def from_bitmap(cls, bitmap: BitmapWorld) -> WallWorld:
@@ -235,6 +234,11 @@ class WallWorld(Solid):
         # A footprint that meets no wall lies on one side of all of them: its centre tells which.
         centre = transform(start, footprint.mean(0)[None])[:, 0]
         return hits_segments(self.segments, footprint, start, end) | ~self.is_free(centre)
+
+
+def sides_of(outline: Array) -> Array:
+    """Segments (k, 2, 2) from each vertex of an outline (k, 2) to the next one."""
+    return np.stack([outline, np.roll(outline, -1, axis=0)], 1)
 
 
 def _in_parts(answer: Callable[..., Answers], segments: Array, *columns: Array) -> Answers:
