@@ -161,12 +161,13 @@ class GlobalLocalization:
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
-        step = moved(self._motion, self._step[0], u, dt, control_cov, self._step[1])
-        pose, cov = moved(self._motion, self._pose, u, dt, control_cov, self._cov)
-        if not self.localized:
+        step, Q = moved(self._motion, self._step[0], u, dt, control_cov, self._step[1])
+        if self.localized:
+            pose, cov = moved(self._motion, self._pose, u, dt, control_cov, self._cov)
+        else:
             self._search.predict(u, dt, control_cov)
             pose, cov = self._search.pose, self._search.pose_cov
-        self._step, self._pose, self._cov = (step[0], step[1]), pose, cov
+        self._step, self._pose, self._cov = (step, Q), pose, cov
 
     def update(self, ranges: ArrayLike, ids: None = None) -> float:
         """Search with a scan, or match it.
