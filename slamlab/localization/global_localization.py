@@ -161,12 +161,13 @@ class GlobalLocalization:
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
-        step = moved(self._motion, self._step[0], u, dt, control_cov, self._step[1])
-        pose, cov = moved(self._motion, self._pose, u, dt, control_cov, self._cov)
-        if not self.localized:
+        step, Q = moved(self._motion, self._step[0], u, dt, control_cov, self._step[1])
+        if self.localized:
+            pose, cov = moved(self._motion, self._pose, u, dt, control_cov, self._cov)
+        else:
             self._search.predict(u, dt, control_cov)
             pose, cov = self._search.pose, self._search.pose_cov
-        self._step, self._pose, self._cov = (step[0], step[1]), pose, cov
+        self._step, self._pose, self._cov = (step, Q), pose, cov
 
     def update(self, ranges: ArrayLike, ids: None = None) -> float:
         """Search with a scan, or match it.
@@ -250,19 +251,17 @@ class GlobalLocalization:
         """Share of the points near a wall (0.1 m, or two cells)."""
         near = max(_NEAR_A_WALL, 2 * self._walls.resolution)
         cells = self._walls.cells(transform(pose, points))
-        inside = np.all((cells >= 0) & (cells < self._walls.shape), axis=1)
+        inside = self._walls.holds(cells)
         row, column = (cells * inside[:, None]).T
         return float((inside & (self._walls.distance[row, column] <= near)).mean())
 
     def _anywhere(self) -> MonteCarloLocalization:
-        low = self._floor.origin
-        high = low + self._floor.resolution * np.array(self._floor.shape)[::-1]
         return MonteCarloLocalization(
             self._walls,
             self._motion,
             self._lidar,
             self._n_particles,
-            np.column_stack([low, high]),
+            np.reshape(self._floor.bounds, (2, 2)).T,
             self._rng,
             adaptive=KLD(
                 np.array([0.5, 0.5, 0.2]),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import distance_transform_edt
 
 from slamlab._checks import Array, as_array, as_count, as_scalar, as_shaped
 from slamlab.grids import Grid
@@ -71,8 +72,6 @@ class LikelihoodField(Grid):
         hit: float = 0.9,
         n_points: int | None = None,
     ) -> None:
-        from scipy.ndimage import distance_transform_edt
-
         grid = np.asarray(occupied)
         if grid.ndim != 2 or grid.dtype != np.bool_ or not grid.any():
             raise ValueError(

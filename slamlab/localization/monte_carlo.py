@@ -146,7 +146,7 @@ class MonteCarloLocalization(PoseParticles):
             if not 0 < slow < fast <= 1:
                 rates = f"{slow:g}, {fast:g}"
                 raise ValueError(f"injection: expected rates 0 < slow < fast <= 1, got {rates}")
-        self._free = None if free is None else as_function("free", free)
+        self._free = _everywhere if free is None else as_function("free", free)
         self._slow = self._fast = -1.0
         self.injected = 0.0
         start = self._anywhere(as_count("n_particles", n_particles, 1))
@@ -279,19 +279,18 @@ class MonteCarloLocalization(PoseParticles):
         """Uniform poses (n, 3) over the bounds, where the floor is free, and all headings."""
         low, high = self._bounds.T
         position = self._rng.uniform(low, high, (n, 2))
-        if self._free is not None:
-            self._draw_again_off_the_floor(position, self._free)
-        heading = -self._rng.uniform(-np.pi, np.pi, (n, 1))
-        return np.concatenate([position, heading], 1)
-
-    def _draw_again_off_the_floor(self, position: Array, free: Callable[[Array], Any]) -> None:
-        low, high = self._bounds.T
         for _ in range(_MOST_DRAWS):
-            off = ~np.asarray(free(position), bool)
+            off = ~np.asarray(self._free(position), bool)
             if not off.any():
-                return
+                heading = -self._rng.uniform(-np.pi, np.pi, (n, 1))
+                return np.concatenate([position, heading], 1)
             position[off] = self._rng.uniform(low, high, (int(off.sum()), 2))
         raise ValueError("free: expected free floor within bounds, found hardly any")
+
+
+def _everywhere(points: Array) -> NDArray[np.bool_]:
+    """Floor that is free wherever one looks."""
+    return np.ones(len(points), bool)
 
 
 def _checked_ids(ids: ArrayLike, count: int, n_landmarks: int) -> NDArray[np.intp]:

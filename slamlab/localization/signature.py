@@ -21,6 +21,7 @@ from slamlab._checks import (
     as_count,
     as_distances,
     as_instance,
+    as_positive,
     as_scalar,
 )
 from slamlab._files import read_npz
@@ -272,15 +273,14 @@ class SignatureMap:
         offset: float = 0.0,
         signature: str = "spectrum",
     ) -> None:
-        tiny = float(np.finfo(float).tiny)
         self.places = as_array("places", places, ("n", 2)).astype(float)
         if len(self.places) == 0:
             raise ValueError("places: expected at least one, got none: no cell is free")
         ranges = as_distances("scans", scans, (len(self.places), "n_beams"))
         if ranges.shape[1] < 3:
             raise ValueError(f"scans: expected at least three beams, got {ranges.shape[1]}")
-        self.pitch = as_scalar("pitch", pitch, low=tiny, high=1e300)
-        self.reach = as_scalar("reach", reach, low=tiny, high=1e300)
+        self.pitch = as_positive("pitch", pitch, 1e300)
+        self.reach = as_positive("reach", reach, 1e300)
         self.offset = as_scalar("offset", offset, low=-1e300, high=1e300)
         self.signature = as_choice("signature", signature, tuple(SIGNATURES))
         self.scans = np.minimum(ranges, self.reach).astype(np.float32)
@@ -295,7 +295,6 @@ class SignatureMap:
         lidar: Lidar,
         stride: int = 2,
         resolution: float | None = None,
-        signature: str = "spectrum",
         progress: bool = False,
     ) -> SignatureMap:
         """Scan a known world from every `stride`-th cell that is free.
@@ -311,8 +310,6 @@ class SignatureMap:
             P5 takes every second pixel of every second row.
         resolution : float, optional
             Side of a cell (m), for worlds without cells such as `WallWorld`.
-        signature : str, default "spectrum"
-            See the class.
         progress : bool, default False
             Show a progress bar; ImportError without tqdm.
 
@@ -337,7 +334,7 @@ class SignatureMap:
         parts = np.array_split(np.arange(len(angles)), len(angles) // 8 + 1)
         for part in with_bar(parts, progress, len(parts), "part"):
             scans[:, part] = _ranges(world, grid[free], angles[part])
-        return cls(grid[free], scans, pitch, reach, lidar.offset, signature)
+        return cls(grid[free], scans, pitch, reach, lidar.offset)
 
     def with_signature(self, signature: str) -> SignatureMap:
         """Return a map of the same scans that is searched by another signature."""

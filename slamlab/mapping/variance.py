@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaln
 
-from slamlab._checks import Array, as_array, as_batch, as_choice, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_batch, as_choice, as_instance, as_scalar, as_shaped
 from slamlab.geometry import transform
 from slamlab.grids import Grid
 
@@ -90,9 +90,7 @@ class _CellMap:
     """A grid of cells that takes in points with heights: what both maps have in common."""
 
     def __init__(self, grid: Grid) -> None:
-        if not isinstance(grid, Grid):
-            raise ValueError(f"grid: expected a Grid, got {type(grid).__name__}")
-        self.grid = grid
+        self.grid: Grid = as_instance("grid", grid, Grid)
 
     def __repr__(self) -> str:
         """Return size and resolution."""

@@ -65,17 +65,15 @@ class Cubic:
             raise ValueError(f"t1: expected more than t0 = {t0:g}, got {self.t1:g}")
 
     def _tau(self, t: ArrayLike) -> Array:
-        return (as_array("t", t) - self.t0) / (self.t1 - self.t0)
+        return ((as_array("t", t) - self.t0) / (self.t1 - self.t0))[..., None]
 
     def __call__(self, t: ArrayLike) -> Array:
         """Points (..., 2) at parameters (...)."""
-        tau, c = self._tau(t)[..., None], self.coefficients
-        return c[0] + tau * (c[1] + tau * (c[2] + tau * c[3]))
+        return point(self.coefficients, self._tau(t))
 
     def derivative(self, t: ArrayLike) -> Array:
         """Differentiate by t: (..., 2) at parameters (...)."""
-        tau, c = self._tau(t)[..., None], self.coefficients
-        return (c[1] + tau * (2 * c[2] + tau * 3 * c[3])) / (self.t1 - self.t0)
+        return slope(self.coefficients, self._tau(t)) / (self.t1 - self.t0)
 
     def powers_of_t(self) -> Array:
         """Coefficients a_0 to a_3 (first column) and b_0 to b_3 of P3 (1), shape (4, 2)."""
@@ -94,11 +92,7 @@ class Cubic:
     def arc_length(self, t: float) -> float:
         """Arc length (m) from t0 to t, which lies in [t0, t1]."""
         t = as_scalar("t", t, self.t0, self.t1)
-        return float(arc_length(self.coefficients, 0.0, float(self._tau(t))))
-
-    def box(self) -> Array:
-        """Exact bounding box: x low, y low, x high, y high (m), from ends and extrema."""
-        return bounding_box(self.coefficients)
+        return float(arc_length(self.coefficients, 0.0, self._tau(t).item()))
 
     def self_crossing(self) -> tuple[float, float] | None:
         """Parameters t_a < t_b of the place where the curve crosses itself, or None.
@@ -244,22 +238,21 @@ def refit_by_arc_length(curve: Cubic, t: ArrayLike, points: ArrayLike) -> Cubic:
     t = as_array("t", t, ("n",))
     points = as_array("points", points, (len(t), 2))
     as_instance("curve", curve, Cubic)
-    s = np.array([curve.arc_length(value) for value in t])
-    s, points = np.append(s, curve.length), np.vstack([points, curve(curve.t1)])
-    s, points = np.insert(s, 0, 0.0), np.vstack([curve(curve.t0), points])
-    return fit_cubic(s, points, start=points[0], end=points[-1])
+    start, end = curve([curve.t0, curve.t1])
+    s = [0.0, *(curve.arc_length(value) for value in t), curve.length]
+    return fit_cubic(s, np.vstack([start, points, end]), start, end)
 
 
 # One cubic on [0, 1].
 
 
-def point(c: Array, t: float) -> Array:
-    """Return the point (2,) at t."""
+def point(c: Array, t: float | Array) -> Array:
+    """Return the point (2,) at t, or points (..., 2) at parameters (..., 1)."""
     return np.asarray(c[0] + t * (c[1] + t * (c[2] + t * c[3])))
 
 
-def slope(c: Array, t: float) -> Array:
-    """Return the derivative (2,) by t."""
+def slope(c: Array, t: float | Array) -> Array:
+    """Return the derivative by t; arguments as of `point`."""
     return np.asarray(c[1] + t * (2.0 * c[2] + t * 3.0 * c[3]))
 
 
@@ -284,7 +277,7 @@ def monotone_cuts(c: Array) -> Array:
 
 def bounding_box(c: Array) -> Array:
     """Exact box: x low, y low, x high, y high, from the ends and the extrema."""
-    points = point(c, monotone_cuts(c)[:, None])  # type: ignore[arg-type]
+    points = point(c, monotone_cuts(c)[:, None])
     return np.concatenate([points.min(0), points.max(0)])
 
 
@@ -308,7 +301,7 @@ def arc_length(c: Array, a: float, b: float) -> float:
 def _gauss(c: Array, a: Array, b: Array) -> Array:
     """Gauss-Legendre with ten nodes from each a (k,) to its b (k,)."""
     t = 0.5 * (a + b) + 0.5 * (b - a) * _NODES[:, None]
-    speed = np.hypot(*slope(c, t[..., None]).T)  # type: ignore[arg-type]
+    speed = np.hypot(*slope(c, t[..., None]).T)
     return np.asarray(0.5 * (b - a) * (speed @ _WEIGHTS))
 
 
@@ -358,7 +351,7 @@ def nearest_parameter(c: Array, place: Array, a: float, b: float) -> tuple[float
     turns = np.flatnonzero((along[:-1] < 0.0) & (along[1:] > 0.0))
     feet = [brentq(pull, grid[k], grid[k + 1], xtol=1e-15) for k in turns]
     t = np.concatenate([grid, feet])
-    squared = ((point(c, t[:, None]) - place) ** 2).sum(1)  # type: ignore[arg-type]
+    squared = ((point(c, t[:, None]) - place) ** 2).sum(1)
     best = int(np.argmin(squared))
     return float(t[best]), float(squared[best])
 

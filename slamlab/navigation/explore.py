@@ -12,7 +12,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slamlab._checks import Array, as_array, as_choice, as_count, as_instance, as_rng, as_scalar
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_choice,
+    as_count,
+    as_instance,
+    as_positive,
+    as_rng,
+    as_scalar,
+)
 from slamlab.geometry import inverse_transform, wrap_angle
 from slamlab.grids import Grid
 from slamlab.models import View
@@ -24,7 +33,7 @@ from slamlab.sensors.lidar import Lidar
 __all__ = ["Explorer"]
 
 GUARDS = ("swept", "none")
-CollisionGuard = Callable[[Array, float], bool]
+StrideTest = Callable[[Array, float], bool]  # may the robot go, by this scan, so far (m)?
 _NEAR = 0.1  # a drive that must end this close to its point (m) has reached it
 _THERE = 0.02  # a point this near (m) is not driven to
 _ASTRAY = 0.05  # heading error (rad) after a stride at which the robot aims anew
@@ -64,7 +73,7 @@ class _Guard:
     """What the robot may do, by its newest scan."""
 
     def __init__(
-        self, robot: SquareRobot, kind: str | CollisionGuard, margin: float, stride: float
+        self, robot: SquareRobot, kind: str | StrideTest, margin: float, stride: float
     ) -> None:
         self.robot, self._kind = robot, kind
         self._margin, self._stride = margin, stride
@@ -185,7 +194,7 @@ class Explorer:
         strategy: Strategy,
         rng: np.random.Generator,
         *,
-        guard: str | CollisionGuard = "swept",
+        guard: str | StrideTest = "swept",
         margin: float = 0.02,
         stride: float = 0.5,
         max_moves: int = 200,
@@ -198,7 +207,7 @@ class Explorer:
         self._lidar, self._strategy, self._rng = lidar, strategy, as_rng("rng", rng)
         kind = guard if callable(guard) else as_choice("guard", guard, GUARDS)
         margin = as_scalar("margin", margin, 0.0, 1e3)
-        stride = as_scalar("stride", stride, float(np.finfo(float).tiny))
+        stride = as_positive("stride", stride)
         self._guard = _Guard(robot, kind, margin, stride)
         self._left = _Budget(
             as_count("max_moves", max_moves), as_scalar("max_path", max_path, 0.0)

@@ -24,6 +24,7 @@ __all__ = ["PathFollower", "Law", "RegulatedPurePursuit", "ReturnPilot", "Return
 
 # Where the guard refuses the direction of the path, others are tried in this order (rad).
 _SIDES = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
+_TOLERANCE = 0.05  # of the memory in which the way home is laid (m)
 _PATIENCE = 40  # commands without progress after which a robot is stuck
 
 
@@ -112,9 +113,7 @@ class ReturnLaw:
         ValueError
             If a shape is wrong, a number is not finite, or `s` lies outside the path.
         """
-        pose = as_array("pose", pose, ("...", 3))
-        s, ahead = _look_ahead(path, pose, s, self.lookahead)
-        distance, alpha = _polar(pose, ahead, self.backwards)
+        s, distance, alpha = _look_ahead(path, pose, s, self.lookahead, self.backwards)
         # 2.3: v = k_v |P_f P_r|, omega = k_omega alpha.
         v = np.minimum(self.k_v * distance, self.max_speed)
         omega = np.clip(self.k_omega * alpha, -self.max_turn_rate, self.max_turn_rate)
@@ -183,9 +182,7 @@ class RegulatedPurePursuit:
 
     def command(self, path: PathMemory, pose: ArrayLike, s: ArrayLike) -> tuple[Array, Array]:
         """Return controls (..., 2) and arc lengths (...); arguments as in `ReturnLaw`."""
-        pose = as_array("pose", pose, ("...", 3))
-        s, ahead = _look_ahead(path, pose, s, self.lookahead)
-        distance, alpha = _polar(pose, ahead, self.backwards)
+        s, distance, alpha = _look_ahead(path, pose, s, self.lookahead, self.backwards)
         # The arc through P_f that begins along the body: curvature 2 sin(alpha) / |P_f P_r|.
         curvature = 2.0 * np.sin(alpha) / np.maximum(distance, 1e-6)
         slow_bend = np.minimum(1.0, 1.0 / np.maximum(np.abs(curvature) * self.min_radius, 1e-9))
@@ -199,21 +196,19 @@ class RegulatedPurePursuit:
 
 
 def _look_ahead(
-    path: PathMemory, pose: Array, s: ArrayLike, lookahead: float
-) -> tuple[Array, Array]:
-    """2.1: nearest point, looked for between s and a little nearer to the start; 2.2: P_f."""
+    path: PathMemory, pose: ArrayLike, s: ArrayLike, lookahead: float, backwards: bool
+) -> tuple[Array, Array, Array]:
+    """Arc length now, and distance and direction of P_f as seen from the front, or the tail."""
+    pose = as_array("pose", pose, ("...", 3))
     as_instance("path", path, PathMemory)
     s = np.minimum(as_array("s", s), path.length)
+    # 2.1: the nearest point, looked for between s and a little nearer to the start.
     near, _ = path.nearest(pose[..., :2], np.maximum(s - 2.0 * lookahead, 0.0), s)
-    return near, path.point_at(np.maximum(near - lookahead, 0.0))
-
-
-def _polar(pose: Array, target: Array, backwards: bool) -> tuple[Array, Array]:
-    """Distance of the target, and its direction seen from the front, or from the tail."""
-    delta = target - pose[..., :2]
-    heading = pose[..., 2] + (np.pi if backwards else 0.0)
+    # 2.2: P_f.
+    delta = path.point_at(np.maximum(near - lookahead, 0.0)) - pose[..., :2]
     x, y = delta[..., 0], delta[..., 1]
-    return np.hypot(x, y), wrap_angle(np.arctan2(y, x) - heading)
+    heading = pose[..., 2] + (np.pi if backwards else 0.0)
+    return near, np.hypot(x, y), wrap_angle(np.arctan2(y, x) - heading)
 
 
 class PathFollower:
@@ -320,8 +315,6 @@ class ReturnPilot:
     smoother : Smoother, optional
         The belief itself, if it revises its past: the first n rows of its trajectory are then
         the way.
-    tolerance : float, default 0.05
-        Of the path memory (m).
     max_speed : float, default 0.5
         (m/s).
     cut_loops : bool, default True
@@ -364,14 +357,12 @@ class ReturnPilot:
         lidar: ScanSensor,
         *,
         smoother: Smoother | None = None,
-        tolerance: float = 0.05,
         max_speed: float = 0.5,
         cut_loops: bool = True,
     ) -> None:
         self._accuracy = 1e-4 if cut_loops else None
         self._way = np.asarray(as_array("path", path, ("n", "k")))[:, :2].copy()
         self._guard, self._lidar, self._past = guard, lidar, smoother
-        self._tolerance = as_scalar("tolerance", tolerance, 1e-6, 1e3)
         # A mecanum robot whose tail follows the path as its nose did on the way out.
         self._law = ReturnLaw(
             k_v=3.0, lookahead=0.25, max_speed=max_speed, backwards=True, mecanum=True
@@ -407,7 +398,7 @@ class ReturnPilot:
 
     def _lay(self) -> None:
         self.memory = PathMemory.from_points(
-            self._way, self._tolerance, loop_accuracy=self._accuracy, max_step=1e3
+            self._way, _TOLERANCE, loop_accuracy=self._accuracy, max_step=1e3
         )
         self._s = np.asarray(self.memory.length)
 

@@ -6,6 +6,7 @@ Chapter 17 derives every formula; chapter 20 drives home along such a memory.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
@@ -234,7 +235,7 @@ class PathMemory:
         """Return the path as it stands: what is stored and, at its end, the open curve."""
         if self._open.curve is None:
             return self._spline
-        whole = self._spline.copy()
+        whole = copy(self._spline)
         whole.append(self._open.curve)
         return whole
 
@@ -287,13 +288,13 @@ class PathMemory:
     def segments(self) -> tuple[Cubic, ...]:
         """The segments in order, each over [0, 1]; the open one last."""
         path = self._path()
-        return tuple(Cubic(c) for c in path.coefficients[: path.n])
+        return tuple(Cubic(c) for c in path.coefficients)
 
     @property
     def knots(self) -> Array:
         """Arc lengths (n_segments + 1,) at which segments begin and end (m)."""
         path = self._path()
-        return path.starts[: path.n + 1].copy()
+        return path.starts.copy()
 
     @property
     def nbytes(self) -> int:
@@ -377,7 +378,7 @@ class PathMemory:
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write everything, the open segment included, to an npz file (no pickle)."""
-        n, accuracy, last = self._spline.n, self.loop_accuracy, self._open
+        accuracy, last = self.loop_accuracy, self._open
         loops = [(loop.s, loop.length, *loop.place) for loop in self._loops]
         np.savez(
             file,
@@ -386,7 +387,7 @@ class PathMemory:
             numbers=[self.tolerance, self.min_step, self.max_step],
             loop_accuracy=np.nan if accuracy is None else accuracy,
             counts=[self.check_between, self.max_points, self.n_points, self.box_tests],
-            coefficients=self._spline.coefficients[:n],
+            coefficients=self._spline.coefficients,
             loops=np.array(loops).reshape(-1, 4),
             points=last.points,
             t=last.t,

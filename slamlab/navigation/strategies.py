@@ -288,15 +288,14 @@ class InformationGain:
         ways = floor.shortest_paths(now.pose[:2], radius)
         lengths = ways.lengths
         # Candidates: every fourth reachable cell that has frontier around it.
-        stand = np.isfinite(lengths)
-        near = ndimage.distance_transform_edt(~floor.frontier()) * floor.resolution
-        stand &= near <= min(self.reach, now.lidar.max_range)
-        stand &= (np.add.outer(*map(np.arange, stand.shape)) % 4 == 0) & floor.frontier().any()
-        rows, columns = np.nonzero(stand)
-        if len(rows) == 0:
+        frontier, reach = floor.frontier(), min(self.reach, now.lidar.max_range)
+        near = ndimage.distance_transform_edt(~frontier) * floor.resolution <= reach
+        fourth = np.add.outer(*map(np.arange, near.shape)) % 4 == 0
+        rows, columns = np.nonzero(np.isfinite(lengths) & near & fourth)
+        if not frontier.any() or len(rows) == 0:
             return None
         points = floor.centres()[rows, columns]
-        gain = floor.expected_gain(points, min(self.reach, now.lidar.max_range))
+        gain = floor.expected_gain(points, reach)
         gain[np.hypot(*(points - now.pose[:2]).T) < radius] = 0.0
         value = np.where(gain >= self.smallest, gain, 0.0)
         value = value * np.exp(-self.decay * lengths[rows, columns])

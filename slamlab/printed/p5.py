@@ -1,7 +1,7 @@
 """P5's program as its thesis prints it, faults included: lidar, `CanMove`, motions, `acf`.
 
-Chapters 06, 08, 18 and 19 run these beside `sensors.Lidar`, `SquareRobot`, `turn_between`,
-`motion_between` and `autocorrelation`, which replace them.
+Chapters 06, 08, 18 and 19 run these beside `sensors.Lidar`, `SquareRobot`, `turn_between` and
+`autocorrelation`, which replace them.
 """
 
 from __future__ import annotations

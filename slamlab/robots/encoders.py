@@ -11,7 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_rng, as_scalar
+from slamlab._checks import (
+    Array,
+    as_array,
+    as_count,
+    as_covariance,
+    as_positive,
+    as_rng,
+    as_scalar,
+)
 from slamlab.models import MotionModel, as_motion
 
 __all__ = ["Encoders", "dead_reckoning", "dead_reckoning_cov", "moved"]
@@ -129,9 +137,8 @@ class Encoders:
 
     def speeds(self, ticks: ArrayLike, dt: float) -> Array:
         """Return mean wheel speeds (rad/s), shape (..., 4), of ticks counted in a time dt > 0."""
-        tiny = float(np.finfo(float).tiny)
         ticks = as_array("ticks", ticks, ("...", 4))
-        return ticks * (self.tick / as_scalar("dt", dt, low=tiny, high=1e300))
+        return ticks * (self.tick / as_positive("dt", dt, 1e300))
 
     def sigma_wheel(self, wheel_speeds: ArrayLike, dt: float) -> Array:
         """Return the standard deviation of measured wheel speeds that slip causes.
@@ -158,7 +165,7 @@ class Encoders:
             If the shape is wrong, a number is not finite, or `dt` is not positive.
         """
         speeds = as_array("wheel_speeds", wheel_speeds, ("...", 4))
-        dt = as_scalar("dt", dt, low=float(np.finfo(float).tiny), high=1e300)
+        dt = as_positive("dt", dt, 1e300)
         return self.sigma_slip * np.sqrt(np.abs(speeds) / dt)
 
 

@@ -11,9 +11,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_scalar
+from slamlab._checks import Array
 from slamlab.geometry import compose, rotation
 from slamlab.models import MotionModel
+from slamlab.robots.unicycle import _checked
 
 __all__ = ["RelativePose"]
 
@@ -54,13 +55,12 @@ class RelativePose(MotionModel):
         ValueError
             If a shape is wrong, a number is not finite, or `dt` is negative.
         """
-        as_scalar("dt", dt, 0.0, 1e300)
-        return compose(as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 3)))
+        pose, u, _ = _checked(pose, u, dt, 3)
+        return compose(pose, u)
 
     def jacobians(self, pose: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array]:
         """Return the derivatives of `step` by pose and motion, both of shape (..., 3, 3)."""
-        as_scalar("dt", dt, 0.0, 1e300)
-        pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", 3))
+        pose, u, _ = _checked(pose, u, dt, 3)
         theta, dx, dy = pose[..., 2], u[..., 0], u[..., 1]
         c, s = np.cos(theta), np.sin(theta)
         ahead, left = c * dx - s * dy, s * dx + c * dy

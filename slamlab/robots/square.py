@@ -107,10 +107,6 @@ class SquareRobot:
         y = pose[..., 1] + distance * np.sin(theta)
         return np.stack([x, y, np.broadcast_to(theta, x.shape)], -1)
 
-    def back(self, pose: ArrayLike, distance: ArrayLike) -> Array:
-        """Drive backward; see `forward`."""
-        return self.forward(pose, -as_array("distance", distance))
-
     def drive_hits(
         self, points: ArrayLike, distance: ArrayLike, margin: float = 0.0
     ) -> NDArray[np.bool_]:
@@ -179,10 +175,8 @@ class SquareRobot:
         stays = (np.abs(bearing) <= gap) & (np.abs(bearing - angle) <= gap)
         return np.asarray(((r < half) | ((r < half * np.sqrt(2.0)) & ~stays)).any(-1))
 
-    def free_distance(
-        self, points: ArrayLike, margin: float = 0.0, backward: bool = False
-    ) -> Array:
-        """How far the body can drive straight until it touches a point.
+    def free_distance(self, points: ArrayLike, margin: float = 0.0) -> Array:
+        """How far the body can drive ahead until it touches a point.
 
         Parameters
         ----------
@@ -190,8 +184,6 @@ class SquareRobot:
             Points in the body frame (m); NaN is no point.
         margin : float, default 0.0
             The body is taken this much larger on every side (m).
-        backward : bool, default False
-            Drive backward instead.
 
         Returns
         -------
@@ -204,9 +196,8 @@ class SquareRobot:
             If a shape is wrong or `margin` is negative.
         """
         x, y, half = self._near(points, margin)
-        along = -x if backward else x
-        in_the_way = (np.abs(y) < half) & (along > -half)
-        gap = np.where(in_the_way, np.maximum(along - half, 0.0), np.inf)
+        in_the_way = (np.abs(y) < half) & (x > -half)
+        gap = np.where(in_the_way, np.maximum(x - half, 0.0), np.inf)
         return gap.min(axis=-1, initial=np.inf)
 
     def _near(self, points: ArrayLike, margin: float) -> tuple[Array, Array, float]:

@@ -4,7 +4,7 @@ from slamlab.logs import ScanGeometry
 from slamlab.sensors.lidar import Lidar
 from slamlab.sensors.point import PointSensor
 from slamlab.sensors.range_bearing import RangeBearing
-from slamlab.sensors.scan_motion import motion_between, turn_between
+from slamlab.sensors.scan_motion import turn_between
 from slamlab.sensors.sonar import Sonar
 from slamlab.sensors.stereo import StereoRig
 from slamlab.sensors.visual_odometer import StereoOdometer, VisualOdometer, fit_noise, room_points
@@ -21,7 +21,6 @@ __all__ = [
     "VisualOdometer",
     "Wall",
     "fit_noise",
-    "motion_between",
     "room_points",
     "turn_between",
 ]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_covariance, as_positive
+from slamlab._checks import Array, as_array, as_one_covariance, as_positive
 from slamlab.geometry import inverse_transform, rotation, transform
 
 __all__ = ["PointSensor"]
@@ -25,7 +25,6 @@ class PointSensor:
     ----------
     cov : array_like, shape (2, 2)
         Covariance of one measurement (m^2); copied.
-
     max_range : float, default inf
         Landmarks further away (m) are not seen.
 
@@ -45,9 +44,7 @@ class PointSensor:
 
     def __post_init__(self) -> None:
         """Check the parameter."""
-        cov = as_covariance("cov", self.cov, 2).copy()
-        if cov.shape != (2, 2):
-            raise ValueError(f"cov: expected shape (2, 2), got {cov.shape}")
+        cov = as_one_covariance("cov", self.cov, 2)
         cov.setflags(write=False)
         object.__setattr__(self, "cov", cov)
         as_positive("max_range", self.max_range)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import ndimage
 
-from slamlab._checks import Array, as_array, as_count, as_rng, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_count, as_instance, as_rng, as_scalar, as_shaped
+from slamlab.geometry import tilt
 from slamlab.kernels import compiled
 from slamlab.logs import ScanGeometry
 from slamlab.worlds import Terrain
@@ -168,8 +169,7 @@ class StereoRig:
         ValueError
             If `terrain` is none, a shape is wrong or a number is not finite.
         """
-        if not isinstance(terrain, Terrain):
-            raise ValueError(f"terrain: expected a Terrain, got {type(terrain).__name__}")
+        as_instance("terrain", terrain, Terrain)
         poses = as_array("poses", poses, ("...", 3))
         sway = np.broadcast_to(as_array("sway", sway, ("...", 3)), poses.shape)
         frame = np.array([terrain.grid.resolution, *terrain.grid.origin])
@@ -193,10 +193,7 @@ class StereoRig:
         level, down = np.cos(self.depressions), np.sin(self.depressions)
         a = self.beam_angles
         rays = np.stack([level * np.cos(a), level * np.sin(a), -down], -1)
-        cp, sp, cr, sr = np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
-        about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-        about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-        return rays @ (about_y @ about_x).T
+        return rays @ tilt(roll, pitch).T
 
 
 @compiled("march.march")

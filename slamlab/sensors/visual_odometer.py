@@ -53,12 +53,9 @@ class MeasuredMotion:
 
 
 def room_points(
-    rng: np.random.Generator,
-    n: int = 400,
-    size: tuple[float, float] = (10.0, 8.0),
-    height: float = 2.5,
+    rng: np.random.Generator, n: int = 400, size: tuple[float, float] = (10.0, 8.0)
 ) -> Array:
-    """Draw points (n, 3) of texture on the four walls of a room around the origin (m).
+    """Draw points (n, 3) of texture on the four walls, 2.5 m high, of a room round the origin (m).
 
     Examples
     --------
@@ -70,12 +67,11 @@ def room_points(
     width, depth = as_array("size", size, (2,))
     if not 0 < min(width, depth) <= max(width, depth) <= 1e9:
         raise ValueError(f"size: expected two positive lengths up to 1e9 m, got {shown(size)}")
-    height = as_scalar("height", height, 0.0, 1e9)
     along = rng.uniform(0, 2 * (width + depth), n)
     corners = np.cumsum([0, width, depth, width, depth])
     x = np.interp(along, corners, [0, width, width, 0, 0]) - 0.5 * width
     y = np.interp(along, corners, [0, 0, depth, depth, 0]) - 0.5 * depth
-    return np.stack([x, y, rng.uniform(0, height, n)], -1)
+    return np.stack([x, y, rng.uniform(0, 2.5, n)], -1)
 
 
 def rigid_motion(p: ArrayLike, q: ArrayLike) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from slamlab._checks import Array, as_instance, as_rng, as_scalar
+from slamlab._checks import as_instance, as_rng, as_scalar
 from slamlab.geometry import between
 from slamlab.logs import Log
 
@@ -59,11 +59,8 @@ def drifted(
     (3, 3)
     """
     rng = as_rng("rng", rng)
-    bias, turn_bias = (
-        as_scalar("bias", bias, 0.0, 0.5),
-        as_scalar("turn_bias", turn_bias, 0.0, 1.0),
-    )
-    slip, turn_noise = as_scalar("slip", slip, 0.0, 1.0), as_scalar("turn_noise", turn_noise, 0, 1)
+    bias, turn_bias = as_scalar("bias", bias, 0, 0.5), as_scalar("turn_bias", turn_bias, 0, 1)
+    slip, turn_noise = as_scalar("slip", slip, 0, 1), as_scalar("turn_noise", turn_noise, 0, 1)
     as_instance("log", log, Log)
     if log.truth is None or log.truth.ndim != 2:
         raise ValueError("log: expected one run with truth, from which odometry can be made")
@@ -82,8 +79,4 @@ def drifted(
     cov[:, 2, 2] = spread**2 + (turn_bias * length) ** 2 + 1e-8
     dt = np.maximum(np.diff(log.times, prepend=log.times[:1]), 0.0)
     dt[1:] = np.maximum(dt[1:], 1e-3)
-    return replace(log, u=u, dt=dt, control_cov=_symmetric(cov), controls="displacement")
-
-
-def _symmetric(cov: Array) -> Array:
-    return 0.5 * (cov + np.swapaxes(cov, -1, -2))
+    return replace(log, u=u, dt=dt, control_cov=cov, controls="displacement")

@@ -251,7 +251,7 @@ def explore(building: Building, maker: Maker, seed: int) -> Outward:
         revisit_after=_AGAIN,
         smoother=past,
     )
-    log = _drive(building, world, robot, pilot, belief, rng, start)
+    log = _drive(building, robot, pilot, belief, rng, start)
     return Outward(building, seed, robot, pilot, belief, log, coverage(log, world, 0.1)[-1])
 
 
@@ -292,14 +292,12 @@ def come_home(out: Outward, way: str) -> Return:
     rng = np.random.default_rng([out.seed, 22 + RETURN_METHODS.index(way)])
     truth = out.log.truth
     assert truth is not None
-    world = out.building.built
-    log = _drive(out.building, world, out.robot, pilot, belief, rng, truth[-1])
+    log = _drive(out.building, out.robot, pilot, belief, rng, truth[-1])
     return _judged(out, log, belief)
 
 
 def _drive(
     building: Building,
-    world: World,
     robot: MiscalibratedOdometry,
     pilot: CoveragePilot | ReturnPilot,
     belief: Estimator,
@@ -307,7 +305,7 @@ def _drive(
     start: Array,
 ) -> Log:
     return record(
-        world,
+        building.built,
         robot,
         building.lidar,
         pilot,

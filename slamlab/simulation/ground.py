@@ -5,8 +5,6 @@ What Gamma-SLAM needs (P5 section 2.3) and no log that we may ship has. Chapter 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from slamlab._checks import as_array, as_rng, as_scalar
@@ -86,7 +84,14 @@ def ground_laps(
     ranges = rig.scan(terrain, poses, rng, sways)
     dt = np.where(np.arange(len(poses)) > 0, 1.0, 0.0)
     notes = {"sway": sways, "ground": terrain.height(at, relief=True)}
-    parts: dict[str, Any] = dict(
-        ranges=ranges, scan=rig, truth=poses, notes=notes, controls="displacement"
+    return Log(
+        np.cumsum(dt),
+        u,
+        dt,
+        cov,
+        ranges=ranges,
+        scan=rig,
+        truth=poses,
+        notes=notes,
+        controls="displacement",
     )
-    return Log(np.cumsum(dt), u, dt, cov, **parts)

@@ -101,10 +101,16 @@ def landmark_drives(
     z[~sensor.visible(there, landmarks)] = np.nan
     observations = (np.full((n_runs, len(landmarks), 2), np.nan), *z)
     ids = (np.arange(len(landmarks)),) * len(poses)
-    parts: dict[str, Any] = dict(
-        landmark_measurements=observations, ids=ids, truth=truth, landmarks=landmarks
+    return landmark_log(
+        u,
+        dt,
+        control_cov,
+        landmark_measurements=observations,
+        ids=ids,
+        truth=truth,
+        landmarks=landmarks,
+        controls=controls_of(motion),
     )
-    return landmark_log(u, dt, control_cov, controls=controls_of(motion), **parts)
 
 
 def room_drives(

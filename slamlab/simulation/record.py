@@ -6,7 +6,6 @@ belief is on the other, and the pilot sees nothing else. Chapters 09, 17, 18 and
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -216,7 +215,7 @@ def record(
         said = {"believed": belief.pose, "hit": hit, "command": u, "driven": driven}
         rows.append({**measured, **said, "u": control, "cov": cov})
     controls = "displacement" if odometer is not None else controls_of(robot)
-    return replace(_log(first, rows, dt, world, sensor), controls=controls)
+    return _log(first, rows, dt, scene, controls)
 
 
 class _Scene:
@@ -359,7 +358,7 @@ def _odometry(
 
 
 def _log(
-    first: dict[str, Any], rows: list[dict[str, Any]], dt: float, world: Any, sensor: Any
+    first: dict[str, Any], rows: list[dict[str, Any]], dt: float, scene: _Scene, controls: str
 ) -> Log:
     """Columns of rows; the first step moved nothing."""
     still = np.zeros((*first["hit"].shape, 1))
@@ -376,8 +375,9 @@ def _log(
         landmark_measurements=column.get("landmarks"),
         ids=column.get("ids"),
         ranges=column.get("scan"),
-        scan=sensor if "scan" in column else None,
+        scan=scene.sensor if isinstance(scene.sensor, Lidar) else None,
         truth=np.array(column["truth"]),
-        landmarks=world.points if isinstance(world, LandmarkWorld) else None,
+        landmarks=scene.landmarks,
         notes={name: np.array(column[name]) for name in ("believed", "command", "driven", "hit")},
+        controls=controls,
     )

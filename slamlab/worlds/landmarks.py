@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_count, as_rng
+from slamlab._checks import Array, as_array
 from slamlab.models import Bounds
 
 __all__ = ["LandmarkWorld"]
@@ -40,28 +39,6 @@ class LandmarkWorld:
         if len(self.points) == 0:
             raise ValueError("points: expected at least one landmark, got none")
         self.points.setflags(write=False)
-
-    @classmethod
-    def scattered(cls, n: int, bounds: ArrayLike, rng: np.random.Generator) -> LandmarkWorld:
-        """Scatter n landmarks evenly at random over a rectangle.
-
-        Parameters
-        ----------
-        n : int
-        bounds : array_like, shape (4,)
-            Left, bottom, right and top (m).
-        rng : numpy.random.Generator
-
-        Raises
-        ------
-        ValueError
-            If `n` is less than 1 or the rectangle is empty.
-        """
-        n = as_count("n", n, 1)
-        left, bottom, right, top = as_array("bounds", bounds, (4,))
-        if not (left < right and bottom < top):
-            raise ValueError(f"bounds: expected left < right, bottom < top, got {bounds!r}")
-        return cls(as_rng("rng", rng).uniform((left, bottom), (right, top), (n, 2)))
 
     def __len__(self) -> int:
         """Return the number of landmarks."""

@@ -15,7 +15,7 @@ from scipy import ndimage
 from slamlab._checks import Array, as_array, as_count, as_rng
 from slamlab.models import Bounds
 from slamlab.worlds.bitmap import BitmapWorld
-from slamlab.worlds.walls import WallWorld, segment_clearance
+from slamlab.worlds.walls import WallWorld, segment_clearance, sides_of
 
 __all__ = [
     "box_room",
@@ -196,7 +196,8 @@ def random_box_room(rng: np.random.Generator) -> WallWorld:
         sides = rng.uniform(0.5, 2.0, 2)
         box = _turned_box(rng.uniform(0, size), sides, rng.uniform(0, np.pi / 2)).round(4)
         apart = len(outlines) <= 5 and room.clearance(box).min() >= 1.0
-        if apart and _distance(box, np.concatenate(outlines)) >= 1.0:
+        corners = np.concatenate(outlines)
+        if apart and segment_clearance(sides_of(box), corners).min() >= 1.0:
             outlines.append(box)
             room = WallWorld.from_polygons(*outlines)
     return room if len(outlines) > 1 else random_box_room(rng)
@@ -234,12 +235,6 @@ def ring_corridor(size: tuple[float, float], rng: np.random.Generator) -> WallWo
             x, y = (at, across) if horizontal else (across, at)
             outlines.append(_box(x, y, x + 0.299, y + 0.299))
     return WallWorld.from_polygons(*outlines)
-
-
-def _distance(outline: Array, points: Array) -> float:
-    """Distance from the nearest of points (n, 2) to the sides of an outline."""
-    segments = np.stack([outline, np.roll(outline, -1, axis=0)], 1)
-    return float(segment_clearance(segments, points).min())
 
 
 def _empty(rows: int, columns: int) -> NDArray[np.bool_]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_instance, as_scalar
 from slamlab.geometry import transform
+from slamlab.grids import MOST_CELLS, Grid
 from slamlab.models import Bounds
 from slamlab.worlds._world import Solid, sweep_meets, swept_boxes
 from slamlab.worlds.bitmap import BitmapWorld, checked_beams
@@ -89,8 +90,7 @@ class WallWorld(Solid):
         outlines = [as_array("polygons", polygon, ("k", 2)) for polygon in polygons]
         if not outlines or min(map(len, outlines)) < 3:
             raise ValueError("polygons: expected at least one, with three vertices or more")
-        sides = [np.stack([v, np.roll(v, -1, axis=0)], 1) for v in outlines]
-        return cls(np.concatenate(sides))
+        return cls(np.concatenate([sides_of(outline) for outline in outlines]))
 
     @classmethod
     def from_bitmap(cls, bitmap: BitmapWorld) -> WallWorld:
@@ -139,20 +139,19 @@ class WallWorld(Solid):
         margin = as_scalar("margin", margin, 0.0, 1e9)
         left, bottom, right, top = self.bounds
         width, height = (right - left + 2 * margin), (top - bottom + 2 * margin)
-        columns, rows = (int(np.ceil(n / resolution - 1e-9)) for n in (width, height))
-        if rows * columns > 64_000_000:
+        rows, columns = (int(np.ceil(n / resolution - 1e-9)) for n in (height, width))
+        if rows * columns > MOST_CELLS:
             raise ValueError(f"resolution: expected fewer cells, got {rows} x {columns}")
-        x = left - margin + resolution * (np.arange(max(columns, 1)) + 0.5)
-        y = bottom - margin + resolution * (np.arange(max(rows, 1)) + 0.5)
-        centres = np.stack(np.meshgrid(x, y), -1)
+        grid = Grid((max(rows, 1), max(columns, 1)), resolution, (left - margin, bottom - margin))
+        centres = grid.centres()
         half = 0.5 * resolution
         cell = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         clearance = self.clearance(centres)
         occupied = clearance == 0
         poses = np.concatenate([centres, np.zeros((*centres.shape[:-1], 1))], -1)
         near = ~occupied & (clearance <= 1.5 * half)
-        occupied[near] = self._crosses(cell, poses[near], poses[near])
-        return BitmapWorld(occupied, resolution, (left - margin, bottom - margin))
+        occupied[near] = hits_segments(self.segments, cell, poses[near], poses[near])
+        return BitmapWorld(occupied, resolution, grid.origin)
 
     def __repr__(self) -> str:
         """Return the number of walls."""
@@ -234,11 +233,12 @@ class WallWorld(Solid):
     def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
         # A footprint that meets no wall lies on one side of all of them: its centre tells which.
         centre = transform(start, footprint.mean(0)[None])[:, 0]
-        return self._crosses(footprint, start, end) | ~self.is_free(centre)
+        return hits_segments(self.segments, footprint, start, end) | ~self.is_free(centre)
 
-    def _crosses(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:
-        start, end = np.array(start, dtype=float), np.array(end, dtype=float)
-        return hits_segments(self.segments, footprint, start, end)
+
+def sides_of(outline: Array) -> Array:
+    """Segments (k, 2, 2) from each vertex of an outline (k, 2) to the next one."""
+    return np.stack([outline, np.roll(outline, -1, axis=0)], 1)
 
 
 def _in_parts(answer: Callable[..., Answers], segments: Array, *columns: Array) -> Answers:

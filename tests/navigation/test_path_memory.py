@@ -15,6 +15,7 @@ from slamlab.navigation import (
     fit_cubic,
     refit_by_arc_length,
 )
+from slamlab.navigation.cubic import bounding_box
 
 SMOOTH = "point-derivative", "two-points-derivative"
 
@@ -184,7 +185,7 @@ def test_arc_length_does_not_depend_on_the_parameter():
 
 def test_box_is_exact():
     points = CURVE(np.linspace(1, 4, 200001))
-    assert_allclose(CURVE.box(), [*points.min(0), *points.max(0)], atol=1e-9)
+    assert_allclose(bounding_box(CURVE.coefficients), [*points.min(0), *points.max(0)], atol=1e-9)
 
 
 def test_arc_length_sees_a_fold_that_all_nodes_of_a_quadrature_miss():
