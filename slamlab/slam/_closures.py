@@ -7,15 +7,16 @@ Candidates, verification, the second-best match (Olson 2009), pairwise consisten
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
 from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
-from slamlab.slam._tracking import Keyframe, LocalMap, outline_at
+from slamlab.slam._tracking import Keyframe, LocalMap, edge_cov
 from slamlab.slam.least_squares import KERNEL_WIDTHS, edge_error
 from slamlab.slam.pose_graph import PoseGraph
 
@@ -99,7 +100,7 @@ def verify(
     seen = between(poses[k], poses[around])
     merged = [transform(pose, nodes[n].points) for pose, n in zip(seen, around, strict=True)]
     query = voxel_downsample(np.concatenate(merged), 0.15)
-    ground = LocalMap([outline_at(nodes[first:last], poses[first:last])])
+    ground = LocalMap(nodes[first:last], poses[first:last])
     found = match_correlative(
         ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, second_peak_distance=ELSEWHERE
     )
@@ -115,12 +116,8 @@ def verify(
     cov = 4 * match.cov
     if found.second_peak > SECOND:
         cov = cov + _along(climbed.cov, radius)
-    turn = np.eye(3)
-    turn[:2, :2] = rotation(-match.pose[2])
-    cov = turn @ cov @ turn.T + FLOOR
-    return Closure(
-        j, k, between(poses[j], match.pose), 0.5 * (cov + cov.T), found.second_peak, fit
-    )
+    cov = edge_cov(cov, match.pose[2], FLOOR)
+    return Closure(j, k, between(poses[j], match.pose), cov, found.second_peak, fit)
 
 
 def _along(cov: Array, radius: float) -> Array:
@@ -168,6 +165,40 @@ def consistent(one: Closure, others: list[Closure], poses: Array, travel: Array)
         agree += bool(same)
         near += bool(same or other.fit >= one.fit)
     return agree >= (1 if one.fit >= SURE else 2) and 2 * agree >= near
+
+
+def confirm(some: Iterable[Closure], closures: list[Closure], poses: Array, travel: Array) -> bool:
+    """Confirm those that wait and are consistent with all others; tell whether there are any."""
+    fresh = [
+        one for one in some if one.state == "waiting" and consistent(one, closures, poses, travel)
+    ]
+    for one in fresh:
+        one.state = "confirmed"
+    return bool(fresh)
+
+
+def chain_graph(
+    poses: Array,
+    k: NDArray[np.intp],
+    z: Array,
+    information: Array,
+    closures: Sequence[Closure],
+) -> PoseGraph:
+    """Pose graph of edges from nodes k (m,) to the next, and of the closures that count."""
+    ties = [one for one in closures if one.state == "confirmed"]
+    joined = np.reshape([(one.j, one.k) for one in ties], (-1, 2)).astype(int)
+    return PoseGraph(
+        poses,
+        np.concatenate([np.column_stack([k, k + 1]), joined]),
+        np.concatenate([z, np.reshape([one.z for one in ties], (-1, 3))]),
+        np.concatenate([information, inverses([one.cov for one in ties])]),
+    )
+
+
+def inverses(covs: Sequence[Array]) -> Array:
+    """Information (n, 3, 3), exactly symmetric, of n covariances."""
+    information = np.linalg.inv(np.reshape(covs, (-1, 3, 3)))
+    return 0.5 * (information + information.mT)
 
 
 def optimized(

@@ -9,14 +9,14 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_distances
-from slamlab.geometry import between, wrap_angle
+from slamlab.geometry import between, rotation, wrap_angle
 from slamlab.matching import (
     LikelihoodGrid,
     Match,
@@ -84,16 +84,6 @@ class Keyframe:
         """Keep a scan of at least `LEAST_POINTS` thinned points (k, 2)."""
         return cls(points, PointsWithNormals.estimate(points))
 
-    def at(self, pose: Array) -> PointsWithNormals:
-        """Its outline in the world, seen from this pose."""
-        return self.outline.transformed(pose)
-
-
-def outline_at(nodes: Sequence[Keyframe], poses: Array) -> PointsWithNormals:
-    """Outline of several keyframes in the world, each seen from its pose (n, 3)."""
-    outline = PointsWithNormals.concatenated(node.outline for node in nodes)
-    return outline.transformed(np.repeat(poses, [len(node.points) for node in nodes], 0))
-
 
 def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     """Thinned end points (k, 2) of a scan within `REACH`, in the frame of the body."""
@@ -102,10 +92,11 @@ def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
 
 
 class LocalMap:
-    """Some keyframes at their places, as a field to climb and walls to lie on."""
+    """Keyframes, each seen from its pose (n, 3), as a field to climb and walls to lie on."""
 
-    def __init__(self, placed: Iterable[PointsWithNormals]) -> None:
-        outline = PointsWithNormals.concatenated(placed)
+    def __init__(self, nodes: Sequence[Keyframe], poses: Array) -> None:
+        outline = PointsWithNormals.concatenated(node.outline for node in nodes)
+        outline = outline.transformed(np.repeat(poses, [len(node.points) for node in nodes], 0))
         self.walls = outline.on_lines()
         self.field = LikelihoodGrid.of_points(voxel_downsample(outline.points, SPACING), *FIELD)
 
@@ -136,6 +127,14 @@ def _good(match: Match, n: int) -> bool:
     pairs = match.n_points
     weight = match.score * n / max(pairs, 1)
     return pairs >= LEAST_PAIRS and pairs >= LEAST_PART * n and weight >= LEAST_WEIGHT
+
+
+def edge_cov(cov: Array, heading: Array, floor: Array) -> Array:
+    """Covariance of a pose (3, 3) in its own frame instead of the world's, and a floor."""
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(-heading)
+    cov = turn @ cov @ turn.T + floor
+    return 0.5 * (cov + cov.T)
 
 
 def fused(match: Match, guess: Array, cov: Array) -> tuple[Array, Array]:
