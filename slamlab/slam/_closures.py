@@ -15,8 +15,14 @@ from numpy.typing import NDArray
 
 from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
-from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
-from slamlab.slam._tracking import Keyframe, LocalMap, edge_cov
+from slamlab.matching import (
+    PointsWithNormals,
+    match_correlative,
+    match_field,
+    match_icp,
+    voxel_downsample,
+)
+from slamlab.slam._tracking import LocalMap, edge_cov
 from slamlab.slam.least_squares import KERNEL_WIDTHS, edge_error
 from slamlab.slam.pose_graph import PoseGraph
 
@@ -88,7 +94,7 @@ def verify(
     j: int,
     k: int,
     radius: float,
-    nodes: list[Keyframe],
+    nodes: list[PointsWithNormals],
     poses: Array,
     travel: Array,
     stretch: bool,

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from slamlab._checks import Array, as_instance
 from slamlab.geometry import between, compose
 from slamlab.logs import Log
+from slamlab.matching import PointsWithNormals
 from slamlab.slam._closures import Closure
-from slamlab.slam._tracking import Keyframe
 from slamlab.slam.scan_graph import ScanGraphSlam
 
 LONGEST = 200  # letters of a log's name
@@ -28,7 +28,7 @@ class Drive:
         Of the log.
     times, ranges : ndarray, shapes (T,) and (T, n_beams)
         When the scans were made (s), and what they measured (m).
-    nodes : list of Keyframe
+    nodes : list of PointsWithNormals
         The N scans that are nodes of the graph.
     scan_of_node : ndarray of int, shape (N,)
         Which scans these are.
@@ -45,7 +45,7 @@ class Drive:
     name: str
     times: Array
     ranges: Array
-    nodes: list[Keyframe]
+    nodes: list[PointsWithNormals]
     scan_of_node: NDArray[np.intp]
     poses: Array
     z: Array

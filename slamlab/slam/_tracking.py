@@ -10,7 +10,6 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,19 +71,6 @@ def has_moved(motion: Array, distance: float, angle: float) -> bool:
     return bool(np.hypot(dx, dy) >= distance or abs(turn) >= angle)
 
 
-@dataclass(frozen=True, eq=False)
-class Keyframe:
-    """A scan that is kept: its thinned points and their outline, in the frame of the body."""
-
-    points: Array
-    outline: PointsWithNormals
-
-    @classmethod
-    def of(cls, points: Array) -> Keyframe:
-        """Keep a scan of at least `LEAST_POINTS` thinned points (k, 2)."""
-        return cls(points, PointsWithNormals.estimate(points))
-
-
 def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     """Thinned end points (k, 2) of a scan within `REACH`, in the frame of the body."""
     points = lidar.points(np.where(ranges <= REACH, ranges, np.nan))
@@ -94,8 +80,8 @@ def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
 class LocalMap:
     """Keyframes, each seen from its pose (n, 3), as a field to climb and walls to lie on."""
 
-    def __init__(self, nodes: Sequence[Keyframe], poses: Array) -> None:
-        outline = PointsWithNormals.concatenated(node.outline for node in nodes)
+    def __init__(self, nodes: Sequence[PointsWithNormals], poses: Array) -> None:
+        outline = PointsWithNormals.concatenated(nodes)
         outline = outline.transformed(np.repeat(poses, [len(node.points) for node in nodes], 0))
         self.walls = outline.on_lines()
         self.field = LikelihoodGrid.of_points(voxel_downsample(outline.points, SPACING), *FIELD)

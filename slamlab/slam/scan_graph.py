@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count
 from slamlab.geometry import between, compose
-from slamlab.matching import Match
+from slamlab.matching import Match, PointsWithNormals
 from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
 from slamlab.slam._closures import (
@@ -32,7 +32,6 @@ from slamlab.slam._tracking import (
     FLOOR,
     LEAST_POINTS,
     WHEELS,
-    Keyframe,
     LocalMap,
     ScanSystem,
     edge_cov,
@@ -73,8 +72,8 @@ class ScanGraphSlam(ScanSystem):
         Estimated pose (m, m, rad); its covariance along the chain since the graph was solved
         last. Along a plain corridor it claims too little: nothing but the wheels measures that
         way, and their bias is only allowed for by three times their noise.
-    nodes : list of Keyframe
-        Scans of the graph.
+    nodes : list of PointsWithNormals
+        Scans of the graph, thinned, in the frame of the body.
     closures : list of Closure
         All that were verified; `state` tells which of them count.
     lost : bool
@@ -109,7 +108,7 @@ class ScanGraphSlam(ScanSystem):
         self._n_keyframes = as_count("n_keyframes", n_keyframes, 1)
         self._loops = bool(loops)
         self._stretch = as_choice("ambiguous", ambiguous, ["reject", "inflate"]) == "inflate"
-        self.nodes: list[Keyframe] = []
+        self.nodes: list[PointsWithNormals] = []
         self.closures: list[Closure] = []
         self.lost = False
         self.unmatched_scans: list[int] = []
@@ -181,14 +180,14 @@ class ScanGraphSlam(ScanSystem):
             self.unmatched_scans.append(len(self._steps))
         off = between(self._poses[-1], self._pose) if self.nodes else self._pose.copy()
         if enough and (not self.nodes or has_moved(off, *_NEW_NODE)):
-            self._add_node(Keyframe.of(points), off)
+            self._add_node(PointsWithNormals.estimate(points), off)
             if self._loops and self._tie(len(self.nodes) - 1 - AROUND):
                 self._solve()
             off = np.zeros(3)
         self._steps.append((len(self.nodes) - 1, off))
         return match or nothing
 
-    def _add_node(self, node: Keyframe, z: Array) -> None:
+    def _add_node(self, node: PointsWithNormals, z: Array) -> None:
         """Append a node at the present pose, and the edge z of the chain that leads to it."""
         length = 0.0
         if self.nodes:
