@@ -102,12 +102,11 @@ class AdaptiveRange:
         as_instance("system", system, _WithSensor, "one with a sensor of landmarks")
         if region_factor is not None:
             as_instance("region_factor", system, _Regional, "a system with a radius")
+            region_factor = as_scalar("region_factor", region_factor, 1.0, 1e9)
         self.n_target = as_positive("n_target", n_target, 1e9)
         self.min_range = as_positive("min_range", min_range, 1e9)
         self.max_range = as_scalar("max_range", max_range, self.min_range, 1e9)
-        self.region_factor = (
-            None if region_factor is None else as_scalar("region_factor", region_factor, 1.0, 1e9)
-        )
+        self.region_factor = region_factor
         self.n_seen: Any = 0
         self.range: Any = self.max_range
         self._set_reach(self.range)
