@@ -110,7 +110,8 @@ def tilt(roll: ArrayLike, pitch: ArrayLike) -> Array:
     return R
 
 
-def _rotate(theta: Array, points: Array) -> Array:
+def rotated(theta: Array, points: Array) -> Array:
+    """Points (..., 2) turned by angles (...), of arguments that were checked before."""
     c, s = np.cos(theta), np.sin(theta)
     x, y = points[..., 0], points[..., 1]
     ahead = c * x - s * y
@@ -144,7 +145,7 @@ def compose(a: ArrayLike, b: ArrayLike) -> Array:
     [2.0, 1.0, 1.571]
     """
     a, b = _two_poses(a, b)
-    return _pose(a[..., :2] + _rotate(a[..., 2], b[..., :2]), a[..., 2] + b[..., 2])
+    return _pose(a[..., :2] + rotated(a[..., 2], b[..., :2]), a[..., 2] + b[..., 2])
 
 
 def _pose(position: Array, heading: Array) -> Array:
@@ -176,7 +177,7 @@ def inverse(a: ArrayLike) -> Array:
     [0.0, 0.0, 0.0]
     """
     a = as_array("a", a, ("...", 3))
-    return _pose(-_rotate(-a[..., 2], a[..., :2]), -a[..., 2])
+    return _pose(-rotated(-a[..., 2], a[..., :2]), -a[..., 2])
 
 
 def between(a: ArrayLike, b: ArrayLike) -> Array:
@@ -197,7 +198,7 @@ def between(a: ArrayLike, b: ArrayLike) -> Array:
     [2.0, 0.0, 0.0]
     """
     a, b = _two_poses(a, b)
-    return _pose(_rotate(-a[..., 2], b[..., :2] - a[..., :2]), b[..., 2] - a[..., 2])
+    return _pose(rotated(-a[..., 2], b[..., :2] - a[..., :2]), b[..., 2] - a[..., 2])
 
 
 def transform(pose: ArrayLike, points: ArrayLike) -> Array:
@@ -220,7 +221,7 @@ def transform(pose: ArrayLike, points: ArrayLike) -> Array:
     [[1.0, 3.0], [0.0, 2.0]]
     """
     pose, points = _pose_and_points(pose, points)
-    return pose[..., :2] + _rotate(pose[..., 2], points)
+    return pose[..., :2] + rotated(pose[..., 2], points)
 
 
 def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
@@ -232,7 +233,7 @@ def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
     [[3.0, 0.0]]
     """
     pose, points = _pose_and_points(pose, points)
-    return _rotate(-pose[..., 2], points - pose[..., :2])
+    return rotated(-pose[..., 2], points - pose[..., :2])
 
 
 def _pose_and_points(pose: ArrayLike, points: ArrayLike) -> tuple[Array, Array]:

@@ -193,7 +193,7 @@ def match_field(
 
     Parameters
     ----------
-    field : Field or sequence of Field
+    field : LikelihoodGrid or sequence of LikelihoodGrid
         A sequence is climbed in its order: coarse first.
     points : array_like, shape (k, 2)
         The scan in the frame of the body (m); rows with NaN are left out.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slamlab._checks import Array, as_instance
 from slamlab.geometry import between, compose
-from slamlab.logs import Log
+from slamlab.logs import Log, ScanGeometry
 from slamlab.matching import PointsWithNormals
 from slamlab.slam._closures import Closure
 from slamlab.slam.scan_graph import ScanGraphSlam
@@ -70,12 +70,18 @@ def _node_of_scan(scan_of_node: NDArray[np.intp], n_scans: int) -> NDArray[np.in
     return np.maximum(rows, 0)
 
 
-def drive_of(system: ScanGraphSlam, log: Log, name: str) -> Drive:
-    """Keep what a drive left; which scans are nodes is found again in the trajectory."""
-    as_instance("system", system, ScanGraphSlam)
+def lidar_of(log: Log) -> ScanGeometry:
+    """How the beams of a log's scans lie; ValueError if it has no scans."""
     as_instance("log", log, Log)
     if log.ranges is None or log.scan is None:
         raise ValueError("log: expected scans, got none")
+    return ScanGeometry(log.scan.beam_angles, log.scan.max_range, log.scan.offset)
+
+
+def drive_of(system: ScanGraphSlam, log: Log, name: str) -> Drive:
+    """Keep what a drive left; which scans are nodes is found again in the trajectory."""
+    as_instance("system", system, ScanGraphSlam)
+    lidar_of(log)
     if not system.nodes:
         raise ValueError("system: expected scans that see walls, got none with ten points")
     path, graph = system.trajectory, system.graph()

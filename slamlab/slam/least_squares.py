@@ -308,7 +308,7 @@ class NormalEquations:
     def singular(self) -> ValueError:
         """Error that names the vertices that can move freely: the null space of H."""
         H, diagonal = self.H.copy(), self.diagonal()
-        H.data[H.indptr[1:] - 1] += 1e-12 * np.where(diagonal > 0, diagonal, 1.0)
+        H.data[self.last] += 1e-12 * np.where(diagonal > 0, diagonal, 1.0)
         factors, v = factorised(H), np.cos(np.arange(float(self.N)))
         for _ in range(3):  # inverse iteration
             v = factors.solve(v)

@@ -151,13 +151,11 @@ class AdaptiveRange:
         seen = np.asarray(np.isfinite(z).all(-1))
         distance = self.system.sensor.reach(np.where(seen[..., None], z, 0.0))
         near = seen & (distance <= np.asarray(self.range)[..., None])
-        if batch:
-            report = self.system.update(np.where(near[..., None], z, np.nan), ids)
-        elif ids is None:
-            report = self.system.update(z[near])
-        else:
+        if not batch and ids is not None:
             names = as_names("ids", ids, len(z))
-            report = self.system.update(z[near], [names[k] for k in np.flatnonzero(near)])
+            ids = [names[k] for k in np.flatnonzero(near)]
+        near_z = np.where(near[..., None], z, np.nan) if batch else z[near]
+        report = self.system.update(near_z, ids)
         self.n_seen = near.sum(-1) if batch else int(near.sum())
         # rho pi r^2 = n_seen, and rho pi r'^2 = wanted
         ratio = np.sqrt(self.n_target / np.maximum(self.n_seen, 0.25))

@@ -13,13 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from slamlab._checks import as_instance
 from slamlab._files import read_npz
 from slamlab.geometry import compose, inverse
 from slamlab.logs import Log, ScanGeometry
-from slamlab.models import ScanSensor
 from slamlab.slam._closures import AROUND, STRIDE, chain_graph, confirm, optimized
-from slamlab.slam._drive import Drive, drive_of
+from slamlab.slam._drive import Drive, drive_of, lidar_of
 from slamlab.slam._joining import GAP, Chain, Tie, more, recognised
 from slamlab.slam._sessions_file import arrays_of, contents_of
 from slamlab.slam.pose_graph import PoseGraph
@@ -77,8 +75,7 @@ class Sessions:
 
     def __init__(self, system: ScanGraphSlam, log: Log, name: str = "") -> None:
         first = drive_of(system, log, name)
-        assert log.scan is not None
-        self.scan = _geometry(log.scan)
+        self.scan = lidar_of(log)
         self.drives, self.waiting = [first], list[Drive]()
         self.closures, first.closures = first.closures, []
 
@@ -142,10 +139,7 @@ class Sessions:
 
     def check_lidar(self, log: Log) -> None:
         """ValueError if the scans of a log are not those of the lidar of this map."""
-        as_instance("log", log, Log)
-        if log.scan is None or log.ranges is None:
-            raise ValueError("log: expected scans, got none")
-        own, other = self.scan, _geometry(log.scan)
+        own, other = self.scan, lidar_of(log)
         numbers = [np.r_[one.beam_angles, one.max_range, one.offset] for one in (own, other)]
         if len(numbers[0]) != len(numbers[1]) or not np.allclose(
             numbers[0], numbers[1], 0.0, _SAME_LIDAR
@@ -256,10 +250,6 @@ class Sessions:
         except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{path}: expected a map of drives ({str(error)[:200]})") from error
         return new
-
-
-def _geometry(scan: ScanSensor) -> ScanGeometry:
-    return ScanGeometry(scan.beam_angles, scan.max_range, scan.offset)
 
 
 def _said(scan: ScanGeometry) -> str:
