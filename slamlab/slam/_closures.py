@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ class Closure:
     cov: Array
     second_peak: float
     fit: float
-    state: str = field(default="waiting")
+    state: str = "waiting"
 
 
 def candidates(k: int, poses: Array, travel: Array, since: float) -> tuple[list[int], float]:
