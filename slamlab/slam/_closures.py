@@ -145,7 +145,7 @@ def against_chain(one: Closure, poses: Array, covs: Array) -> float:
     jac = np.zeros((len(x), 3, 3))
     jac[:, :2, :2] = rotation(turn)
     jac[:, :, 2] = np.stack([y, -x, np.ones_like(x)], axis=-1)
-    cov = one.cov + (jac @ covs[one.j : one.k] @ np.swapaxes(jac, 1, 2)).sum(axis=0)
+    cov = one.cov + (jac @ covs[one.j : one.k] @ jac.mT).sum(axis=0)
     e = edge_error(poses[one.j], poses[one.k], one.z)
     return float(e @ np.linalg.solve(cov, e))
 

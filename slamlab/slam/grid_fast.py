@@ -179,8 +179,7 @@ class GridFastSlam(MapParticles):
 
     def _beams(self, points: Array, poses: Array) -> tuple[Array, Array]:
         """Where beams start (M, 2) and end (M, k, 2), in the world."""
-        heading = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], -1)
-        return poses[:, :2] + self.lidar.offset * heading, transform(poses, points)
+        return transform(poses, [[self.lidar.offset, 0.0]])[:, 0], transform(poses, points)
 
     def _weigh(self, points: Array, poses: Array, score: Array) -> None:
         """Log likelihood of the scan into `score` (M,); matching moves `poses` first."""
