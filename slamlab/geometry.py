@@ -110,8 +110,7 @@ def tilt(roll: ArrayLike, pitch: ArrayLike) -> Array:
     return R
 
 
-def rotated(theta: Array, points: Array) -> Array:
-    """Points (..., 2) turned by angles (...), of arguments that were checked before."""
+def _rotate(theta: Array, points: Array) -> Array:
     c, s = np.cos(theta), np.sin(theta)
     x, y = points[..., 0], points[..., 1]
     ahead = c * x - s * y
@@ -145,7 +144,7 @@ def compose(a: ArrayLike, b: ArrayLike) -> Array:
     [2.0, 1.0, 1.571]
     """
     a, b = _two_poses(a, b)
-    return _pose(a[..., :2] + rotated(a[..., 2], b[..., :2]), a[..., 2] + b[..., 2])
+    return _pose(a[..., :2] + _rotate(a[..., 2], b[..., :2]), a[..., 2] + b[..., 2])
 
 
 def _pose(position: Array, heading: Array) -> Array:
@@ -177,7 +176,7 @@ def inverse(a: ArrayLike) -> Array:
     [0.0, 0.0, 0.0]
     """
     a = as_array("a", a, ("...", 3))
-    return _pose(-rotated(-a[..., 2], a[..., :2]), -a[..., 2])
+    return _pose(-_rotate(-a[..., 2], a[..., :2]), -a[..., 2])
 
 
 def between(a: ArrayLike, b: ArrayLike) -> Array:
@@ -198,7 +197,7 @@ def between(a: ArrayLike, b: ArrayLike) -> Array:
     [2.0, 0.0, 0.0]
     """
     a, b = _two_poses(a, b)
-    return _pose(rotated(-a[..., 2], b[..., :2] - a[..., :2]), b[..., 2] - a[..., 2])
+    return _pose(_rotate(-a[..., 2], b[..., :2] - a[..., :2]), b[..., 2] - a[..., 2])
 
 
 def transform(pose: ArrayLike, points: ArrayLike) -> Array:
@@ -221,7 +220,7 @@ def transform(pose: ArrayLike, points: ArrayLike) -> Array:
     [[1.0, 3.0], [0.0, 2.0]]
     """
     pose, points = _pose_and_points(pose, points)
-    return pose[..., :2] + rotated(pose[..., 2], points)
+    return pose[..., :2] + _rotate(pose[..., 2], points)
 
 
 def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
@@ -233,7 +232,7 @@ def inverse_transform(pose: ArrayLike, points: ArrayLike) -> Array:
     [[3.0, 0.0]]
     """
     pose, points = _pose_and_points(pose, points)
-    return rotated(-pose[..., 2], points - pose[..., :2])
+    return _rotate(-pose[..., 2], points - pose[..., :2])
 
 
 def _pose_and_points(pose: ArrayLike, points: ArrayLike) -> tuple[Array, Array]:

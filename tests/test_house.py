@@ -30,7 +30,7 @@ ATTRIBUTES = {
     "slam/compressed.py CompressedEKFSlam": (14, "the filter, and three accounts of a region"),
     "slam/fast.py FastSlam": (16, "a cloud, its maps, and the two kinds of association"),
     "slam/g2o.py _Parser": (13, "one for each kind of line"),
-    "slam/scan_graph.py ScanGraphSlam": (19, "a front end, a graph and the search for closures"),
+    "slam/scan_graph.py ScanGraphSlam": (20, "a front end, a graph and the search for closures"),
 }
 
 

@@ -22,7 +22,7 @@ from slamlab._checks import (
     as_scalar,
     as_tuple,
 )
-from slamlab.geometry import rotated, transform, wrap_angle
+from slamlab.geometry import transform, wrap_angle
 from slamlab.kernels import compiled
 from slamlab.matching._match import CAP, Match, capped_inverse, finite_points, solved
 
@@ -133,8 +133,11 @@ class PointsWithNormals:
             One pose (m, m, rad), or one for each point.
         """
         pose = as_array("pose", pose, ("...", 3))
-        points = pose[..., :2] + rotated(pose[..., 2], self.points)
-        normals = rotated(pose[..., 2], self.normals)
+        c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+        (x, y), (nx, ny) = self.points.T, self.normals.T
+        points, normals = np.empty_like(self.points), np.empty_like(self.normals)
+        points[:, 0], points[:, 1] = c * x - s * y + pose[..., 0], s * x + c * y + pose[..., 1]
+        normals[:, 0], normals[:, 1] = c * nx - s * ny, s * nx + c * ny
         return PointsWithNormals(points, normals, self.normal_variances)
 
     def on_lines(self) -> PointsWithNormals:

@@ -22,7 +22,7 @@ from slamlab.matching import (
     match_icp,
     voxel_downsample,
 )
-from slamlab.slam._tracking import LocalMap, edge_cov
+from slamlab.slam._tracking import LocalMap, edge_cov, outline_at
 from slamlab.slam.least_squares import KERNEL_WIDTHS, edge_error
 from slamlab.slam.pose_graph import PoseGraph
 
@@ -106,7 +106,7 @@ def verify(
     seen = between(poses[k], poses[around])
     merged = [transform(pose, nodes[n].points) for pose, n in zip(seen, around, strict=True)]
     query = voxel_downsample(np.concatenate(merged), 0.15)
-    ground = LocalMap(nodes[first:last], poses[first:last])
+    ground = LocalMap([outline_at(nodes[first:last], poses[first:last])])
     found = match_correlative(
         ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, second_peak_distance=ELSEWHERE
     )

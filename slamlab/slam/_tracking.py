@@ -9,7 +9,7 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,12 +77,17 @@ def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     return voxel_downsample(points, SPACING)
 
 
-class LocalMap:
-    """Keyframes, each seen from its pose (n, 3), as a field to climb and walls to lie on."""
+def outline_at(nodes: Sequence[PointsWithNormals], poses: Array) -> PointsWithNormals:
+    """Outline of several nodes in the world, each seen from its pose (n, 3)."""
+    sizes = [len(node.points) for node in nodes]
+    return PointsWithNormals.concatenated(nodes).transformed(np.repeat(poses, sizes, 0))
 
-    def __init__(self, nodes: Sequence[PointsWithNormals], poses: Array) -> None:
-        outline = PointsWithNormals.concatenated(nodes)
-        outline = outline.transformed(np.repeat(poses, [len(node.points) for node in nodes], 0))
+
+class LocalMap:
+    """Some nodes at their places, as a field to climb and walls to lie on."""
+
+    def __init__(self, placed: Iterable[PointsWithNormals]) -> None:
+        outline = PointsWithNormals.concatenated(placed)
         self.walls = outline.on_lines()
         self.field = LikelihoodGrid.of_points(voxel_downsample(outline.points, SPACING), *FIELD)
 

@@ -6,6 +6,8 @@ P5 section 2.2. Chapters 13 and 14.
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -117,7 +119,8 @@ class ScanGraphSlam(ScanSystem):
         self._chain: list[tuple[Array, Array]] = []  # (z, cov in the next one's frame)
         self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
         self._placed = np.zeros((0, 3))  # poses of the scans that the trajectory was asked for
-        self._ground: LocalMap | None = None  # of the last nodes, until there is a new one
+        self._recent = deque[PointsWithNormals](maxlen=self._n_keyframes)  # nodes, in the world
+        self._ground: LocalMap | None = None  # made of them, until there is a new one
         self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
         self._tried = self._tied = 0.0  # travel of the last trial, of the last closure
 
@@ -168,8 +171,7 @@ class ScanGraphSlam(ScanSystem):
         enough, nothing = len(points) >= LEAST_POINTS, Match(self.pose, self.pose_cov, 0.0, 0)
         match = None
         if enough and self.nodes:
-            recent = slice(-self._n_keyframes, None)
-            self._ground = self._ground or LocalMap(self.nodes[recent], self._poses[recent])
+            self._ground = self._ground or LocalMap(self._recent)
             match = track(self._ground, points, self._pose, self._moved_cov)
             self.lost = match is None
         if match is not None:  # the wheels and the match as one
@@ -194,6 +196,7 @@ class ScanGraphSlam(ScanSystem):
             self._chain.append((z, edge_cov(self._moved_cov, self._pose[2], FLOOR)))
             length = self._travel[-1] + float(np.hypot(*z[:2]))
         self.nodes.append(node)
+        self._recent.append(node.transformed(self._pose))
         self._poses = np.vstack([self._poses, self._pose])
         self._travel = np.append(self._travel, length)
         self._ground = None
@@ -240,5 +243,8 @@ class ScanGraphSlam(ScanSystem):
         last = between(self._poses[-1], self._pose)
         graph, poses = optimized(self.graph, self.closures)
         self._poses, self._ground, self._placed = poses, None, np.zeros((0, 3))
+        recent = slice(-self._n_keyframes, None)
+        placed = map(PointsWithNormals.transformed, self.nodes[recent], self._poses[recent])
+        self._recent.extend(placed)
         self._pose = compose(self._poses[-1], last)
         self._cov = graph.marginal_cov(len(self._poses) - 1, poses) + self._moved_cov
