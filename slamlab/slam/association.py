@@ -523,10 +523,12 @@ class Confirmation:
         j, row = np.nonzero(distance < self._gate)
         places = _answer(len(z), j, row, _best_first(j, row, distance[j, row]))
         fresh = np.flatnonzero(places < 0)
-        places[fresh] = len(waiting) + np.arange(len(fresh))
-        added = np.zeros(len(fresh), _TENTATIVE)
-        added["place"], added["cov"] = slam.sensor.locate(slam.pose, z[fresh]), R[fresh]
-        self._waiting = np.concatenate([waiting, added])
+        added = places[fresh] = len(waiting) + np.arange(len(fresh))
+        grown = np.zeros(len(waiting) + len(fresh), _TENTATIVE)
+        grown[: len(waiting)] = waiting
+        grown["place"][added] = slam.sensor.locate(slam.pose, z[fresh])
+        grown["cov"][added] = R[fresh]
+        self._waiting = grown
         return places
 
 
