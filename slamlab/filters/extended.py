@@ -114,9 +114,8 @@ def update(
     z = as_array("z", z, ("m",))
     n, m = as_belief("belief", belief).dim, len(z)
     h, residual = as_function("h", h), as_function("residual", residual)
-    posterior, learned = belief, None
+    x = belief.mean
     for _ in range(as_count("iterations", iterations, 1)):
-        x = posterior.mean
         # (13): the tangent at the best estimate so far
         tangent = as_array("H", H(x) if callable(H) else H, (m, n))
         # (11): innovation; seen from the prediction, where prior and measurement meet
@@ -124,7 +123,7 @@ def update(
         gap = gap - tangent @ (belief.mean - x)
         # (6)-(9), always from the prediction: an iteration corrects the step, not the belief
         posterior, learned = correct(belief, gap, tangent, R)
-    assert learned is not None
+        x = posterior.mean
     return posterior, learned
 
 

@@ -14,7 +14,6 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
-from slamlab.filters._linear import apply, innovation_root, singular, solve_psd
 from slamlab.gaussian import Gaussian, as_belief
 
 __all__ = [
@@ -178,7 +177,7 @@ def correct(
     # (6): covariance of the innovation
     S = H @ P @ H.mT + R
     # (7): gain
-    K = solve_psd(S, H @ P).mT
+    K = kalman_gain(S, H @ P)
     # (8): mean
     mean = belief.mean + apply(K, residual)
     # (9): covariance, Joseph's form
@@ -187,9 +186,20 @@ def correct(
     return _belief(mean, cov), innovation(residual, S, K)
 
 
+def kalman_gain(S: Array, HP: Array) -> Array:
+    """K = P H^T S^-1 (..., n, m), from S and the covariance H P of measurement and state."""
+    try:
+        return np.asarray(np.linalg.solve(S, HP)).mT
+    except np.linalg.LinAlgError as error:
+        raise _singular(S) from error
+
+
 def innovation(residual: Array, S: Array, K: Array) -> Innovation:
-    """Return the record of one update, with NIS and log likelihood."""
-    root = innovation_root(S)
+    """Return the record of one update, with NIS and log likelihood; a singular S is named."""
+    try:
+        root = np.linalg.cholesky(S)
+    except np.linalg.LinAlgError as error:
+        raise _singular(S) from error
     white = np.linalg.solve(root, residual[..., None])[..., 0]
     nis = (white * white).sum(-1)
     log_det = 2 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
@@ -321,7 +331,7 @@ def filter(
             P_ahead = 0.5 * (P_ahead + P_ahead.mT)
             HP = H_k @ P_ahead
             S = HP @ H_k.mT + R_k  # (6)
-            K = _gain(S, HP)  # (7)
+            K = kalman_gain(S, HP)  # (7)
             P = (P_ahead - K @ HP) @ (I - K @ H_k).mT + K @ R_k @ K.mT  # (9), Joseph's form
             P = 0.5 * (P + P.mT)
             settled = constant and _unchanged(P, before)
@@ -455,14 +465,6 @@ def _for_smoothing(result: FilterResult) -> tuple[Array, Array, Array]:
     return P, P_ahead, np.asarray(gains).mT
 
 
-def _gain(S: Array, HP: Array) -> Array:
-    """K = P H^T S^-1, from S and H P."""
-    try:
-        return np.asarray(np.linalg.solve(S, HP)).mT
-    except np.linalg.LinAlgError as error:
-        raise singular(S) from error
-
-
 def _unchanged(P: Array, before: Array) -> bool:
     """Whether a step changed a covariance by rounding only, of the standard deviations."""
     sigma = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1))
@@ -586,6 +588,19 @@ def _belief(mean: Array, cov: Array) -> Gaussian:
     object.__setattr__(made, "mean", mean)
     object.__setattr__(made, "cov", 0.5 * (cov + cov.mT))
     return made
+
+
+def apply(matrix: Array, vector: Array) -> Array:
+    """Product of matrices (..., m, n) and vectors (..., n)."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+def _singular(S: Array) -> ValueError:
+    """Make the error for an innovation covariance (..., m, m) that is not positive definite."""
+    return ValueError(
+        "R: expected an innovation covariance S = H P H^T + R that is positive definite, "
+        f"its smallest eigenvalue is {np.linalg.eigvalsh(S)[..., 0].min():.3g}"
+    )
 
 
 def _control(B: ArrayLike | None, u: ArrayLike | None, n: int) -> Array | float:

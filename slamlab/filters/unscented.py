@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_covariance, as_function, as_scalar
-from slamlab.filters._linear import solve_psd
-from slamlab.filters.kalman import Innovation, _belief, innovation
+from slamlab.filters.kalman import Innovation, _belief, innovation, kalman_gain
 from slamlab.gaussian import Gaussian, as_belief
 
 __all__ = ["predict", "sigma_points", "update"]
@@ -156,7 +155,7 @@ def update(
     d_z, d_x = around - center, points - belief.mean
     S = (d_z * w_cov[:, None]).T @ d_z + R
     cross = (d_x * w_cov[:, None]).T @ d_z
-    K = solve_psd(S, cross.T).T
+    K = kalman_gain(S, cross.T)
     gap = np.asarray(residual(z, seen[0]), dtype=float) - center
     cov = belief.cov - K @ S @ K.T
     return _belief(belief.mean + K @ gap, cov), innovation(gap, S, K)

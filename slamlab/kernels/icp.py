@@ -12,12 +12,11 @@ from slamlab.kernels.linear import solve3
 def hashed(points, side):  # type: ignore[no-untyped-def]
     """Sort points into squares: frame (x, y, side, columns, rows), starts, order, points in it."""
     x0, y0 = points[:, 0].min(), points[:, 1].min()
-    columns = int((points[:, 0].max() - x0) / side) + 1
-    rows = int((points[:, 1].max() - y0) / side) + 1
+    wide, high = points[:, 0].max() - x0, points[:, 1].max() - y0
+    columns, rows = int(wide / side) + 1, int(high / side) + 1
     while columns * rows > 16 * len(points) + 65536:
         side *= 2.0
-        columns = int((points[:, 0].max() - x0) / side) + 1
-        rows = int((points[:, 1].max() - y0) / side) + 1
+        columns, rows = int(wide / side) + 1, int(high / side) + 1
     start = np.zeros(columns * rows + 1, np.int64)
     cell = np.empty(len(points), np.int64)
     for k in range(len(points)):

@@ -17,11 +17,11 @@ __all__ = [
     "PointsWithNormals",
     "eight_point_rows",
     "epipolar_distances",
+    "estimate_normals",
     "fundamental_matrix",
     "hartley_transform",
     "match_correlative",
     "match_field",
     "match_icp",
-    "estimate_normals",
     "voxel_downsample",
 ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_scalar
+from slamlab._checks import as_array, as_scalar
 from slamlab.geometry import transform, wrap_angle
 from slamlab.kernels import compiled
 from slamlab.matching._match import Match, finite_points
@@ -84,7 +84,10 @@ def match_correlative(
     min_score = as_scalar("min_score", min_score, 0.0, 1.0)
     second_peak_distance = as_scalar("second_peak_distance", second_peak_distance, 0.0)
     angles = guess[2] + step * np.arange(-side, side + 1)
-    cells = _turned_cells(field, points, guess, angles)
+    poses = np.tile(guess, (len(angles), 1))
+    poses[:, 2] = angles
+    turned = transform(poses, points)
+    cells = np.floor((turned - field.origin) / field.resolution).astype(np.int64)
     values, full = np.rint(255.0 * field.values).astype(np.uint8), 255 * len(points)
     apart = second_peak_distance / field.resolution
     a, dc, dr, score, second = search(values, cells, reach, int(min_score * full), apart)
@@ -94,15 +97,6 @@ def match_correlative(
     pose = np.array([*(guess[:2] + field.resolution * np.array([dc, dr])), wrap_angle(angles[a])])
     cov = np.diag([field.resolution**2, field.resolution**2, step**2]) / 12
     return Match(pose, cov, score / full, len(points), second_peak)
-
-
-def _turned_cells(
-    field: LikelihoodGrid, points: Array, guess: Array, angles: Array
-) -> NDArray[np.int64]:
-    """Cells (angles, k, 2: column, row) of the points, turned about the guess."""
-    poses = np.column_stack([np.broadcast_to(guess[:2], (len(angles), 2)), angles])
-    turned = transform(poses, points)
-    return np.floor((turned - field.origin) / field.resolution).astype(np.int64)
 
 
 @compiled("correlative.search")

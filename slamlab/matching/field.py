@@ -144,16 +144,6 @@ class LikelihoodGrid(Grid):
         _, gradient = value_and_gradient(self.values, self.log_odds, self.scaled(points))
         return gradient / self.resolution
 
-    def add(self, points: ArrayLike) -> None:
-        """Put more points (k, 2) into a grid `of_points`; it grows with them."""
-        self._needs_points("add")
-        points = finite_points("points", points)
-        added = self.grow(points, int(np.ceil(4 * self.sigma / self.resolution)) + 1)
-        if added is not None:
-            self.values = np.pad(self.values, added)
-        stamp(self.values, self.scaled(points), self.sigma / self.resolution)
-        self.points = np.concatenate([self.points, points])
-
     def pyramid(self, levels: int) -> list[LikelihoodGrid]:
         """Grids of the same points, each twice as fine and narrow as the one before; last: this.
 
@@ -167,7 +157,8 @@ class LikelihoodGrid(Grid):
         list of LikelihoodGrid
             Ready for `match_field`.
         """
-        self._needs_points("pyramid")
+        if len(self.points) == 0:
+            raise ValueError("pyramid: expected a grid made by of_points, this one has no points")
         scales = [2**k for k in range(as_count("levels", levels, 1) - 1, 0, -1)]
         coarse = [self.of_points(self.points, k * self.sigma, k * self.resolution) for k in scales]
         return [*coarse, self]
@@ -176,10 +167,6 @@ class LikelihoodGrid(Grid):
     def _frame(self) -> Array:
         """Resolution and origin (m), shape (3,)."""
         return np.array([self.resolution, *self.origin])
-
-    def _needs_points(self, what: str) -> None:
-        if len(self.points) == 0:
-            raise ValueError(f"{what}: expected a grid made by of_points, this one has no points")
 
 
 def match_field(
@@ -193,7 +180,7 @@ def match_field(
 
     Parameters
     ----------
-    field : Field or sequence of Field
+    field : LikelihoodGrid or sequence of LikelihoodGrid
         A sequence is climbed in its order: coarse first.
     points : array_like, shape (k, 2)
         The scan in the frame of the body (m); rows with NaN are left out.

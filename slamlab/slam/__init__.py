@@ -24,6 +24,7 @@ from slamlab.slam.sessions import Sessions
 from slamlab.slam.wall_slam import WallSlam
 
 __all__ = [
+    "AdaptiveRange",
     "Certificate",
     "Closure",
     "CompressedEKFSlam",
@@ -35,7 +36,6 @@ __all__ = [
     "GridFastSlam",
     "HectorSlam",
     "IncrementalGraph",
-    "AdaptiveRange",
     "PoseGraph",
     "Result",
     "ScanGraphSlam",

@@ -7,15 +7,22 @@ Candidates, verification, the second-best match (Olson 2009), pairwise consisten
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
-from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
-from slamlab.slam._tracking import Keyframe, LocalMap, outline_at
+from slamlab.matching import (
+    PointsWithNormals,
+    match_correlative,
+    match_field,
+    match_icp,
+    voxel_downsample,
+)
+from slamlab.slam._tracking import LocalMap, edge_cov, outline_at
 from slamlab.slam.least_squares import KERNEL_WIDTHS, edge_error
 from slamlab.slam.pose_graph import PoseGraph
 
@@ -61,7 +68,7 @@ class Closure:
     cov: Array
     second_peak: float
     fit: float
-    state: str = field(default="waiting")
+    state: str = "waiting"
 
 
 def candidates(k: int, poses: Array, travel: Array, since: float) -> tuple[list[int], float]:
@@ -87,7 +94,7 @@ def verify(
     j: int,
     k: int,
     radius: float,
-    nodes: list[Keyframe],
+    nodes: list[PointsWithNormals],
     poses: Array,
     travel: Array,
     stretch: bool,
@@ -115,12 +122,8 @@ def verify(
     cov = 4 * match.cov
     if found.second_peak > SECOND:
         cov = cov + _along(climbed.cov, radius)
-    turn = np.eye(3)
-    turn[:2, :2] = rotation(-match.pose[2])
-    cov = turn @ cov @ turn.T + FLOOR
-    return Closure(
-        j, k, between(poses[j], match.pose), 0.5 * (cov + cov.T), found.second_peak, fit
-    )
+    cov = edge_cov(cov, match.pose[2], FLOOR)
+    return Closure(j, k, between(poses[j], match.pose), cov, found.second_peak, fit)
 
 
 def _along(cov: Array, radius: float) -> Array:
@@ -142,7 +145,7 @@ def against_chain(one: Closure, poses: Array, covs: Array) -> float:
     jac = np.zeros((len(x), 3, 3))
     jac[:, :2, :2] = rotation(turn)
     jac[:, :, 2] = np.stack([y, -x, np.ones_like(x)], axis=-1)
-    cov = one.cov + (jac @ covs[one.j : one.k] @ np.swapaxes(jac, 1, 2)).sum(axis=0)
+    cov = one.cov + (jac @ covs[one.j : one.k] @ jac.mT).sum(axis=0)
     e = edge_error(poses[one.j], poses[one.k], one.z)
     return float(e @ np.linalg.solve(cov, e))
 
@@ -168,6 +171,40 @@ def consistent(one: Closure, others: list[Closure], poses: Array, travel: Array)
         agree += bool(same)
         near += bool(same or other.fit >= one.fit)
     return agree >= (1 if one.fit >= SURE else 2) and 2 * agree >= near
+
+
+def confirm(some: Iterable[Closure], closures: list[Closure], poses: Array, travel: Array) -> bool:
+    """Confirm those that wait and are consistent with all others; tell whether there are any."""
+    fresh = [
+        one for one in some if one.state == "waiting" and consistent(one, closures, poses, travel)
+    ]
+    for one in fresh:
+        one.state = "confirmed"
+    return bool(fresh)
+
+
+def chain_graph(
+    poses: Array,
+    k: NDArray[np.intp],
+    z: Array,
+    information: Array,
+    closures: Sequence[Closure],
+) -> PoseGraph:
+    """Pose graph of edges from nodes k (m,) to the next, and of the closures that count."""
+    ties = [one for one in closures if one.state == "confirmed"]
+    joined = np.reshape([(one.j, one.k) for one in ties], (-1, 2)).astype(int)
+    return PoseGraph(
+        poses,
+        np.concatenate([np.column_stack([k, k + 1]), joined]),
+        np.concatenate([z, np.reshape([one.z for one in ties], (-1, 3))]),
+        np.concatenate([information, inverses([one.cov for one in ties])]),
+    )
+
+
+def inverses(covs: Sequence[Array]) -> Array:
+    """Information (n, 3, 3), exactly symmetric, of n covariances."""
+    information = np.linalg.inv(np.reshape(covs, (-1, 3, 3)))
+    return 0.5 * (information + information.mT)
 
 
 def optimized(

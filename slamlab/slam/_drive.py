@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from slamlab._checks import Array, as_instance
 from slamlab.geometry import between, compose
-from slamlab.logs import Log
+from slamlab.logs import Log, ScanGeometry
+from slamlab.matching import PointsWithNormals
 from slamlab.slam._closures import Closure
-from slamlab.slam._tracking import Keyframe
 from slamlab.slam.scan_graph import ScanGraphSlam
 
 LONGEST = 200  # letters of a log's name
@@ -28,7 +28,7 @@ class Drive:
         Of the log.
     times, ranges : ndarray, shapes (T,) and (T, n_beams)
         When the scans were made (s), and what they measured (m).
-    nodes : list of Keyframe
+    nodes : list of PointsWithNormals
         The N scans that are nodes of the graph.
     scan_of_node : ndarray of int, shape (N,)
         Which scans these are.
@@ -45,7 +45,7 @@ class Drive:
     name: str
     times: Array
     ranges: Array
-    nodes: list[Keyframe]
+    nodes: list[PointsWithNormals]
     scan_of_node: NDArray[np.intp]
     poses: Array
     z: Array
@@ -70,12 +70,18 @@ def _node_of_scan(scan_of_node: NDArray[np.intp], n_scans: int) -> NDArray[np.in
     return np.maximum(rows, 0)
 
 
-def drive_of(system: ScanGraphSlam, log: Log, name: str) -> Drive:
-    """Keep what a drive left; which scans are nodes is found again in the trajectory."""
-    as_instance("system", system, ScanGraphSlam)
+def lidar_of(log: Log) -> ScanGeometry:
+    """How the beams of a log's scans lie; ValueError if it has no scans."""
     as_instance("log", log, Log)
     if log.ranges is None or log.scan is None:
         raise ValueError("log: expected scans, got none")
+    return ScanGeometry(log.scan.beam_angles, log.scan.max_range, log.scan.offset)
+
+
+def drive_of(system: ScanGraphSlam, log: Log, name: str) -> Drive:
+    """Keep what a drive left; which scans are nodes is found again in the trajectory."""
+    as_instance("system", system, ScanGraphSlam)
+    lidar_of(log)
     if not system.nodes:
         raise ValueError("system: expected scans that see walls, got none with ten points")
     path, graph = system.trajectory, system.graph()

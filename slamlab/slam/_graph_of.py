@@ -24,9 +24,9 @@ def graph_of(
     row = np.cumsum(log.dt > 0)  # the pose in which each step ends
     u, dt, n = log.u[moves], log.dt[moves], len(moves) + 1
     measurements, F = np.empty((n - 1, 3)), np.empty((n - 1, 3, u.shape[-1]))
-    lengths, counts = np.unique(dt, return_counts=True)
-    groups = np.split(np.argsort(dt, kind="stable"), np.cumsum(counts))
-    for length, alike in zip(lengths, groups, strict=False):  # the last group is empty
+    lengths, number = np.unique(dt, return_inverse=True)
+    for k, length in enumerate(lengths):
+        alike = number == k
         measurements[alike] = motion.step(np.zeros(3), u[alike], length)
         F[alike] = motion.jacobians(np.zeros(3), u[alike], length)[1]
     # The error of an edge stands in the frame of the pose as measured: e = R_z^T (noise of u)

@@ -214,8 +214,7 @@ class AncestryTree(TileMaps):
         self.nodes.update({i + 1: _Node(0) for i in range(n_particles)})
         self.leaves = np.arange(1, n_particles + 1)
         self._next = n_particles + 1
-        self._slots = 0
-        self._open: tuple[NDArray[np.bool_], NDArray[np.float32], NDArray[np.int32]] | None = None
+        self._open: tuple[NDArray[np.bool_], Pages, Pages, Table] | None = None
 
     @property
     def n_cells(self) -> int:
@@ -230,7 +229,6 @@ class AncestryTree(TileMaps):
     def _move(self, where: NDArray[np.intp], slots: int) -> None:
         for node in self.nodes.values():
             node.tiles = {int(where[slot]): entry for slot, entry in node.tiles.items()}
-        self._slots = slots
 
     def line(self, particle: int) -> list[_Node]:
         """Nodes from the leaf of a particle to the root."""
@@ -242,7 +240,7 @@ class AncestryTree(TileMaps):
 
     def read(self) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Pages and table put together for this moment: the root's cells, then what changed."""
-        table = np.zeros((len(self.leaves), self._slots), np.int32)
+        table = np.zeros((len(self.leaves), int(self.size.prod())), np.int32)
         pages = [EMPTY]
         for i in range(len(self.leaves)):
             for node in reversed(self.line(i)):
@@ -259,20 +257,19 @@ class AncestryTree(TileMaps):
         fresh = tiles & (table == 0)
         table[fresh] = len(pages) + np.arange(fresh.sum())
         pages = np.concatenate([pages, np.tile(EMPTY, (int(fresh.sum()), 1, 1, 1))])
-        self._open = tiles, pages.copy(), table
-        self._pages = pages
+        self._open = tiles, pages, pages.copy(), table
         return pages, table
 
     def written(self) -> None:
         """Give each leaf the cells that have changed: what it inherits, and what it saw."""
         assert self._open is not None
-        tiles, before, table = self._open
-        changed = (self._pages != before).any(-1)
+        tiles, pages, before, table = self._open
+        changed = (pages != before).any(-1)
         for i, slot in zip(*np.nonzero(tiles), strict=True):
             page, node = table[i, slot], self.nodes[int(self.leaves[i])]
             if changed[page].any():
                 mask, _ = node.tiles.get(int(slot), (False, None))
-                node.tiles[int(slot)] = (changed[page] | mask, self._pages[page].copy())
+                node.tiles[int(slot)] = (changed[page] | mask, pages[page].copy())
         self._open = None
 
     def resample(self, chosen: NDArray[np.intp]) -> None:

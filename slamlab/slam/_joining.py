@@ -14,7 +14,12 @@ import numpy as np
 
 from slamlab._checks import Array
 from slamlab.geometry import between, compose, inverse, transform
-from slamlab.matching import LikelihoodGrid, match_correlative, voxel_downsample
+from slamlab.matching import (
+    LikelihoodGrid,
+    PointsWithNormals,
+    match_correlative,
+    voxel_downsample,
+)
 from slamlab.slam._closures import (
     AROUND,
     LOOP,
@@ -26,7 +31,7 @@ from slamlab.slam._closures import (
     consistent,
     verify,
 )
-from slamlab.slam._tracking import SPACING, Keyframe
+from slamlab.slam._tracking import SPACING
 
 GAP = 5 * LOOP  # travel between the drives of a map (m): no closure spans it as if it were a path
 MOST_PLACES, FARTHEST = 60, 5.0  # of a drive are searched, and not farther apart (m)
@@ -43,7 +48,7 @@ Progress = Callable[[int, int], object]
 class Chain(NamedTuple):
     """Nodes in one frame: keyframes, poses (n, 3) and the metres driven to each (n,)."""
 
-    nodes: list[Keyframe]
+    nodes: list[PointsWithNormals]
     poses: Array
     travel: Array
 

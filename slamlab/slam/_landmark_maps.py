@@ -86,9 +86,9 @@ class LandmarkMaps:
 
     def estimates(self, n: int) -> tuple[Array, Array]:
         """Means (M, n, 2) and covariances (M, n, 2, 2) of the first n columns."""
-        empty = np.zeros((FIELDS, len(self.shared.table), 0))
-        fields = np.concatenate([empty, *(block for _, block in self.blocks())], 2)[:, :, :n]
-        return moments(fields)
+        table = self.shared.table
+        fields = self.shared.pages[table].reshape(len(table), -1, FIELDS)[:, :n]
+        return moments(np.moveaxis(fields, -1, 0))
 
     def mixture(self, weights: Array, n: int) -> tuple[Array, Array]:
         """Means (n, 2) and covariances (n, 2, 2) of the first n columns over all particles."""

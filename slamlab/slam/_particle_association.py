@@ -16,7 +16,8 @@ from slamlab._checks import Array
 from slamlab.gaussian import inverse_2x2
 from slamlab.models import LandmarkSensor
 from slamlab.slam._landmark_maps import ABSENT, LandmarkMaps, unpacked
-from slamlab.slam._particle_view import IGNORED, NEW, ParticleView
+from slamlab.slam._particle_view import ParticleView
+from slamlab.slam.association import IGNORED, NEW
 
 __all__ = ["Associate", "Query", "ask", "log_density_at", "most_likely"]
 

@@ -17,9 +17,8 @@ from slamlab._checks import Array
 from slamlab.gaussian import block_diagonal
 from slamlab.models import LandmarkSensor
 from slamlab.slam._landmark_maps import LandmarkMaps, moments
-from slamlab.slam.association import IGNORED, NEW
 
-__all__ = ["IGNORED", "NEW", "ParticleView"]
+__all__ = ["ParticleView"]
 
 
 @dataclass(frozen=True, eq=False)

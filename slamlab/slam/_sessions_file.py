@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from slamlab._checks import Array, as_array, as_covariance, as_distances, as_shaped
 from slamlab.logs import ScanGeometry
+from slamlab.matching import PointsWithNormals
 from slamlab.slam._closures import Closure
 from slamlab.slam._drive import LONGEST, Drive
-from slamlab.slam._tracking import LEAST_POINTS, Keyframe, scan_points
+from slamlab.slam._tracking import LEAST_POINTS, scan_points
 
 VERSION = 1  # of the file
 _STATES = ("waiting", "confirmed", "rejected")
@@ -148,14 +149,16 @@ def _definite(name: str, matrices: Array, rows: Any) -> Array:
     return out
 
 
-def _keyframes(rows: NDArray[np.intp], ranges: Array, scan: ScanGeometry) -> list[Keyframe]:
+def _keyframes(
+    rows: NDArray[np.intp], ranges: Array, scan: ScanGeometry
+) -> list[PointsWithNormals]:
     """Make the scans that are nodes what they were when they were driven."""
     if (np.diff(rows) < 1).any() or rows[-1] >= len(ranges):
         raise ValueError("scan_of_node: expected numbers of scans that grow")
     points = [scan_points(ranges[row], scan) for row in rows]
     if min(map(len, points)) < LEAST_POINTS:
         raise ValueError(f"ranges: expected {LEAST_POINTS} points or more in the scan of a node")
-    return [Keyframe.of(one) for one in points]
+    return list(map(PointsWithNormals.estimate, points))
 
 
 def _closures_of(kept: dict[str, NDArray[Any]], part: NDArray[np.intp]) -> list[Closure]:

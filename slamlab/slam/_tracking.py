@@ -10,13 +10,12 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_distances
-from slamlab.geometry import between, wrap_angle
+from slamlab.geometry import between, rotation, wrap_angle
 from slamlab.matching import (
     LikelihoodGrid,
     Match,
@@ -72,37 +71,20 @@ def has_moved(motion: Array, distance: float, angle: float) -> bool:
     return bool(np.hypot(dx, dy) >= distance or abs(turn) >= angle)
 
 
-@dataclass(frozen=True, eq=False)
-class Keyframe:
-    """A scan that is kept: its thinned points and their outline, in the frame of the body."""
-
-    points: Array
-    outline: PointsWithNormals
-
-    @classmethod
-    def of(cls, points: Array) -> Keyframe:
-        """Keep a scan of at least `LEAST_POINTS` thinned points (k, 2)."""
-        return cls(points, PointsWithNormals.estimate(points))
-
-    def at(self, pose: Array) -> PointsWithNormals:
-        """Its outline in the world, seen from this pose."""
-        return self.outline.transformed(pose)
-
-
-def outline_at(nodes: Sequence[Keyframe], poses: Array) -> PointsWithNormals:
-    """Outline of several keyframes in the world, each seen from its pose (n, 3)."""
-    outline = PointsWithNormals.concatenated(node.outline for node in nodes)
-    return outline.transformed(np.repeat(poses, [len(node.points) for node in nodes], 0))
-
-
 def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     """Thinned end points (k, 2) of a scan within `REACH`, in the frame of the body."""
     points = lidar.points(np.where(ranges <= REACH, ranges, np.nan))
     return voxel_downsample(points, SPACING)
 
 
+def outline_at(nodes: Sequence[PointsWithNormals], poses: Array) -> PointsWithNormals:
+    """Outline of several nodes in the world, each seen from its pose (n, 3)."""
+    sizes = [len(node.points) for node in nodes]
+    return PointsWithNormals.concatenated(nodes).transformed(np.repeat(poses, sizes, 0))
+
+
 class LocalMap:
-    """Some keyframes at their places, as a field to climb and walls to lie on."""
+    """Some nodes at their places, as a field to climb and walls to lie on."""
 
     def __init__(self, placed: Iterable[PointsWithNormals]) -> None:
         outline = PointsWithNormals.concatenated(placed)
@@ -136,6 +118,14 @@ def _good(match: Match, n: int) -> bool:
     pairs = match.n_points
     weight = match.score * n / max(pairs, 1)
     return pairs >= LEAST_PAIRS and pairs >= LEAST_PART * n and weight >= LEAST_WEIGHT
+
+
+def edge_cov(cov: Array, heading: Array, floor: Array) -> Array:
+    """Covariance of a pose (3, 3) in its own frame instead of the world's, and a floor."""
+    turn = np.eye(3)
+    turn[:2, :2] = rotation(-heading)
+    cov = turn @ cov @ turn.T + floor
+    return 0.5 * (cov + cov.T)
 
 
 def fused(match: Match, guess: Array, cov: Array) -> tuple[Array, Array]:

@@ -37,6 +37,10 @@ NEW, IGNORED = -1, -2
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 _ODDS = (1e-12, 1 - 1e-12)
+# A place that waits to become a landmark: where, how well known, how often and how lately seen.
+_TENTATIVE = np.dtype(
+    [("place", float, 2), ("cov", float, (2, 2)), ("n_observations", int), ("unseen_for", int)]
+)
 
 
 class Surface(Protocol):
@@ -452,11 +456,6 @@ class Confirmation:
         Gate around a tentative place. Its covariance is twice the sum of those of the first
         measurement and of the present one: as much again for what the estimated pose moved.
 
-    Attributes
-    ----------
-    tentative : ndarray, shape (m, 2)
-        Places waiting, in the world of the map.
-
     Raises
     ------
     ValueError
@@ -484,9 +483,12 @@ class Confirmation:
         self.n_observations = as_count("n_observations", n_observations, 1)
         self.patience = as_count("patience", patience)
         probability = as_scalar("probability", probability, *_ODDS)
-        self._gate, self._covs = float(chi2_quantile(probability, 2)), np.empty((0, 2, 2))
-        self.tentative, self._seen = np.empty((0, 2)), np.zeros(0, dtype=int)
-        self._steps_since_observed = np.zeros(0, dtype=int)
+        self._gate, self._waiting = float(chi2_quantile(probability, 2)), np.zeros(0, _TENTATIVE)
+
+    @property
+    def tentative(self) -> Array:
+        """Places waiting (m, 2), in the world of the map."""
+        return self._waiting["place"].copy()
 
     def __call__(self, slam: Surface, z: ArrayLike, covs: ArrayLike | None = None) -> Rows:
         """Return rows as any association does."""
@@ -498,36 +500,35 @@ class Confirmation:
         new = np.flatnonzero(rows == NEW)
         R = np.broadcast_to(slam.sensor.cov if covs is None else covs, (len(z), 2, 2))
         places = self._recognise(slam, z[new], R[new])
-        self._seen[places] += 1
-        self._steps_since_observed += 1
-        self._steps_since_observed[places] = 0
-        ready = self._seen[places] >= self.n_observations
+        waiting = self._waiting
+        waiting["n_observations"][places] += 1
+        waiting["unseen_for"] += 1
+        waiting["unseen_for"][places] = 0
+        ready = waiting["n_observations"][places] >= self.n_observations
         rows[new[~ready]] = IGNORED
-        keep = self._steps_since_observed <= self.patience
+        keep = waiting["unseen_for"] <= self.patience
         keep[places[ready]] = False
-        self.tentative, self._seen = self.tentative[keep], self._seen[keep]
-        self._steps_since_observed, self._covs = self._steps_since_observed[keep], self._covs[keep]
+        self._waiting = waiting[keep]
         return rows
 
     def _recognise(self, slam: Surface, z: Array, R: Array) -> Rows:
         """Place on the tentative list of each new measurement; a fresh one if none is near."""
         if len(z) == 0:
             return np.empty(0, dtype=np.intp)
-        predicted = slam.sensor.observe(slam.pose, self.tentative)
+        waiting = self._waiting
+        predicted = slam.sensor.observe(slam.pose, waiting["place"])
         v = slam.sensor.residual(z[:, None], predicted[None])
-        weight = np.linalg.inv(2 * (R[:, None] + self._covs))
+        weight = np.linalg.inv(2 * (R[:, None] + waiting["cov"]))
         distance = np.einsum("kni,knij,knj->kn", v, weight, v)
         j, row = np.nonzero(distance < self._gate)
         places = _answer(len(z), j, row, _best_first(j, row, distance[j, row]))
         fresh = np.flatnonzero(places < 0)
-        places[fresh] = len(self.tentative) + np.arange(len(fresh))
-        located = slam.sensor.locate(slam.pose, z[fresh])
-        self.tentative = np.concatenate([self.tentative, located])
-        self._covs = np.concatenate([self._covs, R[fresh]])
-        self._seen = np.append(self._seen, np.zeros(len(fresh), dtype=int))
-        self._steps_since_observed = np.append(
-            self._steps_since_observed, np.zeros(len(fresh), dtype=int)
-        )
+        added = places[fresh] = len(waiting) + np.arange(len(fresh))
+        grown = np.zeros(len(waiting) + len(fresh), _TENTATIVE)
+        grown[: len(waiting)] = waiting
+        grown["place"][added] = slam.sensor.locate(slam.pose, z[fresh])
+        grown["cov"][added] = R[fresh]
+        self._waiting = grown
         return places
 
 

@@ -22,6 +22,8 @@ from slamlab.slam.least_squares import SYMMETRIC
 
 __all__ = ["Certificate"]
 
+TOLERANCE = 0.01  # part of chi2 by which the bound may stay below it
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -194,9 +196,7 @@ def touching(e: Array, z: Array, information: Array) -> tuple[Array, Array, Arra
     return np.column_stack([t, z[:, 2] + c[:, 2]]), tau, kappa, float(raised.sum())
 
 
-def certify(
-    relaxation: Relaxation, poses: Array, chi2: float, tolerance: float, raised: float = 0.0
-) -> Certificate:
+def certify(relaxation: Relaxation, poses: Array, chi2: float, raised: float) -> Certificate:
     """Bound form + raised from below for all poses; at `poses` (n or more, 3) it is stationary.
 
     For any real L_i: x^H M x = x^H (M - diag(0, L)) x + sum L_i |u_i|^2, so where all |u_i| = 1
@@ -210,26 +210,22 @@ def certify(
     x[N:] = np.exp(1j * poses[:n, 2])
     x = relaxation.solved(x, known)
     L = np.real(np.conj(x[N:]) * (relaxation.M @ x)[N:])
-    on_u = np.r_[np.zeros(N - 1), np.ones(n)]
+    on_u = diags(np.r_[np.zeros(N - 1), np.ones(n)])
     C = relaxation.M[1:, 1:] - diags(np.r_[np.zeros(N - 1), L])
     largest = float(np.abs(C.diagonal()).max(initial=0.0))
-    shift = max(0.1 * tolerance * chi2 / n, 1e-11 * largest, 1e-12)
-    factor = hermitian_factor((C + shift * diags(on_u)).tocsc())
-    while negative_pivots(factor) and np.isfinite(shift):
+    shift = max(0.1 * TOLERANCE * chi2 / n, 1e-11 * largest, 1e-12)
+    factor = hermitian_factor(C + shift * on_u)
+    # There are as many negative pivots as negative eigenvalues.
+    while (factor.U.diagonal().real <= 0).any() and np.isfinite(shift):
         shift *= 8.0
-        factor = hermitian_factor((C + shift * diags(on_u)).tocsc())
+        factor = hermitian_factor(C + shift * on_u)
     eigenvalue = least_eigenvalue(factor, N - 1, n, shift)
     bound = raised + float(L.sum()) + n * min(0.0, eigenvalue)
     bound = max(bound, 0.0)  # no sum of squares is less
     rounding = 1e-9 * float(np.abs(L).sum()) + 1e-9
     return Certificate(
-        bool(chi2 - bound <= tolerance * chi2 + rounding), chi2, bound, eigenvalue, tolerance
+        bool(chi2 - bound <= TOLERANCE * chi2 + rounding), chi2, bound, eigenvalue, TOLERANCE
     )
-
-
-def negative_pivots(factor: Any) -> int:
-    """Count the negative eigenvalues of a Hermitian matrix by the signs of its pivots."""
-    return int((factor.U.diagonal().real <= 0).sum())
 
 
 def least_eigenvalue(factor: Any, n_before: int, n: int, shift: float) -> float:

@@ -169,10 +169,8 @@ class CompressedEKFSlam:
         full._first = full._x
         rows = (a[3::2] - 3) // 2
         full.steps_since_observed += self._predictions
-        full.n_observations[rows], full.steps_since_observed[rows] = (
-            local.n_observations,
-            local.steps_since_observed,
-        )
+        full.n_observations[rows] = local.n_observations
+        full.steps_since_observed[rows] = local.steps_since_observed
         full.next_id = local.next_id
         self._open(local.ids)
         return full

@@ -309,10 +309,8 @@ class EKFSlam:
         keep[self.rows_of(ids)] = False
         i = entries(np.flatnonzero(keep))
         self._x, self._first, self._P = self._x[i], self._first[i], self._P[np.ix_(i, i)]
-        self.n_observations, self.steps_since_observed = (
-            self.n_observations[keep],
-            self.steps_since_observed[keep],
-        )
+        self.n_observations = self.n_observations[keep]
+        self.steps_since_observed = self.steps_since_observed[keep]
         self.ids = tuple(name for name, stays in zip(self.ids, keep, strict=True) if stays)
         self._row_of = {name: row for row, name in enumerate(self.ids)}
 
@@ -333,10 +331,8 @@ class EKFSlam:
         ValueError
             If a count is no whole number, `steps` negative or `n_observations` below 1.
         """
-        steps, n_observations = (
-            as_count("steps", steps),
-            as_count("n_observations", n_observations, 1),
-        )
+        steps = as_count("steps", steps)
+        n_observations = as_count("n_observations", n_observations, 1)
         gone = (self.steps_since_observed >= steps) & (self.n_observations <= n_observations)
         names = tuple(name for name, is_gone in zip(self.ids, gone, strict=True) if is_gone)
         if names:

@@ -28,7 +28,8 @@ from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
 from slamlab.slam._landmark_maps import ABSENT, PAGE, LandmarkMaps, unpacked
 from slamlab.slam._particle_association import Associate, Query, ask, log_density_at, most_likely
-from slamlab.slam._particle_view import NEW, ParticleView
+from slamlab.slam._particle_view import ParticleView
+from slamlab.slam.association import NEW
 
 __all__ = ["FastSlam", "ParticleView"]
 

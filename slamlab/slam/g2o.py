@@ -327,22 +327,11 @@ def write(path: str | Path, graph: Any) -> None:
             file.write(f"VERTEX_XY {name} {_numbers(point)}\n")
         for row in graph.fixed if graph.fixed != (0,) else ():
             file.write(f"FIX {names[row]}\n")
-        each = zip(graph.edges.tolist(), graph.measurements, graph.information, strict=True)
-        for (i, j), z, Omega in each:
-            file.write(f"EDGE_SE2 {names[i]} {names[j]} {_with_upper(z, Omega)}\n")
-        each = zip(
-            graph.landmark_edges.tolist(),
-            graph.landmark_measurements,
-            graph.landmark_information,
-            strict=True,
-        )
-        for (i, j), z, Omega in each:
-            file.write(f"EDGE_SE2_XY {names[i]} {points[j]} {_with_upper(z, Omega)}\n")
-
-
-def _with_upper(z: Array, Omega: Array) -> str:
-    # A measurement, then the upper triangle of its information, row by row.
-    return _numbers([*z, *Omega[np.triu_indices(len(z))]])
+        for tag, ends, kind in (("EDGE_SE2", names, ""), ("EDGE_SE2_XY", points, "landmark_")):
+            parts = ("edges", "measurements", "information")
+            for (i, j), z, Omega in zip(*(getattr(graph, kind + p) for p in parts), strict=True):
+                upper = Omega[np.triu_indices(len(z))]  # row by row
+                file.write(f"{tag} {names[i]} {ends[j]} {_numbers([*z, *upper])}\n")
 
 
 def _numbers(values: Sequence[float]) -> str:

@@ -139,7 +139,6 @@ class GridFastSlam(MapParticles):
             self._maps = AncestryTree(*floor)
         else:
             self._maps = TileMaps(*floor, share=storage == "tiles")
-        self._empty = True
 
     def update(self, ranges: ArrayLike, ids: None = None) -> float:
         """Match, weigh, draw, resample.
@@ -170,18 +169,17 @@ class GridFastSlam(MapParticles):
             return 0.0
         poses, log_likelihood = self._cloud.particles.copy(), np.zeros(self.n_particles)
         # 1. Propose and 2. weigh, by the map that each particle drew so far.
-        if not self._empty:
+        if self._maps.size.any():
             self._weigh(points, poses, log_likelihood)
         # 3. Draw the scan into every map, before resampling: then copies share it.
         self._draw(points, poses)
-        self._cloud.particles, self._empty = poses, False
+        self._cloud.particles = poses
         # 4. Resample particles with their maps if the weights say so.
         return self._weighed_by(log_likelihood)
 
     def _beams(self, points: Array, poses: Array) -> tuple[Array, Array]:
         """Where beams start (M, 2) and end (M, k, 2), in the world."""
-        heading = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], -1)
-        return poses[:, :2] + self.lidar.offset * heading, transform(poses, points)
+        return transform(poses, [[self.lidar.offset, 0.0]])[:, 0], transform(poses, points)
 
     def _weigh(self, points: Array, poses: Array, score: Array) -> None:
         """Log likelihood of the scan into `score` (M,); matching moves `poses` first."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse.linalg import LinearOperator, cg
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_scalar
+from slamlab._checks import Array, as_array, as_count, as_one_covariance, as_scalar
 from slamlab.geometry import compose
 from slamlab.slam.least_squares import (
     Edges,
@@ -124,7 +124,7 @@ class IncrementalGraph:
         n = len(self._x)
         previous = n - 1 if previous is None else self._row("previous", previous)
         z = as_array("measurement", measurement, (3,)).astype(np.float64)
-        Omega = as_covariance("information", as_array("information", information, (3, 3)), 3)
+        Omega = as_one_covariance("information", information, 3)
         values = np.linalg.eigvalsh(Omega)
         if not values[0] > 1e-12 * values[-1]:
             raise ValueError("information: expected a positive definite matrix, it is singular")
@@ -155,7 +155,7 @@ class IncrementalGraph:
         if i == j:
             raise ValueError(f"j: expected two different poses, got {i} twice")
         z = as_array("measurement", measurement, (3,)).astype(np.float64)
-        Omega = as_covariance("information", as_array("information", information, (3, 3)), 3)
+        Omega = as_one_covariance("information", information, 3)
         self._append(i, j, z, Omega)
         self._settled = False
 

@@ -71,10 +71,7 @@ def edge_error(pose_i: ArrayLike, pose_j: ArrayLike, measurement: ArrayLike) -> 
     >>> edge_error([0, 0, 0], [1, 0, 0], [0.9, 0, 0.3]).round(3).tolist()
     [0.096, -0.03, -0.3]
     """
-    pose_i = as_array("pose_i", pose_i, ("...", 3))
-    pose_j = as_array("pose_j", pose_j, ("...", 3))
-    z = as_array("measurement", measurement, ("...", 3))
-    return np.moveaxis(errors(*(np.moveaxis(x, -1, 0) for x in (pose_i, pose_j, z))), 0, -1)
+    return np.moveaxis(errors(*_components(pose_i, pose_j, measurement)), 0, -1)
 
 
 def edge_jacobians(
@@ -103,12 +100,14 @@ def edge_jacobians(
     >>> A.tolist()
     [[-1.0, -0.0, 0.0], [0.0, -1.0, -1.0], [-0.0, -0.0, -1.0]]
     """
-    pose_i = as_array("pose_i", pose_i, ("...", 3))
-    pose_j = as_array("pose_j", pose_j, ("...", 3))
-    z = as_array("measurement", measurement, ("...", 3))
-    J = jacobians(*(np.moveaxis(x, -1, 0) for x in (pose_i, pose_j, z)))
-    J = np.moveaxis(J, (0, 1), (-2, -1))
+    J = np.moveaxis(jacobians(*_components(pose_i, pose_j, measurement)), (0, 1), (-2, -1))
     return J[..., :3].copy(), J[..., 3:].copy()
+
+
+def _components(pose_i: ArrayLike, pose_j: ArrayLike, measurement: ArrayLike) -> list[Array]:
+    """Check both poses and the measurement; their components stand first, shape (3, ...)."""
+    named = {"pose_i": pose_i, "pose_j": pose_j, "measurement": measurement}
+    return [np.moveaxis(as_array(name, x, ("...", 3)), -1, 0) for name, x in named.items()]
 
 
 def errors(x_i: Array, x_j: Array, z: Array) -> Array:
@@ -309,7 +308,7 @@ class NormalEquations:
     def singular(self) -> ValueError:
         """Error that names the vertices that can move freely: the null space of H."""
         H, diagonal = self.H.copy(), self.diagonal()
-        H.data[H.indptr[1:] - 1] += 1e-12 * np.where(diagonal > 0, diagonal, 1.0)
+        H.data[self.last] += 1e-12 * np.where(diagonal > 0, diagonal, 1.0)
         factors, v = factorised(H), np.cos(np.arange(float(self.N)))
         for _ in range(3):  # inverse iteration
             v = factors.solve(v)

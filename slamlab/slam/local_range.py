@@ -102,12 +102,11 @@ class AdaptiveRange:
         as_instance("system", system, _WithSensor, "one with a sensor of landmarks")
         if region_factor is not None:
             as_instance("region_factor", system, _Regional, "a system with a radius")
+            region_factor = as_scalar("region_factor", region_factor, 1.0, 1e9)
         self.n_target = as_positive("n_target", n_target, 1e9)
         self.min_range = as_positive("min_range", min_range, 1e9)
         self.max_range = as_scalar("max_range", max_range, self.min_range, 1e9)
-        self.region_factor = (
-            None if region_factor is None else as_scalar("region_factor", region_factor, 1.0, 1e9)
-        )
+        self.region_factor = region_factor
         self.n_seen: Any = 0
         self.range: Any = self.max_range
         self._set_reach(self.range)
@@ -152,13 +151,11 @@ class AdaptiveRange:
         seen = np.asarray(np.isfinite(z).all(-1))
         distance = self.system.sensor.reach(np.where(seen[..., None], z, 0.0))
         near = seen & (distance <= np.asarray(self.range)[..., None])
-        if batch:
-            report = self.system.update(np.where(near[..., None], z, np.nan), ids)
-        elif ids is None:
-            report = self.system.update(z[near])
-        else:
+        if not batch and ids is not None:
             names = as_names("ids", ids, len(z))
-            report = self.system.update(z[near], [names[k] for k in np.flatnonzero(near)])
+            ids = [names[k] for k in np.flatnonzero(near)]
+        near_z = np.where(near[..., None], z, np.nan) if batch else z[near]
+        report = self.system.update(near_z, ids)
         self.n_seen = near.sum(-1) if batch else int(near.sum())
         # rho pi r^2 = n_seen, and rho pi r'^2 = wanted
         ratio = np.sqrt(self.n_target / np.maximum(self.n_seen, 0.25))

@@ -636,7 +636,7 @@ class PoseGraph:
         measurements, tau, kappa, raised = touching(here.e.T, measurements, information)
         n, k = len(self.poses), len(self.landmarks)
         relaxation = Relaxation(edges, measurements, tau, kappa, n, k)
-        return certify(relaxation, here.x, found.history[0], 0.01, raised)
+        return certify(relaxation, here.x, found.history[0], raised)
 
     def _marginals(self, i: Any, count: int, first: int, x: Array) -> Array:
         rows = first + _checked_rows("i", np.atleast_1d(i), count)

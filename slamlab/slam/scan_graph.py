@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count
-from slamlab.geometry import between, compose, rotation
+from slamlab.geometry import between, compose
 from slamlab.matching import Match, PointsWithNormals
 from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose, moved
@@ -24,7 +24,9 @@ from slamlab.slam._closures import (
     Closure,
     against_chain,
     candidates,
-    consistent,
+    chain_graph,
+    confirm,
+    inverses,
     optimized,
     verify,
 )
@@ -32,9 +34,9 @@ from slamlab.slam._tracking import (
     FLOOR,
     LEAST_POINTS,
     WHEELS,
-    Keyframe,
     LocalMap,
     ScanSystem,
+    edge_cov,
     fused,
     has_moved,
     scan_points,
@@ -72,8 +74,8 @@ class ScanGraphSlam(ScanSystem):
         Estimated pose (m, m, rad); its covariance along the chain since the graph was solved
         last. Along a plain corridor it claims too little: nothing but the wheels measures that
         way, and their bias is only allowed for by three times their noise.
-    nodes : list of Keyframe
-        Scans of the graph.
+    nodes : list of PointsWithNormals
+        Scans of the graph, thinned, in the frame of the body.
     closures : list of Closure
         All that were verified; `state` tells which of them count.
     lost : bool
@@ -108,7 +110,7 @@ class ScanGraphSlam(ScanSystem):
         self._n_keyframes = as_count("n_keyframes", n_keyframes, 1)
         self._loops = bool(loops)
         self._stretch = as_choice("ambiguous", ambiguous, ["reject", "inflate"]) == "inflate"
-        self.nodes: list[Keyframe] = []
+        self.nodes: list[PointsWithNormals] = []
         self.closures: list[Closure] = []
         self.lost = False
         self.unmatched_scans: list[int] = []
@@ -117,9 +119,7 @@ class ScanGraphSlam(ScanSystem):
         self._chain: list[tuple[Array, Array]] = []  # (z, cov in the next one's frame)
         self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
         self._placed = np.zeros((0, 3))  # poses of the scans that the trajectory was asked for
-        self._recent: deque[PointsWithNormals] = deque(
-            maxlen=self._n_keyframes
-        )  # the last keyframes
+        self._recent = deque[PointsWithNormals](maxlen=self._n_keyframes)  # nodes, in the world
         self._ground: LocalMap | None = None  # made of them, until there is a new one
         self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
         self._tried = self._tied = 0.0  # travel of the last trial, of the last closure
@@ -182,24 +182,21 @@ class ScanGraphSlam(ScanSystem):
             self.unmatched_scans.append(len(self._steps))
         off = between(self._poses[-1], self._pose) if self.nodes else self._pose.copy()
         if enough and (not self.nodes or has_moved(off, *_NEW_NODE)):
-            self._add_node(Keyframe.of(points), off)
+            self._add_node(PointsWithNormals.estimate(points), off)
             if self._loops and self._tie(len(self.nodes) - 1 - AROUND):
                 self._solve()
             off = np.zeros(3)
         self._steps.append((len(self.nodes) - 1, off))
         return match or nothing
 
-    def _add_node(self, node: Keyframe, z: Array) -> None:
+    def _add_node(self, node: PointsWithNormals, z: Array) -> None:
         """Append a node at the present pose, and the edge z of the chain that leads to it."""
         length = 0.0
         if self.nodes:
-            turn = np.eye(3)
-            turn[:2, :2] = rotation(-self._pose[2])
-            cov = turn @ self._moved_cov @ turn.T + FLOOR
-            self._chain.append((z, 0.5 * (cov + cov.T)))
+            self._chain.append((z, edge_cov(self._moved_cov, self._pose[2], FLOOR)))
             length = self._travel[-1] + float(np.hypot(*z[:2]))
         self.nodes.append(node)
-        self._recent.append(node.at(self._pose))
+        self._recent.append(node.transformed(self._pose))
         self._poses = np.vstack([self._poses, self._pose])
         self._travel = np.append(self._travel, length)
         self._ground = None
@@ -213,25 +210,18 @@ class ScanGraphSlam(ScanSystem):
             return False
         self._tried = self._travel[k]
         old, radius = candidates(k, self._poses, self._travel, self._travel[k] - self._tied)
-        tried = [
-            verify(j, k, radius, self.nodes, self._poses, self._travel, self._stretch) for j in old
-        ]
-        found = [closure for closure in tried if closure is not None]
+        chain = self.nodes, self._poses, self._travel
+        tried = [verify(j, k, radius, *chain, self._stretch) for j in old]
+        found = [one for one in tried if one is not None]
         covs = np.array([cov for _, cov in self._chain])
         for one in found:  # what contradicts the chain must fit well
             if one.fit < SURE and against_chain(one, self._poses, covs) > FALSE:
                 one.state = "rejected"
         self.closures += found
-        fresh = [
-            one
-            for one in (self.closures if found else ())
-            if one.state == "waiting" and consistent(one, self.closures, self._poses, self._travel)
-        ]
-        for one in fresh:
-            one.state = "confirmed"
-        if fresh:
-            self._tied = self._travel[k]
-        return bool(fresh)
+        if not (found and confirm(self.closures, self.closures, self._poses, self._travel)):
+            return False
+        self._tied = self._travel[k]
+        return True
 
     def graph(self) -> PoseGraph:
         """Return the pose graph: the chain, and the closures that count.
@@ -243,16 +233,10 @@ class ScanGraphSlam(ScanSystem):
         """
         if not self.nodes:
             raise ValueError("graph: expected at least one scan, got none")
-        ties = [one for one in self.closures if one.state == "confirmed"]
-        n = len(self.nodes)
-        edges = [(k, k + 1) for k in range(n - 1)] + [(one.j, one.k) for one in ties]
-        z = [z for z, _ in self._chain] + [one.z for one in ties]
-        covs = [cov for _, cov in self._chain] + [one.cov for one in ties]
-        omega = np.linalg.inv(np.array(covs).reshape(-1, 3, 3))
-        omega = 0.5 * (omega + np.swapaxes(omega, 1, 2))
-        return PoseGraph(
-            self._poses, np.array(edges).reshape(-1, 2), np.reshape(z, (-1, 3)), omega
-        )
+        k = np.arange(len(self._chain))
+        z = np.reshape([z for z, _ in self._chain], (-1, 3))
+        information = inverses([cov for _, cov in self._chain])
+        return chain_graph(self._poses, k, z, information, self.closures)
 
     def _solve(self) -> None:
         """Bend the chain; closures that still do not fit are dropped, and it is bent again."""
@@ -260,6 +244,7 @@ class ScanGraphSlam(ScanSystem):
         graph, poses = optimized(self.graph, self.closures)
         self._poses, self._ground, self._placed = poses, None, np.zeros((0, 3))
         recent = slice(-self._n_keyframes, None)
-        self._recent.extend(map(Keyframe.at, self.nodes[recent], self._poses[recent]))
+        placed = map(PointsWithNormals.transformed, self.nodes[recent], self._poses[recent])
+        self._recent.extend(placed)
         self._pose = compose(self._poses[-1], last)
         self._cov = graph.marginal_cov(len(self._poses) - 1, poses) + self._moved_cov

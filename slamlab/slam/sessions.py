@@ -13,13 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from slamlab._checks import as_instance
 from slamlab._files import read_npz
 from slamlab.geometry import compose, inverse
 from slamlab.logs import Log, ScanGeometry
-from slamlab.models import ScanSensor
-from slamlab.slam._closures import AROUND, STRIDE, consistent, optimized
-from slamlab.slam._drive import Drive, drive_of
+from slamlab.slam._closures import AROUND, STRIDE, chain_graph, confirm, optimized
+from slamlab.slam._drive import Drive, drive_of, lidar_of
 from slamlab.slam._joining import GAP, Chain, Tie, more, recognised
 from slamlab.slam._sessions_file import arrays_of, contents_of
 from slamlab.slam.pose_graph import PoseGraph
@@ -77,8 +75,7 @@ class Sessions:
 
     def __init__(self, system: ScanGraphSlam, log: Log, name: str = "") -> None:
         first = drive_of(system, log, name)
-        assert log.scan is not None
-        self.scan = _geometry(log.scan)
+        self.scan = lidar_of(log)
         self.drives, self.waiting = [first], list[Drive]()
         self.closures, first.closures = first.closures, []
 
@@ -91,22 +88,11 @@ class Sessions:
 
     def graph(self) -> PoseGraph:
         """Return the pose graph of the map: the chain of each drive, and closures that count."""
-        ties = [one for one in self.closures if one.state == "confirmed"]
-        n, edges = 0, list[tuple[int, int]]()
-        for one in self.drives:
-            edges += [(k, k + 1) for k in range(n, n + len(one.nodes) - 1)]
-            n += len(one.nodes)
-        edges += [(one.j, one.k) for one in ties]
-        z = [*(one.z for one in self.drives), np.reshape([one.z for one in ties], (-1, 3))]
-        omega = np.linalg.inv(np.reshape([one.cov for one in ties], (-1, 3, 3)))
-        omega = 0.5 * (omega + np.swapaxes(omega, 1, 2))
-        omegas = [*(one.information for one in self.drives), omega]
-        return PoseGraph(
-            self._chain().poses,
-            np.reshape(edges, (-1, 2)).astype(int),
-            np.concatenate(z),
-            np.concatenate(omegas),
-        )
+        drive = np.repeat(np.arange(len(self.drives)), [len(one.nodes) for one in self.drives])
+        k = np.flatnonzero(np.diff(drive) == 0)  # from the last node of a drive no edge leads on
+        z = np.concatenate([one.z for one in self.drives])
+        information = np.concatenate([one.information for one in self.drives])
+        return chain_graph(self._chain().poses, k, z, information, self.closures)
 
     def add(
         self,
@@ -153,10 +139,7 @@ class Sessions:
 
     def check_lidar(self, log: Log) -> None:
         """ValueError if the scans of a log are not those of the lidar of this map."""
-        as_instance("log", log, Log)
-        if log.scan is None or log.ranges is None:
-            raise ValueError("log: expected scans, got none")
-        own, other = self.scan, _geometry(log.scan)
+        own, other = self.scan, lidar_of(log)
         numbers = [np.r_[one.beam_angles, one.max_range, one.offset] for one in (own, other)]
         if len(numbers[0]) != len(numbers[1]) or not np.allclose(
             numbers[0], numbers[1], 0.0, _SAME_LIDAR
@@ -212,16 +195,8 @@ class Sessions:
                 known = {(one.j, one.k) for one in self.closures}
                 found = more(k, n, nodes, float(abs(tried - tied)))
                 self.closures += [one for one in found if (one.j, one.k) not in known]
-                sure = [
-                    one
-                    for one in self.closures
-                    if one.state == "waiting"
-                    and one.j < n <= one.k
-                    and consistent(one, self.closures, nodes.poses, nodes.travel)
-                ]
-                for one in sure:
-                    one.state = "confirmed"
-                if sure:
+                across = [one for one in self.closures if one.j < n <= one.k]
+                if confirm(across, self.closures, nodes.poses, nodes.travel):
                     tied = tried
                     self._solve()
 
@@ -275,10 +250,6 @@ class Sessions:
         except (KeyError, IndexError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{path}: expected a map of drives ({str(error)[:200]})") from error
         return new
-
-
-def _geometry(scan: ScanSensor) -> ScanGeometry:
-    return ScanGeometry(scan.beam_angles, scan.max_range, scan.offset)
 
 
 def _said(scan: ScanGeometry) -> str:

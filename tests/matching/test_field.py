@@ -101,16 +101,6 @@ def test_a_point_field_is_right_for_wide_and_for_sharp_slopes(sigma):
     assert field.values.max() == 1.0
 
 
-def test_points_may_come_one_after_the_other_and_the_sheet_grows():
-    points = np.random.default_rng(2).uniform(-5, 5, (60, 2))
-    one, other = LikelihoodGrid.of_points(points), LikelihoodGrid.of_points(points[:7])
-    other.add(points[7:30])
-    other.add(np.array([[np.nan, 1.0], *points[30:]]))
-    where = np.random.default_rng(3).uniform(-6, 6, (500, 2))
-    np.testing.assert_allclose(other.value(where), one.value(where), atol=1e-6)
-    assert len(other.points) == 60
-
-
 def test_the_pyramid_goes_from_coarse_to_fine():
     field = LikelihoodGrid.of_points(scan(POSE))
     levels = field.pyramid(3)

@@ -10,7 +10,7 @@ import pytest
 
 from slamlab.datasets import killian, read_carmen, read_relations
 from slamlab.evaluation import ate, relation_error, run
-from slamlab.geometry import between, compose, inverse, rotation, transform
+from slamlab.geometry import between, compose, inverse, rotation
 from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
 from slamlab.matching import PointsWithNormals
@@ -19,7 +19,6 @@ from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
 from slamlab.slam import PoseGraph, ScanGraphSlam
 from slamlab.slam._closures import Closure, against_chain, candidates, consistent, verify
-from slamlab.slam._tracking import Keyframe
 from slamlab.slam.least_squares import edge_error
 from slamlab.worlds import rooms
 from tests.slam.ring import LIDAR, drive
@@ -166,7 +165,7 @@ def test_a_closure_has_its_covariance_in_the_frame_that_an_edge_of_the_graph_exp
     covs = []
     for mounted in (0.0, np.pi / 2):
         for n in range(middle, len(nodes)):
-            nodes[n] = Keyframe.of(transform([0.0, 0.0, -mounted], slam.nodes[n].points))
+            nodes[n] = slam.nodes[n].transformed([0.0, 0.0, -mounted])
         poses[middle:, 2] = slam._poses[middle:, 2] + mounted
         one = verify(28, 142, 4.0, nodes, poses, slam._travel, stretch=True)
         assert one is not None
