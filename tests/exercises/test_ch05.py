@@ -37,7 +37,7 @@ def by_hubs(u, r, distance, beta):
     """Another right answer to exercise 1: the hub's velocity across the axle."""
     axles = np.stack([np.cos(beta), np.sin(beta)], -1)
     hubs = u[:2] + u[2] * distance * np.stack([-axles[:, 1], axles[:, 0]], -1)
-    return (np.cross(axles, hubs) / r).tolist()
+    return ((axles[:, 0] * hubs[:, 1] - axles[:, 1] * hubs[:, 0]) / r).tolist()
 
 
 def by_library(wheels, sigma, n):
