@@ -43,7 +43,7 @@ FIGURES := $(addprefix tests/book/test_,widgets_browser.py simulator_browser.py 
 .DEFAULT_GOAL := help
 .PHONY: help book paper pdf slides test lab set-up lint-and-warm lint unit unit-without-numba quick fuzz speed notebooks \
   same pages-and-figures pages figures book-tests seeds steady trials chromium exercises check-library check-oldest \
-  check-newest check-tag \
+  check-newest same-newest check-tag \
   dist site lock vendor slim clean
 
 help:  ## Show this list
@@ -205,6 +205,11 @@ check-oldest check-newest: check-%: pyproject.toml  ## The library with the olde
 	  --python _build/$*-env/$(SCRIPTS)/python '.[fast]'
 	_build/$*-env/$(SCRIPTS)/uv pip install --quiet --python _build/$*-env/$(SCRIPTS)/python pytest hypothesis
 	_build/$*-env/$(SCRIPTS)/python -m pytest -q -m "not slow" $(CORE)
+
+same-newest: pyproject.toml  ## Every number of the notebooks, with the newest dependencies
+	rm -rf _build/pages-env && $(PYTHON) -m venv _build/pages-env
+	_build/pages-env/$(SCRIPTS)/python -m pip install --quiet '.[book,test]'
+	PYTHONPATH=$(CURDIR) _build/pages-env/$(SCRIPTS)/python tools/notebooks.py check $(NOTEBOOKS)
 
 lock: ## Refresh requirements.lock: install the newest set that fits, try it, write it down
 	rm -rf _build/lock-env && $(PYTHON) -m venv _build/lock-env
