@@ -6,7 +6,6 @@ Chapter 17 derives every formula; chapter 20 drives home along such a memory.
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
@@ -235,7 +234,7 @@ class PathMemory:
         """Return the path as it stands: what is stored and, at its end, the open curve."""
         if self._open.curve is None:
             return self._spline
-        whole = copy(self._spline)
+        whole = self._spline.copy()
         whole.append(self._open.curve)
         return whole
 
@@ -288,13 +287,13 @@ class PathMemory:
     def segments(self) -> tuple[Cubic, ...]:
         """The segments in order, each over [0, 1]; the open one last."""
         path = self._path()
-        return tuple(Cubic(c) for c in path.coefficients)
+        return tuple(Cubic(c) for c in path.coefficients[: path.n])
 
     @property
     def knots(self) -> Array:
         """Arc lengths (n_segments + 1,) at which segments begin and end (m)."""
         path = self._path()
-        return path.starts.copy()
+        return path.starts[: path.n + 1].copy()
 
     @property
     def nbytes(self) -> int:
@@ -378,7 +377,7 @@ class PathMemory:
 
     def save(self, file: str | PathLike[str]) -> None:
         """Write everything, the open segment included, to an npz file (no pickle)."""
-        accuracy, last = self.loop_accuracy, self._open
+        n, accuracy, last = self._spline.n, self.loop_accuracy, self._open
         loops = [(loop.s, loop.length, *loop.place) for loop in self._loops]
         np.savez(
             file,
@@ -387,7 +386,7 @@ class PathMemory:
             numbers=[self.tolerance, self.min_step, self.max_step],
             loop_accuracy=np.nan if accuracy is None else accuracy,
             counts=[self.check_between, self.max_points, self.n_points, self.box_tests],
-            coefficients=self._spline.coefficients,
+            coefficients=self._spline.coefficients[:n],
             loops=np.array(loops).reshape(-1, 4),
             points=last.points,
             t=last.t,

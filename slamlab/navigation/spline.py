@@ -30,6 +30,8 @@ from slamlab.navigation.cubic import (
 
 __all__ = ["Loop"]
 
+EMPTY = np.array([np.inf, np.inf, -np.inf, -np.inf])
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -51,65 +53,74 @@ class Loop:
 
 
 class Spline:
-    """Cubics joined end to end; a change makes new arrays, so that copies may share the old ones.
+    """Cubics joined end to end, in arrays that double when they are full.
 
-    Row i of `coefficients` (n, 4, 2), `tables` (n, PIECES + 1) and `boxes` (n, 4) is segment i,
-    which begins at arc length ``starts[i]`` (n + 1,).
+    `boxes` is a heap: box 1 holds all, boxes 2 k and 2 k + 1 the halves of box k.
     """
 
-    _heap: Array | None
-
     def __init__(self) -> None:
-        self.box_tests, self._half = 0, 16
-        self._set(np.zeros((0, 4, 2)), np.zeros((0, PIECES + 1)), np.zeros(1), np.zeros((0, 4)))
+        self.n = 0
+        self.box_tests = 0
+        self.coefficients, self.tables = np.zeros((16, 4, 2)), np.zeros((16, PIECES + 1))
+        self.starts, self.boxes = np.zeros(17), np.tile(EMPTY, (32, 1))
+
+    def copy(self) -> Spline:
+        """Return a path of its own that may grow and be cut."""
+        other = Spline()
+        other.n, other.box_tests = self.n, self.box_tests
+        for name in ("coefficients", "tables", "starts", "boxes"):
+            setattr(other, name, getattr(self, name).copy())
+        return other
+
+    def _double(self) -> None:
+        for name in ("coefficients", "tables", "starts"):
+            full = getattr(self, name)
+            setattr(self, name, np.concatenate([full, np.zeros_like(full[: self.n])]))
+        leaves = self.boxes[self.n :]
+        self.boxes = np.tile(EMPTY, (4 * self.n, 1))
+        for i, box in enumerate(leaves):
+            self._set_box(i, box)
+
+    def _set_box(self, i: int, box: Array) -> None:
+        """Renew the box of segment i and of all above it."""
+        node = len(self.boxes) // 2 + i
+        self.boxes[node] = box
+        while node > 1:
+            node //= 2
+            halves = self.boxes[2 * node : 2 * node + 2]
+            self.boxes[node, :2] = halves[:, :2].min(0)
+            self.boxes[node, 2:] = halves[:, 2:].max(0)
 
     @property
     def length(self) -> float:
         """Arc length (m)."""
-        return float(self.starts[-1])
-
-    @property
-    def heap(self) -> Array:
-        """Box 1 holds all, boxes 2 k and 2 k + 1 the halves of box k; the last are `boxes`."""
-        if self._heap is None:
-            self._heap = heap_over(self.boxes, self._half)
-        return self._heap
+        return float(self.starts[self.n])
 
     def append(self, c: Array) -> None:
         """Add a cubic at the end."""
-        table = arc_length_table(c)
-        self._set(
-            np.concatenate([self.coefficients, c[None]]),
-            np.concatenate([self.tables, table[None]]),
-            np.append(self.starts, self.starts[-1] + table[-1]),
-            np.concatenate([self.boxes, bounding_box(c)[None]]),
-        )
-
-    def _set(self, coefficients: Array, tables: Array, starts: Array, boxes: Array) -> None:
-        self.coefficients, self.tables, self.starts = coefficients, tables, starts
-        self.boxes, self.n = boxes, len(boxes)
-        self._heap = None
-        while self._half < self.n:
-            self._half *= 2
-
-    def _keep(self, n: int) -> None:
-        """Forget all but the first n segments."""
-        self._set(self.coefficients[:n], self.tables[:n], self.starts[: n + 1], self.boxes[:n])
+        if self.n == len(self.coefficients):
+            self._double()
+        i, self.n = self.n, self.n + 1
+        self.coefficients[i], self.tables[i] = c, arc_length_table(c)
+        self.starts[i + 1] = self.starts[i] + self.tables[i, -1]
+        self._set_box(i, bounding_box(c))
 
     def cut(self, i: int, tau: float) -> None:
         """Forget everything after parameter tau of segment i."""
-        rest = self.coefficients[i : i + 1]
-        self._keep(i)
+        for k in range(i, self.n):
+            self._set_box(k, EMPTY)
+        self.n = i
         if tau > 0.0:
-            self.append(restrict(rest[0], 0.0, tau))
-            if self.starts[-1] - self.starts[-2] < 1e-12:
-                self._keep(i)
+            self.append(restrict(self.coefficients[i], 0.0, tau))
+            if self.starts[i + 1] - self.starts[i] < 1e-12:
+                self._set_box(i, EMPTY)
+                self.n = i
 
     # Asking, P3 section 4.
 
     def locate(self, s: float) -> tuple[int, float]:
         """Segment and parameter at arc length s; the ends outside."""
-        i = segment_at(self.starts[:-1], s)
+        i = segment_at(self.starts[: self.n], s)
         return i, parameter_at(self.coefficients[i], self.tables[i], s - self.starts[i])
 
     def arc_length(self, i: int, tau: float) -> float:
@@ -118,11 +129,14 @@ class Spline:
 
     def points(self, s: Array, derivative: bool = False) -> Array:
         """Points, or unit tangents, (n, 2) at arc lengths (n,)."""
-        return points_at(self.coefficients, self.tables, self.starts[:-1], s, derivative)
+        n = self.n
+        return points_at(self.coefficients[:n], self.tables[:n], self.starts[:n], s, derivative)
 
     def nearest(self, points: Array, low: Array, high: Array) -> tuple[Array, Array]:
         """Arc length and distance (n,) of the nearest place with low <= s <= high, each (n,)."""
-        path = self.coefficients, self.tables, self.starts[:-1], self.boxes
+        n, half = self.n, len(self.boxes) // 2
+        boxes = self.boxes[half : half + n]
+        path = self.coefficients[:n], self.tables[:n], self.starts[:n], boxes
         return nearest(*path, points, low, high)
 
     # Loops, P3 section 3.
@@ -211,7 +225,7 @@ class Spline:
     def _search(
         self, c: Array, low: float, high: float, n: int, last_tau: float, accuracy: float
     ) -> Meeting | None:
-        path = self.coefficients[:n], self.heap
+        path = self.coefficients[:n], self.boxes
         crossed, touched, tests = search(c, low, high, *path, last_tau, accuracy)
         self.box_tests += tests
         t, touch = crossed[0], touched[0]
@@ -223,19 +237,6 @@ class Spline:
         limit = self.arc_length(n - 1, last_tau)
         s, _ = self.nearest(point(c, touch)[None], np.zeros(1), np.array([limit]))
         return (touch, *self.locate(float(s[0])))
-
-
-def heap_over(boxes: Array, half: int) -> Array:
-    """Heap (2 half, 4) over boxes (n, 4), n <= half, a power of two; the rest holds nothing."""
-    # As low and -high corner, the box round two boxes is the least of both.
-    signs = np.array([[1.0], [1.0], [-1.0], [-1.0]])
-    heap = np.full((4, 2 * half), np.inf)
-    heap[:, half : half + len(boxes)] = signs * boxes.T
-    while half > 1:
-        halves = heap[:, half : 2 * half : 2], heap[:, half + 1 : 2 * half : 2]
-        half //= 2
-        np.minimum(*halves, out=heap[:, half : 2 * half])
-    return np.ascontiguousarray((signs * heap).T)
 
 
 # The path in arrays: coefficients (n, 4, 2), tables of arc length (n, PIECES + 1), starts (n,).

@@ -10,11 +10,11 @@ from slamlab.navigation.cubic import monotone_cuts, point
 
 def search_as_printed(c, spline, accuracy):
     """Boxes compared until a new cubic meets a path, and the parameter there (None without)."""
-    path, half = spline.coefficients, len(spline.heap) // 2
+    path, half = spline.coefficients[: spline.n], len(spline.boxes) // 2
     pairs, tests = [(piece, 1, None) for piece in pieces(c)], 0
     while pairs:
         new, node, old = pairs.pop()
-        inside = spline.heap[node] if old is None else box_of(path[node - half], *old)
+        inside = spline.boxes[node] if old is None else box_of(path[node - half], *old)
         around = box_of(c, *new)
         tests += 1
         if (inside[:2] > around[2:]).any() or (around[:2] > inside[2:]).any():

@@ -280,7 +280,7 @@ def test_a_crossing_within_an_accuracy_of_the_joint_is_found_too():
     (loop,) = spline.append_without_loops(new, accuracy)
     assert 0 < loop.length < accuracy
     assert loop.place[0] == pytest.approx(0.01 - 1.76e-5, abs=1e-7)
-    first, last = (Cubic(c)(np.linspace(0, 1, 3000)) for c in spline.coefficients)
+    first, last = (Cubic(c)(np.linspace(0, 1, 3000)) for c in spline.coefficients[: spline.n])
     assert len(chord_crossings(first[:-1], last[1:])) == 0
     assert len(chord_crossings(Cubic(old)(np.linspace(0, 1, 3000))[:-1],
                                Cubic(new)(np.linspace(0, 1, 3000))[1:])) > 0  # fmt: skip
@@ -297,14 +297,14 @@ def test_cutting_makes_the_boxes_forget():
         c[0], c[1] = [k, 0], [1, 0]
         spline.append(c)
     spline.cut(20, 0.5)
-    assert spline.heap[1].tolist() == [0, 0, 20.5, 0]
+    assert spline.boxes[1].tolist() == [0, 0, 20.5, 0]
     for _ in range(30):
         c = rng.normal(size=(4, 2))
         spline.append(c)
         if rng.random() < 0.3:
             spline.cut(int(rng.integers(1, spline.n)), float(rng.random()))
-        boxes = np.array([bounding_box(c) for c in spline.coefficients])
-        assert_allclose(spline.heap[1], [*boxes[:, :2].min(0), *boxes[:, 2:].max(0)])
+        boxes = np.array([bounding_box(c) for c in spline.coefficients[: spline.n]])
+        assert_allclose(spline.boxes[1], [*boxes[:, :2].min(0), *boxes[:, 2:].max(0)])
 
 
 def box_tests(n, accuracy=1e-4):
