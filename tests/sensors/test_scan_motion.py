@@ -1,4 +1,4 @@
-"""A turn from two scans: the printed form on its lattice, the mended one off it too.
+"""Motion from two scans: the printed forms on their lattice, the mended ones off it too.
 
 The room is a rectangle with two boxes, cast here by the cross product: no world of the library.
 """
@@ -6,8 +6,9 @@ The room is a rectangle with two boxes, cast here by the cross product: no world
 import numpy as np
 import pytest
 
-from slamlab.geometry import wrap_angle
+from slamlab.geometry import compose, wrap_angle
 from slamlab.logs import ScanGeometry
+from slamlab.matching import match_icp
 from slamlab.printed.p5 import displacement_as_printed, turn_as_printed
 from slamlab.sensors import turn_between
 
@@ -109,6 +110,19 @@ def test_missing_returns_taken_as_zero_would_do_harm():
     mended = off_by(turn_between(SCANS, after), -41.3)
     zeros = off_by(turn_between(SCANS, np.nan_to_num(after)), -41.3)
     assert np.mean(mended > 3) < 0.5 * np.mean(zeros > 3)
+
+
+def test_whatmove_fails_after_a_slip_and_match_icp_does_not():
+    slips = np.full((len(POSES), 3), [0.2, 0.03, np.deg2rad(2)])
+    after = scan(compose(POSES, slips))
+    off = np.abs(displacement_as_printed(SCANS, after)[:, 1] - 0.2)
+    assert off.max() > 0.5, "an edge came between"
+    assert np.mean(off > 0.05) > 0.02
+    points = zip(LIDAR.points(SCANS[:80]), LIDAR.points(after[:80]), strict=True)
+    found = [match_icp(*both, guess=[0.2, 0, 0]).pose for both in points]
+    errors = np.abs(np.array(found) - slips[:80])
+    assert np.quantile(errors[:, :2], 0.95) < 0.002
+    assert np.quantile(errors[:, 2], 0.95) < np.deg2rad(0.2)
 
 
 @pytest.mark.parametrize(
