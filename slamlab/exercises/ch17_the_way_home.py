@@ -736,8 +736,8 @@ check_steer.mistakes = {
 # of angles ask whether the range still holds.
 
 # %% [markdown] tags=["solution"]
-# Adding $\pi$ in place of taking it off repairs the robot that hit the wall, and now the other one
-# does. A test of one side only would pass:
+# Adding $\pi$ in place of taking it off repairs the two robots that hit the wall, and now the other
+# two do. A test of one side only would pass:
 
 # %% active="ipynb" tags=["solution"] mystnb={"image": {"alt": "Two panels of four corridors: on the left robots swing into the walls, on the right all back out."}}
 # def other_side(pose, point, gains, limits):

@@ -890,7 +890,7 @@ check_runs_needed.mistakes = {
 #     print(f"{share:.0%}:", ", ".join(needed))
 
 # %% [markdown] tags=["solution"]
-# Without a search: the lower end is the $s$ for which $p - s = z\sqrt{s(1-s)/n}$. Times $\sqrt n$,
+# Without a search: the lower end is the $s$ for which $p - s = z\sqrt{s(1-s)/n}$. Times $n$,
 # with $p = 1 - \text{lost}/n$, this is $(1-s)\,m^2 - z\sqrt{s(1-s)}\;m - \text{lost} = 0$ for
 # $m = \sqrt n$:
 
