@@ -277,7 +277,7 @@ def _points(lab: str, me: Figures, bar: dict[str, Figures]) -> list[tuple[str, b
         seen = me["floor seen %"] >= most
         found.append(("19 of 20 parts of the floor that the library saw", seen))
         found.append(
-            ("so, and within 0.3 m of home in the end", seen and me["from home (m)"] <= 0.3)
+            ("so, and within 0.15 m of home in the end", seen and me["from home (m)"] <= 0.15)
         )
         found.append(("so, and nothing was hit", seen and me["hits"] == 0))
     return found
