@@ -814,10 +814,10 @@ check_block_bounds.mistakes = {
     "this is the score of the first shift of the block": (
         "field[r : r + width, c : c + width] => field[r : r + 1, c : c + 1]"
     ),
-    "the square has one cell too many on each side": (
+    "the square has one cell too many each way": (
         "field[r : r + width, c : c + width] => field[r : r + width + 1, c : c + width + 1]"
     ),
-    "the square has one cell too few on each side": (
+    "the square has one cell too few each way": (
         "field[r : r + width, c : c + width]"
         " => field[r : r + max(width - 1, 1), c : c + max(width - 1, 1)]"
     ),
@@ -1318,12 +1318,13 @@ check_icp.mistakes = {
 # 3 m. Three rounds in place of ten double the error. The wheels as an observation change little
 # here. In the corridor of the check, which has no corner, the scan slides without them. In eleven
 # other drifts no gate, the wide gate, no weights and three rounds were each worse than the whole,
-# three rounds hardly so in one of them. Which of them is worst depends on the drift.
+# three rounds hardly so in one of them. No gate was the worst in all of them but one.
 #
-# What you have now is the front end of a SLAM system: a third of a metre off after 311 m, without
-# a single loop closed. The line *matching* of the lesson, on the same log with the same drift, has
-# 0.8 m; it differs from yours in several ways, and which of them counts was not tried. The
-# lesson's `ScanGraphSlam` adds the closures, with the pose graph of chapter 13.
+# What you have now is the front end of a SLAM system: over 311 m its path error is a third of a
+# metre (root mean square, after alignment), without a single loop closed. The line *matching* of
+# the lesson, on the same log with the same drift, has 0.8 m; it differs from yours in several
+# ways, and which of them counts was not tried. The lesson's `ScanGraphSlam` adds the closures,
+# with the pose graph of chapter 13.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 14](../solutions/14_scan_matching_and_hector.ipynb).

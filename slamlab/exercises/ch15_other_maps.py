@@ -618,7 +618,7 @@ check_from_behind.mistakes = {
     "`stretch` belongs to the chance to pass: (1 - P) ** stretch": (
         "(1 - ended / came) ** stretch => 1 - (ended / came) ** stretch"
     ),
-    "a chance does not grow with the way: 1 - e^(-x), not x": (
+    "a chance does not grow in proportion to the way: 1 - e^(-x), not x": (
         "(1 - ended / came) ** stretch => 1 - np.minimum(stretch * ended / came, 1)"
     ),
     "the share of beams that ended on A's way is no rate: 1 minus this share passes it": (
