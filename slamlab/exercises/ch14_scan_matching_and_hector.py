@@ -879,10 +879,10 @@ check_block_bounds.mistakes = {
 # - Points that have no partner, since the last scan did not see that far. Their wall may be set
 #   back by a hand's breadth, and then they pull. A pair does not count if the nearest reference
 #   point is 0.5 m away or farther: the **gate**.
-# - People. In the check a third to a half of the points end on them, 25 cm or more before the
-#   walls, many within the gate. A pair counts with the weight $w(e_i)$ of exercise 2, $k = 0.1$ m,
-#   from its error *across the wall* in this round: along a wall far off, the points of a scan are
-#   more than half a metre apart.
+# - People. Where the check has any, a third to a half of the points end on them, 25 cm or more
+#   before the walls, many within the gate. A pair counts with the weight $w(e_i)$ of exercise 2,
+#   $k = 0.1$ m, from its error *across the wall* in this round: along a wall far off, the points
+#   of a scan are more than half a metre apart.
 # - Corridors without an end in sight. Nothing holds the scan along them but the noise of the
 #   normals; and if the normals are exact, $H = \sum_i J_i^\top J_i$ has no inverse. But the
 #   wheels know something: the guess $\xi_w$ has a covariance $\Sigma_w$. Take it as one more
