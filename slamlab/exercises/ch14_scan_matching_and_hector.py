@@ -191,7 +191,7 @@ check_line_row.mistakes = {
 # The lever arm is the same number as in the lesson. A turn on the spot does not depend on the axes
 # in which it is described, so only the first two entries change. And the lever of the *unturned*
 # scan, which was a mistake in the lesson, is right here: normal and point are both in the frame of
-# the robot. Wrong is only the mixture:
+# the robot. Only the mixture is wrong:
 
 # %% active="ipynb" tags=["solution"]
 # def mixed(pose, point, normal):
