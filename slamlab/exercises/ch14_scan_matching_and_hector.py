@@ -191,7 +191,7 @@ check_line_row.mistakes = {
 # The lever arm is the same number as in the lesson. A turn on the spot does not depend on the axes
 # in which it is described, so only the first two entries change. And the lever of the *unturned*
 # scan, which was a mistake in the lesson, is right here: normal and point are both in the frame of
-# the robot. Wrong is only the mixture:
+# the robot. Only the mixture is wrong:
 
 # %% active="ipynb" tags=["solution"]
 # def mixed(pose, point, normal):
@@ -814,10 +814,10 @@ check_block_bounds.mistakes = {
     "this is the score of the first shift of the block": (
         "field[r : r + width, c : c + width] => field[r : r + 1, c : c + 1]"
     ),
-    "the square has one cell too many on each side": (
+    "the square has one cell too many each way": (
         "field[r : r + width, c : c + width] => field[r : r + width + 1, c : c + width + 1]"
     ),
-    "the square has one cell too few on each side": (
+    "the square has one cell too few each way": (
         "field[r : r + width, c : c + width]"
         " => field[r : r + max(width - 1, 1), c : c + max(width - 1, 1)]"
     ),
@@ -879,10 +879,10 @@ check_block_bounds.mistakes = {
 # - Points that have no partner, since the last scan did not see that far. Their wall may be set
 #   back by a hand's breadth, and then they pull. A pair does not count if the nearest reference
 #   point is 0.5 m away or farther: the **gate**.
-# - People. In the check a third to a half of the points end on them, 25 cm or more before the
-#   walls, many within the gate. A pair counts with the weight $w(e_i)$ of exercise 2, $k = 0.1$ m,
-#   from its error *across the wall* in this round: along a wall far off, the points of a scan are
-#   more than half a metre apart.
+# - People. Where the check has any, a third to a half of the points end on them, 25 cm or more
+#   before the walls, many within the gate. A pair counts with the weight $w(e_i)$ of exercise 2,
+#   $k = 0.1$ m, from its error *across the wall* in this round: along a wall far off, the points
+#   of a scan are more than half a metre apart.
 # - Corridors without an end in sight. Nothing holds the scan along them but the noise of the
 #   normals; and if the normals are exact, $H = \sum_i J_i^\top J_i$ has no inverse. But the
 #   wheels know something: the guess $\xi_w$ has a covariance $\Sigma_w$. Take it as one more
@@ -1318,12 +1318,13 @@ check_icp.mistakes = {
 # 3 m. Three rounds in place of ten double the error. The wheels as an observation change little
 # here. In the corridor of the check, which has no corner, the scan slides without them. In eleven
 # other drifts no gate, the wide gate, no weights and three rounds were each worse than the whole,
-# three rounds hardly so in one of them. Which of them is worst depends on the drift.
+# three rounds hardly so in one of them. No gate was the worst in all of them but one.
 #
-# What you have now is the front end of a SLAM system: a third of a metre off after 311 m, without
-# a single loop closed. The line *matching* of the lesson, on the same log with the same drift, has
-# 0.8 m; it differs from yours in several ways, and which of them counts was not tried. The
-# lesson's `ScanGraphSlam` adds the closures, with the pose graph of chapter 13.
+# What you have now is the front end of a SLAM system: over 311 m its path error is a third of a
+# metre (root mean square, after alignment), without a single loop closed. The line *matching* of
+# the lesson, on the same log with the same drift, has 0.8 m; it differs from yours in several
+# ways, and which of them counts was not tried. The lesson's `ScanGraphSlam` adds the closures,
+# with the pose graph of chapter 13.
 
 # %% [markdown] tags=["statement"]
 # The solutions are in [Solutions 14](../solutions/14_scan_matching_and_hector.ipynb).

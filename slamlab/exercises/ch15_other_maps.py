@@ -207,7 +207,7 @@ check_merged.mistakes = {
 # $p_0\, l_1 \cdots l_m = p_1 \cdots p_m / p_0^{m - 1}$. The exponents of $\tau$ are $\sum
 # (\alpha_i - 1) - (m - 1)(\alpha_0 - 1) = \sum \alpha_i - (m - 1)\,\alpha_0 - 1$, which is
 # the new $\alpha$ less one; those of $e^{-\tau}$ are $\sum \beta_i - (m - 1)\,\beta_0$. About 95 %
-# of forty bars, 38, should hold the truth, and here just so many do.
+# of forty bars, 38, should hold the truth, and here 38 do.
 
 # %% [markdown] tags=["solution"]
 # The sum of the maps counts March four times. Its roughness is nearly as good,
@@ -618,7 +618,7 @@ check_from_behind.mistakes = {
     "`stretch` belongs to the chance to pass: (1 - P) ** stretch": (
         "(1 - ended / came) ** stretch => 1 - (ended / came) ** stretch"
     ),
-    "a chance does not grow with the way: 1 - e^(-x), not x": (
+    "a chance does not grow in proportion to the way: 1 - e^(-x), not x": (
         "(1 - ended / came) ** stretch => 1 - np.minimum(stretch * ended / came, 1)"
     ),
     "the share of beams that ended on A's way is no rate: 1 minus this share passes it": (

@@ -1464,8 +1464,8 @@ check_fly.mistakes = {
 # It is the full filter: path, map and covariance differ by less than $10^{-8}$. Prediction and
 # update are those of EKF-SLAM, of the region's size; the records are four lines, and `leave` is
 # paid once in several steps. *Numbers written* counts what a filter writes into $P$: the full one
-# all of it in each step; yours the region's block, and all of $P$ on leaving, which is about half
-# of what is left ([16e](../16e_uav_local_range.ipynb) counts products).
+# all of it in each step; yours the region's block, and on leaving all of $P$: about half of its
+# numbers are written then ([16e](../16e_uav_local_range.ipynb) counts products).
 
 # %% [markdown] tags=["solution"]
 # Ten flights of the full filter, and the first four with regions of three sizes. The radio hears
