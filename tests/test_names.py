@@ -45,6 +45,8 @@ MEMBERS = {
 }
 # Words of a choice.
 CHOICES = {"latest", "stretch"}
+# Constants of the scan graph that had words of our own.
+SCAN_GRAPH = {"BASE", "FIT", "ELSEWHERE", "SLIDE", "SPAN", "WHEELS"}
 # Functions and classes that had English words for names, which variables may go on to bear.
 MATCHING = {"thin", "normals", "Field"}
 # Words of prose for which the field has others: uncertainty, expected, given, grid, overconfident,
@@ -122,6 +124,12 @@ def test_matching_has_no_old_function():
     from slamlab import matching
 
     assert {name for name in MATCHING if hasattr(matching, name)} == set()
+
+
+def test_the_scan_graph_has_no_old_constant():
+    from slamlab.slam import _closures, _tracking
+
+    assert SCAN_GRAPH & {*vars(_closures), *vars(_tracking)} == set()
 
 
 @pytest.mark.parametrize(
