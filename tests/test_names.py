@@ -20,6 +20,7 @@ GONE = {
     "of_log_odds", "lost_scans", "SeenFloor", "seen_floor", "Ways", "shut_near", "unseen_area",
     "RoomDriver", "Guard", "Homer", "Retracer", "Truth", "BELIEFS", "BUILDINGS", "WAYS",
     "COVERED", "WornWheels", "looks", "as_a", "good_points", "detection",
+    "restored_on_failure", "as_complex",
 }  # fmt: skip
 # Names that were those of one class: they are none of its attributes, methods or parameters.
 MEMBERS = {
