@@ -5,12 +5,14 @@ with its reason. Wrong models and systems stand below: the checks must refuse th
 """
 
 import os
+import re
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from slamlab import localization, slam
 from slamlab.datasets import killian, read_carmen
 from slamlab.evaluation import run
 from slamlab.geometry import between, compose, wrap_angle
@@ -267,6 +269,13 @@ STRAY = {
     "GridFastSlam": (0.1, "cells of 0.1 m along the axes of the world"),
     "GammaSlam": (0.1, "cells of 0.25 m along the axes of the world"),
 }
+
+
+def test_every_system_is_listed():
+    exported = [getattr(room, name) for room in (slam, localization) for name in room.__all__]
+    systems = {one.__name__ for one in exported if {"predict", "pose"} <= {*dir(one)}}
+    assert systems <= {re.match(r"\w+", name)[0] for name in SYSTEMS}
+    assert len(systems) > 12
 
 
 @pytest.mark.parametrize("name", MOTIONS)

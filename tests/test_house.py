@@ -172,3 +172,31 @@ def test_these_files_and_no_others_import_kernels():
         and not path.startswith("kernels/")
     }
     assert users == USERS
+
+
+# A step is the paper's algorithm box: the numbers of its formulas stand at the ends of its lines.
+
+BOXES = {
+    "slam/ekf.py predict": "8 11 12 13 14",
+    "slam/ekf.py update": "18 19 22 32 33 34 35 36 37 42 43",
+    "slam/batch.py update": "18 19 22 32 33 34 35 36 37 42 43",
+    "slam/fast.py update": "14 15 16 18",
+    "filters/kalman.py filter": "3 4 5 6 7 8 9",
+    "localization/monte_carlo.py update": "14",
+    "matching/field.py gauss_newton": "7 8 12 13 14",
+    "navigation/path_memory.py add": "1.1 1.2 1.4 1.5",
+    "navigation/path_memory.py _fitted": "1.3",
+}
+
+
+@pytest.mark.parametrize("box", BOXES)
+def test_the_formulas_of_a_step_bear_their_numbers(box):
+    path, name = box.split()
+    (function,) = (
+        node
+        for node in ast.walk(ast.parse(SOURCES[path]))
+        if isinstance(node, ast.FunctionDef) and node.name == name
+    )
+    lines = SOURCES[path].splitlines()[function.lineno - 1 : function.end_lineno]
+    said = " ".join(line.partition("# ")[2] for line in lines)
+    assert set(BOXES[box].split()) <= set(re.findall(r"(?<=\()\d+(?=\))|\d\.\d", said))

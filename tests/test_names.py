@@ -20,6 +20,7 @@ GONE = {
     "of_log_odds", "lost_scans", "SeenFloor", "seen_floor", "Ways", "shut_near", "unseen_area",
     "RoomDriver", "Guard", "Homer", "Retracer", "Truth", "BELIEFS", "BUILDINGS", "WAYS",
     "COVERED", "WornWheels", "looks", "as_a", "good_points", "detection",
+    "restored_on_failure", "as_complex",
 }  # fmt: skip
 # Names that were those of one class: they are none of its attributes, methods or parameters.
 MEMBERS = {
@@ -45,6 +46,8 @@ MEMBERS = {
 }
 # Words of a choice.
 CHOICES = {"latest", "stretch"}
+# Constants of the scan graph that had words of our own.
+SCAN_GRAPH = {"BASE", "FIT", "ELSEWHERE", "SLIDE", "SPAN", "WHEELS"}
 # Functions and classes that had English words for names, which variables may go on to bear.
 MATCHING = {"thin", "normals", "Field"}
 # Words of prose for which the field has others: uncertainty, expected, given, grid, overconfident,
@@ -122,6 +125,12 @@ def test_matching_has_no_old_function():
     from slamlab import matching
 
     assert {name for name in MATCHING if hasattr(matching, name)} == set()
+
+
+def test_the_scan_graph_has_no_old_constant():
+    from slamlab.slam import _closures, _tracking
+
+    assert SCAN_GRAPH & {*vars(_closures), *vars(_tracking)} == set()
 
 
 @pytest.mark.parametrize(

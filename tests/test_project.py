@@ -81,6 +81,12 @@ def wanted_by(extra: str) -> set[str]:
     return found
 
 
+def test_the_library_needs_four_packages_and_is_fast_with_two_more():
+    names = {re.match(r"[\w-]+", text)[0] for text in PROJECT["project"]["dependencies"]}
+    assert names == {"numpy", "scipy", "pillow", "pyyaml"}
+    assert wanted_by("fast") == {"numba", "qdldl"} < wanted_by("course")
+
+
 def test_a_student_installs_no_oracle_and_no_browser():
     heavy = {"gtsam", "rtb-data", "evo", "playwright", "dask", "jupyter-book"}
     assert not heavy & wanted_by("lab")

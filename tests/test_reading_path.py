@@ -15,10 +15,12 @@ import pytest
 
 import slamlab
 from slamlab import _checks
+from slamlab.filters import kalman
 from slamlab.filters.particle import ParticleFilter
+from slamlab.gaussian import Gaussian
 from slamlab.localization import MonteCarloLocalization, SignatureMap
 from slamlab.mapping import OccupancyGrid
-from slamlab.matching import LikelihoodGrid, match_field, match_icp
+from slamlab.matching import LikelihoodGrid, match_correlative, match_field, match_icp
 from slamlab.models import View
 from slamlab.navigation import ExplorationGrid, Explorer, LongestBeam, PathMemory
 from slamlab.navigation.boxes import search
@@ -347,6 +349,27 @@ def field():
     return step
 
 
+def correlative():
+    """A scan of a room in a window round a guess, and the best place elsewhere."""
+    scans = [ROOM.points(ROOM.scan(rooms.office(), [x, 4.0, 0.3])) for x in (2.0, 2.1)]
+
+    def step():
+        seen = LikelihoodGrid.of_points(scans[1])
+        match = match_correlative(seen, scans[0], [0.3, 0, 0], 0.5, 0.1, second_peak_distance=0.3)
+        assert match.score > 0.5
+
+    return step
+
+
+def kalman_series():
+    """Three series side by side, a measurement of one missing, filtered."""
+    z = np.random.default_rng(0).normal(size=(3, 20, 1))
+    z[0, 4] = np.nan
+    F, Q = np.array([[1.0, 0.1], [0.0, 1.0]]), np.diag([1e-4, 1e-2])
+    start = Gaussian(np.zeros(2), np.eye(2))
+    return lambda: kalman.filter(z, F, [[1.0, 0.0]], Q, [[0.04]], start)
+
+
 def occupancy():
     """A scan of a room, drawn into a map that grows."""
     grid, scan = OccupancyGrid((4, 4), 0.1), ROOM.scan(rooms.office(), [2.0, 4.0, 0.0])
@@ -423,6 +446,8 @@ SYSTEMS = {
     "Hector": (hector, ("slam/hector.py",), OWN),
     "scan graph": (scan_graph, ("slam/scan_graph.py", "slam/_tracking.py"), OWN),
     "scan on a field": (field, ("matching/field.py",), OWN),
+    "correlative search": (correlative, ("matching/correlative.py",), OWN),
+    "Kalman series": (kalman_series, ("filters/kalman.py",), OWN + 12),  # 51 of them: shapes, gaps
     "occupancy map": (occupancy, ("mapping/occupancy.py",), OWN),
     "exploration grid": (exploration_grid, ("navigation/exploration_grid.py",), OWN),
     "shared maps": (shared_maps, ("slam/_landmark_maps.py", "filters/pages.py"), OWN),

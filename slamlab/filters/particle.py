@@ -34,7 +34,7 @@ __all__ = [
     "effective_sample_size",
     "lineage",
     "multinomial_resample",
-    "restored_on_failure",
+    "rollback",
     "residual_resample",
     "stratified_resample",
     "systematic_resample",
@@ -147,7 +147,7 @@ class ParticleFilter:
             If the number of particles changes, a coordinate is not finite, or all corrections
             are minus infinity. The filter and its generator are then as they were.
         """
-        with restored_on_failure(self._rng):
+        with rollback(self._rng):
             drawn = as_function("propose", propose)(self.particles, self._rng)
             moved, correction = drawn if isinstance(drawn, tuple) else (drawn, None)
             moved = as_array("propose(particles)", moved)
@@ -356,7 +356,7 @@ def lineage(ancestors: Sequence[ArrayLike]) -> Indices:
 
 
 @contextmanager
-def restored_on_failure(rng: np.random.Generator) -> Iterator[None]:
+def rollback(rng: np.random.Generator) -> Iterator[None]:
     """Give a generator its state back if the block fails: a refused call has drawn nothing."""
     state = rng.bit_generator.state
     try:

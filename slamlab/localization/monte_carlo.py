@@ -18,6 +18,7 @@ from slamlab._checks import (
     as_function,
     as_instance,
     as_rng,
+    as_rows,
     as_shaped,
 )
 from slamlab.filters.particle import KLD, ParticleFilter, PoseParticles
@@ -294,12 +295,7 @@ def _everywhere(points: Array) -> NDArray[np.bool_]:
 
 
 def _checked_ids(ids: ArrayLike, count: int, n_landmarks: int) -> NDArray[np.intp]:
-    rows = np.asarray(ids)
-    rows = rows if rows.size else rows.astype(np.intp)
-    if rows.shape != (count,) or not np.issubdtype(rows.dtype, np.integer):
-        raise ValueError(
-            f"ids: expected {count} whole numbers, got {rows.dtype} of shape {rows.shape}"
-        )
-    if count and (rows.min() < 0 or rows.max() >= n_landmarks):
-        raise ValueError(f"ids: expected rows of {n_landmarks} landmarks, got {rows.tolist()}")
-    return rows.astype(np.intp)
+    rows = as_rows("ids", ids, n_landmarks)
+    if len(rows) != count:
+        raise ValueError(f"ids: expected {count} rows, got {len(rows)}")
+    return rows

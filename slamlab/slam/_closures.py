@@ -30,14 +30,15 @@ STRIDE = 1.5  # a node is tried for closures every so many metres of travel
 LOOP = 20.0  # a closure joins places at least so far apart along the path (m)
 NEAR = 2.5  # and at most so far apart as believed (m), and more the longer nothing was closed:
 DRIFT, FARTHEST = 0.03, 12.0  # metres a metre since the last closure, and the limit
-BASE = 6.0  # the old place is drawn from the nodes within this travel (m)
+SUBMAP_LENGTH = 6.0  # the old place is drawn from the nodes within this travel (m)
 AROUND = 3  # scans before and after that are laid on it together with the node's own
 TURN, TURN_STEP = np.deg2rad(20), np.deg2rad(1.5)
-FIT = 0.6  # 1 - mean (1 - M)^2 of the merged scans must reach this
+MIN_SCORE = 0.6  # 1 - mean (1 - M)^2 of the merged scans must reach this
 SURE = 0.8  # and with this much one consistent closure is enough
-ELSEWHERE, SECOND = 0.8, 0.8  # best score more than so far away (m), as a part of the best
-SLIDE = 0.3  # point to line must not move the result farther than this (m)
-SPAN = 15.0  # consistent closures lie within this travel of both ends (m)
+SECOND_PEAK_DISTANCE = 0.8  # from so far away on (m) another place is a second peak, and
+SECOND = 0.8  # its score must stay below this part of the best
+MAX_ICP_SHIFT = 0.3  # point to line must not move the result farther than this (m)
+CONSISTENCY_WINDOW = 15.0  # consistent closures lie within this travel of both ends (m)
 FLOOR = np.diag(np.square([0.03, 0.03, np.deg2rad(0.4)]))
 FALSE = 60.0  # chi2 of a closure that is dropped: by the solver, or by the chain if it fits badly
 
@@ -100,7 +101,7 @@ def verify(
     stretch: bool,
 ) -> Closure | None:
     """Lay the scans round node k upon the place round node j; None if that convinces nobody."""
-    first, last = np.searchsorted(travel, [travel[j] - BASE, travel[j] + BASE])
+    first, last = np.searchsorted(travel, [travel[j] - SUBMAP_LENGTH, travel[j] + SUBMAP_LENGTH])
     last = min(max(int(last), j + 1), k - AROUND)
     around = range(max(k - AROUND, 0), min(k + AROUND + 1, len(nodes)))
     seen = between(poses[k], poses[around])
@@ -108,16 +109,16 @@ def verify(
     query = voxel_downsample(np.concatenate(merged), 0.15)
     ground = LocalMap([outline_at(nodes[first:last], poses[first:last])])
     found = match_correlative(
-        ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, second_peak_distance=ELSEWHERE
+        ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, SECOND_PEAK_DISTANCE
     )
     if found is None or (found.second_peak > SECOND and not stretch):
         return None
     climbed = match_field(ground.field, query, found.pose)
     fit = 1 - climbed.rmse**2
-    if fit < FIT or len(ground.walls.points) < 3:
+    if fit < MIN_SCORE or len(ground.walls.points) < 3:
         return None
     match = match_icp(ground.walls, nodes[k].points, climbed.pose)
-    if match.score == 0 or np.hypot(*(match.pose - climbed.pose)[:2]) > SLIDE:
+    if match.score == 0 or np.hypot(*(match.pose - climbed.pose)[:2]) > MAX_ICP_SHIFT:
         return None
     cov = 4 * match.cov
     if found.second_peak > SECOND:
@@ -160,7 +161,7 @@ def consistent(one: Closure, others: list[Closure], poses: Array, travel: Array)
         if other is one or other.state == "rejected":
             continue
         there, here = (abs(travel[a] - travel[b]) for a, b in ((other.j, one.j), (other.k, one.k)))
-        if there > SPAN or here > SPAN:
+        if there > CONSISTENCY_WINDOW or here > CONSISTENCY_WINDOW:
             continue
         # z_a (+) x_ka,kb = x_ja,jb (+) z_b
         by_one = compose(one.z, between(poses[one.k], poses[other.k]))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array
+from slamlab._checks import Array, as_associations
 from slamlab.gaussian import inverse_2x2
 from slamlab.models import LandmarkSensor
 from slamlab.slam._landmark_maps import ABSENT, LandmarkMaps, unpacked
@@ -80,8 +80,10 @@ def ask(query: Query, associate: Associate) -> Indices:
     for i in range(len(columns)):
         cov = np.zeros((3, 3)) if query.root is None else query.root[i] @ query.root[i].T
         view = ParticleView.of(i, query.maps, query.poses[i].copy(), cov, query.sensor)
-        rows = np.asarray(associate(view, query.z, **more))
-        _check_rows(rows, len(query.z), view.n_landmarks)
+        rows = as_associations(associate(view, query.z, **more), len(query.z), view.n_landmarks)
+        named = rows[rows >= 0]
+        if len(np.unique(named)) < len(named):
+            raise ValueError(f"associate: expected each landmark once, got {rows.tolist()}")
         columns[i] = np.append(query.maps.present(i), [IGNORED, NEW])[rows]
     return columns
 
@@ -89,17 +91,6 @@ def ask(query: Query, associate: Associate) -> Indices:
 def log_density_at(gate: float, R: Array) -> Array:
     """Log density (k,) at the edge of the gate, for measurements that nothing explains."""
     return -0.5 * gate - 0.5 * np.log(np.linalg.det(R)) - np.log(2 * np.pi)
-
-
-def _check_rows(rows: Array, k: int, n: int) -> None:
-    """Refuse an answer of `associate` that is no row of the map for every measurement."""
-    if rows.shape != (k,) or not np.issubdtype(rows.dtype, np.integer):
-        raise ValueError(f"associate: expected {k} rows as whole numbers, got {rows!r}")
-    if ((rows < IGNORED) | (rows >= n)).any():
-        raise ValueError(f"associate: expected rows from -2 to {n - 1}, got {rows.tolist()}")
-    named = rows[rows >= 0]
-    if len(np.unique(named)) < len(named):
-        raise ValueError(f"associate: expected each landmark once, got {rows.tolist()}")
 
 
 def _scores(

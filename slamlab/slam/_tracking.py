@@ -35,7 +35,7 @@ LEAST_POINTS = 10
 BETTER = 0.8  # what a search finds must fit so much better than the climb from the guess
 # A match that is believed: so many points have a partner, their part of all, their mean weight.
 LEAST_PAIRS, LEAST_PART, LEAST_WEIGHT = 25, 0.2, 0.45
-WHEELS = 9.0  # times the covariance that wheels claim: they have a bias, not only noise
+ODOMETRY_INFLATION = 9.0  # times the covariance that wheels claim: they have a bias, too
 # What a match is unsure of besides its noise: the reference is a set of points, not the wall (m,
 # m, rad).
 FLOOR = np.diag(np.square([0.01, 0.01, np.deg2rad(0.15)]))

@@ -76,7 +76,7 @@ class Relaxation:
     ) -> None:
         self.n, self.n_vertices = n_poses, n_poses + n_points
         (i, j), row = edges.T, np.arange(len(edges))
-        t, w = as_complex(measurements[:, :2]), np.exp(1j * measurements[:, 2])
+        t, w = to_complex(measurements[:, :2]), np.exp(1j * measurements[:, 2])
         turn = np.flatnonzero(kappa > 0)
         a, b = np.sqrt(tau), np.sqrt(kappa[turn])
         # One row sqrt(tau) (p_j - p_i - u_i t) an edge, then sqrt(kappa) (u_j - u_i w).
@@ -108,7 +108,7 @@ class Relaxation:
         known = np.zeros(N + self.n, dtype=bool)
         known[[first, N + first]] = True
         x = np.zeros(N + self.n, dtype=complex)
-        x[first], x[N + first] = as_complex(start[first, :2]), np.exp(1j * start[first, 2])
+        x[first], x[N + first] = to_complex(start[first, :2]), np.exp(1j * start[first, 2])
         x = self.solved(x, known)
         x[N:] = np.exp(1j * np.angle(x[N:]))
         known[N:] = True
@@ -137,7 +137,7 @@ def hermitian_factor(H: csc_matrix) -> Any:
         raise ValueError("information: the measurements do not determine the graph") from error
 
 
-def as_complex(v: Array) -> np.ndarray:
+def to_complex(v: Array) -> np.ndarray:
     """Vectors (..., 2) as complex numbers."""
     return v[..., 0] + 1j * v[..., 1]
 

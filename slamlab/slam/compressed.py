@@ -11,7 +11,7 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_names, as_scalar
+from slamlab._checks import Array, as_landmarks, as_names, as_scalar
 from slamlab.gaussian import root
 from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.slam.ekf import Associate, EKFSlam, Innovation, Names, downdate, entries
@@ -189,7 +189,8 @@ class CompressedEKFSlam:
         self, z: ArrayLike, ids: Names | None = None, covs: ArrayLike | None = None
     ) -> Innovation:
         """Correct by landmarks of the region and add new ones, as `EKFSlam.update`."""
-        names = () if ids is None else as_names("ids", ids)
+        z, _ = as_landmarks(z, covs, self.sensor.cov)  # refused before the region changes
+        names = () if ids is None else as_names("ids", ids, len(z))
         outside = any(n in self._full._row_of and n not in self.local._row_of for n in names)
         driven = np.hypot(*(self.local._x[:2] - self._entered[:2]))
         if outside or driven > self.radius - self.reach:

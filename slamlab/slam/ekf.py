@@ -250,8 +250,7 @@ class EKFSlam:
         """
         z, R = as_landmarks(z, covs, self.sensor.cov)
         names = as_names("ids", self._associated(z, R, covs) if ids is None else ids, len(z))
-        row = [self._row_of.get(name, IGNORED if name is None else NEW) for name in names]
-        rows = np.array(row, int)
+        rows = np.array([self._row_of.get(n, IGNORED if n is None else NEW) for n in names], int)
         known, new, rows = rows >= 0, rows == NEW, rows[rows >= 0]
 
         predicted = self.sensor.observe(self._x[:3], self._landmarks[rows])  # (18)

@@ -22,7 +22,7 @@ from slamlab._checks import (
     as_rng,
     as_scalar,
 )
-from slamlab.filters.particle import ParticleFilter, PoseParticles, restored_on_failure
+from slamlab.filters.particle import ParticleFilter, PoseParticles, rollback
 from slamlab.gaussian import as_root, block_diagonal, chi2_quantile, inverse_2x2
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
@@ -176,7 +176,7 @@ class FastSlam(PoseParticles):
         """
         u = as_array("u", u, ("p",)).copy()
         A = as_root("control_cov", control_cov, len(u))
-        with restored_on_failure(self._rng):
+        with rollback(self._rng):
             noise = self._rng.standard_normal((self.n_particles, len(u)))
             before, steps = self._before, [*self._steps, OdometryStep(u, dt, A, noise)]
             if len(steps) > LOOK_BACK:
@@ -216,7 +216,7 @@ class FastSlam(PoseParticles):
         """
         z = as_array("z", z, ("k", 2))
         R, names = self._noise(covs, len(z)), self._checked_ids(ids, len(z))
-        with restored_on_failure(self._rng):
+        with rollback(self._rng):
             if names is None:
                 columns = self._associated(z, R, covs is not None)
             else:

@@ -33,7 +33,7 @@ from slamlab.slam._closures import (
 from slamlab.slam._tracking import (
     FLOOR,
     LEAST_POINTS,
-    WHEELS,
+    ODOMETRY_INFLATION,
     LocalMap,
     ScanSystem,
     edge_cov,
@@ -142,7 +142,7 @@ class ScanGraphSlam(ScanSystem):
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
-        wide = WHEELS * as_array("control_cov", control_cov, ("p", "p"))
+        wide = ODOMETRY_INFLATION * as_array("control_cov", control_cov, ("p", "p"))
         self._pose, self._cov, self._moved_cov = moved(
             self._motion, self._pose, u, dt, wide, self._cov, self._moved_cov
         )

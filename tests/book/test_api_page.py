@@ -52,7 +52,7 @@ PROTOCOLS = {
 }  # fmt: skip
 # They need a file of an extra, change the style of all figures, or are parts of what has one.
 PARTS = {
-    "read_rosbag", "use_style", "restored_on_failure", "SearchLimitWarning", "JointSearch",
+    "read_rosbag", "use_style", "rollback", "SearchLimitWarning", "JointSearch",
     "joint_search",
 }  # fmt: skip
 ROOMS = (

@@ -51,10 +51,12 @@ def test_the_plain_twin_stands_in_the_file_of_the_system(name):
     assert TWINS[f"grid_fast.{name}"] is getattr(grid_fast, name).plain
 
 
-@pytest.mark.parametrize("lost", [0.0, 0.9])
-def test_the_kernel_climbs_to_the_same_poses(lost):
+# Few points and a heading that is off: how far a climb turned decides between two, too.
+@pytest.mark.parametrize(("lost", "every", "off"), [(0.0, 1, 0.0), (0.9, 1, 0.0), (0.9, 6, 0.3)])
+def test_the_kernel_climbs_to_the_same_poses(lost, every, off):
     for points, start in drive()[1]:
-        found = []
+        found, points = [], np.ascontiguousarray(points[::every])
+        start = start + off * np.array([[0, 0, 1], [0, 0, -1], [0, 0, 0.5]])
         for climb in (grid_fast.climb, grid_fast.climb.plain):
             poses, score = start.copy(), np.zeros(len(start))
             climb(*where(), points, poses, (0.1, 1.0, 0.9, lost), score)

@@ -13,6 +13,7 @@ import pytest
 
 from slamlab.geometry import compose, transform
 from slamlab.kernels import TWINS
+from slamlab.kernels import correlative as correlative_kernels
 from slamlab.mapping import OccupancyGrid
 from slamlab.matching import LikelihoodGrid, match_correlative, match_field
 from slamlab.matching.correlative import search
@@ -105,6 +106,13 @@ def test_both_searches_refuse_what_scores_too_little():
         assert one(values, cells, 2, 99, np.inf)[3] == 100
         assert one(values, cells, 2, 100, np.inf) == (-1, 0, 0, 100, 0)
         assert one(values, np.full((3, 1, 2), -(10**6)), 2, 0, 1.0)[0] == -1
+
+
+def test_the_kernel_sums_more_than_a_byte_where_it_is_not_compiled():
+    """NumPy adds bytes to bytes, numba does not: what NUMBA_DISABLE_JIT=1 runs."""
+    score_of = getattr(correlative_kernels.score_of, "py_func", correlative_kernels.score_of)
+    full = np.full((3, 3), 255, np.uint8)
+    assert score_of(full, 1, np.ones((7, 2), int), 0, 0) == 7 * 255
 
 
 ALONE = """

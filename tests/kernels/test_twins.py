@@ -1,5 +1,6 @@
 """A compiled kernel and its plain twin: the same numbers on a chapter's log."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -70,6 +71,17 @@ def test_occupancy_a_beam_without_end_is_cut_at_the_sheet():
         ends = np.array([[1e9, 1.5], [np.nan, np.nan]])
         insert(log_odds, np.array([1.5, 1.5]), ends, np.array([False, False]), 1.0, -1.0, 2.0)
         assert log_odds.tolist() == [[0] * 5, [0, -1, -1, -1, -1], [0] * 5]
+
+
+SOURCES = [path.read_text() for path in (ROOT / "slamlab").rglob("*.py")]
+KERNELS = re.findall(r'@compiled\("([\w.]+)"\)', "\n".join(SOURCES))
+TESTS = "\n".join(path.read_text() for path in Path(__file__).parent.glob("test_*.py"))
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_a_test_of_this_folder_calls_each_plain_twin(name):
+    function = name.partition(".")[2]
+    assert re.search(rf'\b{function}(\.plain\b|")', TESTS)
 
 
 @pytest.mark.parametrize("files", [["tests/mapping/test_occupancy.py"]])

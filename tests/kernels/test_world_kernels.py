@@ -87,3 +87,11 @@ def test_the_same_motions_collide_with_cells(world, kind):
     kernel = bitmap.hits_grid(*arguments)
     np.testing.assert_array_equal(bitmap.hits_grid.plain(*arguments), kernel)
     assert 0.02 < kernel.mean() < 0.98
+
+
+def test_to_drive_out_of_the_grid_is_to_collide():
+    starts = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
+    ends = starts + [[0.5, 0.0, 0.0], [0.95, 0.0, 0.0]]
+    arguments = np.zeros((20, 20), bool), 0.1, 0.0, 0.0, SQUARE, starts, ends
+    for hits in (bitmap.hits_grid, bitmap.hits_grid.plain):
+        assert hits(*arguments).tolist() == [False, True]

@@ -242,3 +242,22 @@ def test_the_local_block_alone_ends_a_flight_early():
         slam.update(step.z, step.ids)
         smallest.append(np.linalg.eigvalsh(slam.global_update().cov)[0])
     assert min(smallest) < -1e-3
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [([[7.0, 0.3], [1.5, np.nan]], ["far", "a"]), ([[7.0, 0.3]], ["far", "a"]),
+     ([[7.0, 0.3]], ["far"], -np.eye(2))],
+)  # fmt: skip
+def test_a_refused_update_leaves_the_region_as_it_was(arguments):
+    slam = CompressedEKFSlam(Unicycle(), SENSOR, [0, 0, 0], radius=4.0)
+    slam.update([[2.0, 0.0], [9.0, 0.3]], ["a", "far"])
+    slam.set_region(["a"])
+    slam.predict([2.5, 0], 1.0, 0.01 * np.eye(2))
+    before, mean = (slam.n_regions, slam.local, slam.local.ids), slam.local.mean
+    with pytest.raises(ValueError, match="z|ids|covs"):
+        slam.update(*arguments)
+    assert (slam.n_regions, slam.local, slam.local.ids) == before
+    np.testing.assert_array_equal(slam.local.mean, mean)
+    slam.update([[7.0, 0.3]], ["far"])
+    assert slam.n_regions == 3

@@ -231,6 +231,10 @@ FAILURES = {
     "unhashable": (([[1, 1]], [[1]]), "ids: expected a sequence"),
     "overflow": (([[1.7e308, 1]], [1]), "overflows"),
     "new overflow": (([[1.7e308, 1]], [9]), "can be placed"),
+    "known, then new overflow": (
+        (np.vstack([look(some_slam(), [1]), [[1.7e308, 1]]]), [1, 9]),
+        "can be placed",
+    ),
     "covs": (([[1, 1]], [1], [[1, 2], [2, 1]]), "covs: expected a positive semi-definite"),
     "covs shape": (([[1, 1]], [1], np.zeros((2, 2, 2)) + np.eye(2)), "covs: expected shape"),
 }
