@@ -1290,9 +1290,10 @@ def thinned_killian(every: int = 10) -> tuple[Any, ...]:
     """Return Killian Court with one of `every` poses kept, for a SLAM with a dense H.
 
     A motion is composed of `every` measured ones. A closure is moved to the nearest poses that
-    are kept; of those of the same two poses the one stays that was moved least. The information
-    is that of a motion in the file (1074 of its 1115 closures have the same), divided by the
-    number of motions that a measurement is made of (for a closure: its own and half of `every`).
+    are kept, and left out if they are one; of those of the same two poses the one stays that was
+    moved least. The information is that of a motion in the file (1074 of its 1115 closures have
+    the same), divided by the number of motions that a measurement is made of (for a closure: its
+    own and half of `every`).
 
     Returns
     -------
@@ -1306,6 +1307,8 @@ def thinned_killian(every: int = 10) -> tuple[Any, ...]:
     kept = path[::every]
     pairs, z = graph.edges[court.loop_mask], graph.measurements[court.loop_mask]
     near = np.minimum(np.rint(pairs / every).astype(int), len(kept) - 1)
+    apart = near[:, 0] != near[:, 1]
+    pairs, z, near = pairs[apart], z[apart], near[apart]
     (i, j), (a, b) = pairs.T, near.T
     z = compose(compose(between(kept[a], path[i]), z), between(path[j], kept[b]))
     order = np.argsort(np.abs(every * near - pairs).sum(axis=1), kind="stable")
@@ -1591,8 +1594,9 @@ for _steps in (10, 15, 20):
 #           f"{off.mean():.1f} m off, {off.max():.1f} m at most")
 
 # %% [markdown] tags=["solution"]
-# With one pose of 40, for which a closure is moved by up to twenty motions, most of the gain is
-# lost.
+# Dead reckoning is 34.9 m off. Fewer poses cost about two metres of that gain, one of 40 no more
+# than one of 20. (A closure whose two ends would be moved to one pose is left out: an edge joins
+# two poses.)
 
 # %% [markdown] tags=["statement"]
 # *What you have now*: a SLAM whose every line is yours, from the first motion to the map of a

@@ -1233,7 +1233,7 @@ check_follow.mistakes = {
 # %% [markdown] tags=["solution"]
 # ## Solution 6: your filter follows the robot
 #
-# Five lines of motion, five of measurement. Both Jacobians of the motion are taken at the pose
+# Five lines of motion, six of measurement. Both Jacobians of the motion are taken at the pose
 # before it, that of the measurement at the predicted pose. Where no mast was heard, $H$ has no row
 # and $K$ three rows and no column: $K\nu$ and $K H$ are zero, and the update changes nothing. No
 # sensor measures the heading; a little of it comes through the boom. The rest is from the

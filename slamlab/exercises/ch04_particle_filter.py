@@ -765,7 +765,7 @@ def renew(
 # %% active="ipynb" tags=["try"]
 # renew(np.array([1.0, 5.0, 9.0]), np.full(3, 1 / 3), np.array([-3.0, 0.0, -0.2]),
 #       0.5, 2, 0.5)
-# # should be the places 1, 5, 9 with the weights 0.03, 0.53, 0.44
+# # should be the places 1, 5, 9 with the weights 0.03, 0.54, 0.44
 
 # %% [markdown] tags=["hint"]
 # In the call above two of three particles explain the reading about equally well. How many

@@ -235,6 +235,12 @@ def test_the_slam_of_the_exercise_maps_killian_court():
     assert not figure.axes[0].texts
 
 
+def test_a_closure_of_the_thinned_court_joins_two_poses():
+    for every in (10, 20, 40):
+        closures = ch.thinned_killian(every)[4]
+        assert (closures[:, 0] != closures[:, 1]).all()
+
+
 def test_killian_court_by_a_slam_that_flies_apart_is_drawn():
     left, _ = ch.draw_killian(lambda start, u, *rest: (np.full((len(u) + 1, 3), np.nan), 0)).axes
     assert not left.texts
