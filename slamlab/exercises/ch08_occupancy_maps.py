@@ -580,6 +580,7 @@ check_hits_needed.mistakes = {
     "probabilities were multiplied: hits multiply odds": (
         lambda p_hit, prior, goal: max(0, int(np.ceil(np.log(1 - goal) / np.log(1 - p_hit))))
     ),
+    "probabilities were added: hits add log odds": "np.log(p / (1 - p)) => p",
     "a negative number of hits: a map that is sure enough needs none": ("max(0,  => max(-99, "),
     "at least one hit was asked for: a map that is sure enough needs none": ("max(0,  => max(1, "),
 }

@@ -1211,6 +1211,9 @@ check_slam.mistakes = {
         " => known.append(name)\n            "
         "mean, P = update(mean, P, seen, known.index(name), R)"
     ),
+    "the landmark named 0 was left out: only -1 says that nothing was seen": (
+        "elif name >= 0 => elif name > 0"
+    ),
     "landmarks known already are not used: update with them": (
         "mean, P = update(mean, P, seen, known.index(name), R) => pass"
     ),
