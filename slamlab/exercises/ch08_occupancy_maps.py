@@ -930,7 +930,7 @@ check_insert.mistakes = {
 # _ = ax.set_title("Killian Court, by a dozen lines of your own")
 
 # %% [markdown] tags=["solution"]
-# You have now a map that takes any scan of any lidar from a known pose. Where the pose comes from
+# You now have a map that takes any scan of any lidar from a known pose. Where the pose comes from
 # is what part III is about.
 
 # %% [markdown] tags=["statement"]
