@@ -1191,7 +1191,7 @@ check_slam.mistakes = {
     "V acts on a velocity for dt: G V G^T has dt squared in it, not dt": (
         "G @ V @ G.T => G @ V @ G.T / dt"
     ),
-    "the cross-covariances did not move: P_xm becomes F P_xm": (
+    "the cross-covariances did not move: P_pm becomes F P_pm": (
         "P[:3, :] = F @ P[:3, :] => P[:3, :3] = F @ P[:3, :3]",
         "P[:, :3] = P[:, :3] @ F.T => P[:3, :3] = P[:3, :3] @ F.T",
     ),
