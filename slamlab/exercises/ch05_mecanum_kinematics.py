@@ -1242,7 +1242,7 @@ check_odometry.mistakes = {
 # on several drives, and draw the cloud.
 
 # %% [markdown] tags=["solution"]
-# You have now an odometry of a mecanum robot that says how far it may be off, and tests that find
+# You now have an odometry of a mecanum robot that says how far it may be off, and tests that find
 # mistakes in it, though none of them finds all. For the robot of Exercise 1, put the inverse of
 # its wheel map in the place of $A$.
 

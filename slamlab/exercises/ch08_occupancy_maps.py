@@ -337,7 +337,7 @@ check_beam_evidence.mistakes = {
 # length, which frees its way: through the glass.
 
 # %% [markdown] tags=["solution"]
-# Who repairs the glass alone keeps the ring:
+# If you repair the glass alone, the ring stays:
 
 # %% active="ipynb" tags=["solution"]
 # def ring_of_walls(n_cells, distance, max_range, hit, miss):
@@ -580,6 +580,7 @@ check_hits_needed.mistakes = {
     "probabilities were multiplied: hits multiply odds": (
         lambda p_hit, prior, goal: max(0, int(np.ceil(np.log(1 - goal) / np.log(1 - p_hit))))
     ),
+    "probabilities were added: hits add log odds": "np.log(p / (1 - p)) => p",
     "a negative number of hits: a map that is sure enough needs none": ("max(0,  => max(-99, "),
     "at least one hit was asked for: a map that is sure enough needs none": ("max(0,  => max(1, "),
 }
@@ -615,9 +616,9 @@ check_hits_needed.mistakes = {
 #
 # The picture runs your function on a real log: scans of MIT Killian Court
 # ([Bosse et al., 2004](../../book/bibliography.md#bosse2004simultaneous)), the beginning of the
-# drive, from dead reckoning that is still good there. Its lidar sees half of the circle: who
-# forgets that maps what the robot never saw. And look at the specks of floor beyond the wall on
-# the right: which beams have made them, and what may stand there?
+# drive, from dead reckoning that is still good there. Its lidar sees half of the circle: if
+# you forget that, you map what the robot never saw. And look at the specks of floor beyond the
+# wall on the right: which beams have made them, and what may stand there?
 
 
 # %% tags=["exercise"]
@@ -874,13 +875,13 @@ check_insert.mistakes = {
 # lost beam or none at all, needs no case of its own: no comparison with it holds.
 
 # %% [markdown] tags=["solution"]
-# The specks beyond the wall on the right: three of the scans have beams in that direction that
+# The specks beyond the wall on the right: four of the scans have beams in that direction that
 # return from far behind the wall, or not at all:
 
 # %% active="ipynb" tags=["solution"]
 # court = killian()
 # poses, angles = court.dead_reckoned()[:60:4], court.log.scan.beam_angles
-# for k in (1, 3, 4):
+# for k in (1, 2, 3, 4):
 #     x, y, heading = poses[k] - [*(poses[:, :2].min(0) - 5.0), 0.0]
 #     ranges = court.log.ranges[4 * k].astype(float)
 #     east = x + np.minimum(ranges, 5.5) * np.cos(heading + angles)
@@ -929,7 +930,7 @@ check_insert.mistakes = {
 # _ = ax.set_title("Killian Court, by a dozen lines of your own")
 
 # %% [markdown] tags=["solution"]
-# You have now a map that takes any scan of any lidar from a known pose. Where the pose comes from
+# You now have a map that takes any scan of any lidar from a known pose. Where the pose comes from
 # is what part III is about.
 
 # %% [markdown] tags=["statement"]

@@ -1191,7 +1191,7 @@ check_slam.mistakes = {
     "V acts on a velocity for dt: G V G^T has dt squared in it, not dt": (
         "G @ V @ G.T => G @ V @ G.T / dt"
     ),
-    "the cross-covariances did not move: P_xm becomes F P_xm": (
+    "the cross-covariances did not move: P_pm becomes F P_pm": (
         "P[:3, :] = F @ P[:3, :] => P[:3, :3] = F @ P[:3, :3]",
         "P[:, :3] = P[:, :3] @ F.T => P[:3, :3] = P[:3, :3] @ F.T",
     ),
@@ -1210,6 +1210,9 @@ check_slam.mistakes = {
         "known.append(name)"
         " => known.append(name)\n            "
         "mean, P = update(mean, P, seen, known.index(name), R)"
+    ),
+    "the landmark named 0 was left out: only -1 says that nothing was seen": (
+        "elif name >= 0 => elif name > 0"
     ),
     "landmarks known already are not used: update with them": (
         "mean, P = update(mean, P, seen, known.index(name), R) => pass"
