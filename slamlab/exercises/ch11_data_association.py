@@ -147,7 +147,7 @@ check_gate.mistakes = {
     ),
     "the exponent is -c/2: the 2 is missing": "-2 * np.log => -np.log",
     "this is the gate of one pair: all of them must pass": "share ** (1 / pairs) => share",
-    "this is P(D^2 < c) = share to the power n: each pair must pass oftener, not less often": (
+    "this is P(D^2 < c) = share to the power n: each pair must pass more often, not less often": (
         "share ** (1 / pairs) => share**pairs"
     ),
     "misses were added: that they are all avoided is a product": (

@@ -1783,7 +1783,7 @@ check_fast_slam.mistakes = {
 # twenty drives, it ends as near to the robot as a hundred of version 1.0, within a centimetre or
 # two.
 #
-# **What you have now** is a SLAM of your own, in some forty lines: it takes any mix of numbers,
+# **What you have now** is a SLAM of your own, in some fifty lines: it takes any mix of numbers,
 # closes a circle by elimination, counts the pasts that it has left, and becomes version 2.0 by one
 # line. You know its mistakes by their price, and one number, the NEES, that tells of those that
 # the eye does not see.
