@@ -1311,7 +1311,7 @@ def place(poses: Array, z: Array, r: Array) -> tuple[Array, Array]:
 #
 # A consistent filter has 1.4. A *right* FastSLAM with a hundred particles has about 25
 # here: it is overconfident, as in the lesson. So compare with the panel on the right, and not with
-# 1.4. If you loop over particles in exercise 5, the picture takes some minutes.
+# 1.4. If you loop over particles in exercise 5, the picture takes up to a minute.
 
 
 # %% tags=["exercise", "predict"]
