@@ -1298,9 +1298,9 @@ check_update.mistakes = {
 # with the heading from before, and makes the same correction again.
 
 # %% [markdown] tags=["solution"]
-# Who takes *everything* at the first estimates has a filter whose Jacobians agree and whose
-# measurements say the same thing again and again: the innovation does not shrink when the
-# estimate of the landmark moves, and its correction is made once more with every measurement.
+# With *everything* taken at the first estimates the Jacobians agree, but the measurements say the
+# same thing again and again: the innovation does not shrink when the estimate of the landmark
+# moves, and its correction is made once more with every measurement.
 
 # %% active="ipynb" tags=["solution"]
 # def everything_first(mean, P, first, z, i, R):

@@ -1311,7 +1311,7 @@ def place(poses: Array, z: Array, r: Array) -> tuple[Array, Array]:
 #
 # A consistent filter has 1.4. A *right* FastSLAM with a hundred particles has about 25
 # here: it is overconfident, as in the lesson. So compare with the panel on the right, and not with
-# 1.4. If you loop over particles in exercise 5, the picture takes some minutes.
+# 1.4. If you loop over particles in exercise 5, the picture takes up to a minute.
 
 
 # %% tags=["exercise", "predict"]
@@ -1783,7 +1783,7 @@ check_fast_slam.mistakes = {
 # twenty drives, it ends as near to the robot as a hundred of version 1.0, within a centimetre or
 # two.
 #
-# **What you have now** is a SLAM of your own, in some forty lines: it takes any mix of numbers,
+# **What you have now** is a SLAM of your own, in some fifty lines: it takes any mix of numbers,
 # closes a circle by elimination, counts the pasts that it has left, and becomes version 2.0 by one
 # line. You know its mistakes by their price, and one number, the NEES, that tells of those that
 # the eye does not see.

@@ -1460,7 +1460,7 @@ check_map.mistakes = {
 # %% [markdown] tags=["solution"]
 # All three are minima of the same sum, and no small step leads out of the two worse ones: only
 # `chi2` tells them apart where the truth is not known. On most such walks the three starts lead to
-# one map; this walk was sought for.
+# one map; this one had to be searched for.
 
 # %% [markdown] tags=["solution"]
 # One town is one town. Twelve of them, RMS error of a position in metres (pose 0 held, as the
