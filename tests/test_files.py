@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slamlab._files import read_bytes, read_npz
-from slamlab.datasets import read_rosbag
+from slamlab.datasets.rosbag import read_rosbag
 from slamlab.localization import SignatureMap
 from slamlab.logs import Log
 from slamlab.mapping import OccupancyGrid

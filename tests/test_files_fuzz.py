@@ -12,14 +12,11 @@ import warnings
 import numpy as np
 import pytest
 
-from slamlab.datasets import (
-    read_carmen,
-    read_landmark_log,
-    read_relations,
-    read_simulator,
-    read_tum,
-)
+from slamlab.datasets import read_carmen, read_simulator
+from slamlab.datasets.relations import read_relations
 from slamlab.datasets.simulator_log import _HEAD
+from slamlab.datasets.tum import read_tum
+from slamlab.datasets.victoria_park import read_landmark_log
 from slamlab.localization import SignatureMap
 from slamlab.logs import Log, ScanGeometry
 from slamlab.mapping import OccupancyGrid

@@ -34,12 +34,13 @@ from slamlab.navigation import (
     NearestFrontier,
     PathMemory,
     ReturnLaw,
-    Situation,
     fit_cubic,
 )
+from slamlab.navigation.strategies import Situation
 from slamlab.robots import YOUBOT, SquareRobot, Unicycle
 from slamlab.sensors import Lidar, RangeBearing, StereoOdometer
-from slamlab.simulation import Script, landmark_drives, record
+from slamlab.simulation import landmark_drives, record
+from slamlab.simulation.record import Script
 from slamlab.slam import (
     CompressedEKFSlam,
     EKFSlam,

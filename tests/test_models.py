@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from slamlab.logs import ScanGeometry
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_scan_sensor, as_sensor
 from slamlab.robots import Mecanum, RelativePose, Unicycle
-from slamlab.sensors import Lidar, RangeBearing, ScanGeometry, Wall
+from slamlab.sensors import Lidar, RangeBearing, Wall
 
 
 def test_ours_are_models():

@@ -11,19 +11,17 @@ import numpy as np
 import pytest
 
 from slamlab._files import read_npz
-from slamlab.datasets import (
-    read_landmark_log,
-    read_relations,
-    read_rosbag,
-    read_simulator,
-    read_tum,
-)
+from slamlab.datasets import read_simulator
+from slamlab.datasets.relations import read_relations
+from slamlab.datasets.rosbag import read_rosbag
+from slamlab.datasets.tum import read_tum
+from slamlab.datasets.victoria_park import read_landmark_log
 from slamlab.grids import Grid
 from slamlab.localization import LikelihoodField
 from slamlab.matching import LikelihoodGrid
 from slamlab.robots import RelativePose, Unicycle
 from slamlab.sensors import VisualOdometer, room_points
-from slamlab.simulation import Script
+from slamlab.simulation.record import Script
 from slamlab.slam import PoseGraph
 from slamlab.worlds import BitmapWorld, Terrain
 

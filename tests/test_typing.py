@@ -15,7 +15,8 @@ CLIENT = """\
 import numpy as np
 
 import slamlab
-from slamlab.evaluation import Run, ate, run
+from slamlab.evaluation import ate, run
+from slamlab.evaluation.run import Run
 from slamlab.localization import DeadReckoning
 from slamlab.logs import Log
 from slamlab.robots import Unicycle

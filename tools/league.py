@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from slamlab.datasets import killian, read_carmen, read_relations
+from slamlab.datasets import killian, read_carmen
+from slamlab.datasets.relations import read_relations
 from slamlab.evaluation import ate, relation_error, run
 from slamlab.gaussian import mahalanobis_squared
 from slamlab.localization import DeadReckoning, LikelihoodField, MonteCarloLocalization

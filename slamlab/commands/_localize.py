@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamlab.evaluation import Run
-from slamlab.localization import GlobalLocalization
+from slamlab.evaluation.run import Run
+from slamlab.localization.global_localization import GlobalLocalization
 from slamlab.logs import Log
 from slamlab.models import MotionModel, as_scan_sensor
 from slamlab.worlds import BitmapWorld

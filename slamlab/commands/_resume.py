@@ -83,7 +83,7 @@ def summary(map_: Sessions, tie: Tie, name: str) -> list[tuple[str, str]]:
 
 def write_paths(folder: Path, map_: Sessions) -> None:
     """Write the path of each drive into a file of its own; of one that waits, in its own frame."""
-    from slamlab.datasets import write_tum
+    from slamlab.datasets.tum import write_tum
 
     for name, one in zip(PATHS, [*map_.drives, *map_.waiting], strict=False):
         write_tum(folder / name, one.times, one.trajectory)

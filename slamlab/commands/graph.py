@@ -16,8 +16,9 @@ import numpy as np
 from slamlab._files import about
 from slamlab.commands import _page
 from slamlab.commands._results import results
-from slamlab.slam import PoseGraph, Result
+from slamlab.slam import PoseGraph
 from slamlab.slam.least_squares import KERNEL_WIDTHS
+from slamlab.slam.pose_graph import Result
 
 FILES = ("optimised.g2o", "graph.png")
 

@@ -27,10 +27,13 @@ from slamlab.commands._progress import Progress
 from slamlab.commands._results import results
 from slamlab.commands._resume import FILE, PATHS, Resumed, earlier, summary, write_paths
 from slamlab.commands._wheels import disagreement
-from slamlab.datasets import read_carmen, read_rosbag, write_tum
-from slamlab.evaluation import Run
+from slamlab.datasets import read_carmen
+from slamlab.datasets.rosbag import read_rosbag
+from slamlab.datasets.tum import write_tum
 from slamlab.evaluation import run as run_system
-from slamlab.localization import DeadReckoning, GlobalLocalization
+from slamlab.evaluation.run import Run
+from slamlab.localization import DeadReckoning
+from slamlab.localization.global_localization import GlobalLocalization
 from slamlab.logs import CONTROLS, Log
 from slamlab.mapping import OccupancyGrid
 from slamlab.models import MotionModel, as_scan_sensor

@@ -1,19 +1,15 @@
 """How well a filter did: consistency, trajectories, repeated runs."""
 
-from slamlab.evaluation.association_scores import AssociationScores, association_scores
+from slamlab.evaluation.association_scores import association_scores
 from slamlab.evaluation.consistency import chi2_band, invariant_nees, monte_carlo, nees, nis
 from slamlab.evaluation.relations import relation_error
-from slamlab.evaluation.run import Run, run
-from slamlab.evaluation.trajectory import TrajectoryError, align, ate, rpe
+from slamlab.evaluation.run import run
+from slamlab.evaluation.trajectory import align, ate, rpe
 from slamlab.evaluation.trials import Trial, changed, trial
-from slamlab.evaluation.wall_maps import WallScores, line_errors, seen_lengths, wall_scores
+from slamlab.evaluation.wall_maps import line_errors, seen_lengths, wall_scores
 
 __all__ = [
-    "AssociationScores",
-    "Run",
-    "TrajectoryError",
     "Trial",
-    "WallScores",
     "align",
     "ate",
     "association_scores",

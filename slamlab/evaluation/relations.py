@@ -33,7 +33,7 @@ def relation_error(
     poses : array_like, shape (n, 3)
         Estimated path (m, m, rad), in any frame.
     relations : Relations
-        As `datasets.read_relations` gives them: moments (m, 2), relative poses (m, 3).
+        As `datasets.relations.read_relations` gives them: moments (m, 2), relative poses (m, 3).
     tolerance : float, default 1e-3
         Largest difference (s) between a relation's moment and that of a pose.
 

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from slamlab._checks import Array, as_choice, as_count
-from slamlab.evaluation import Run, run
+from slamlab.evaluation import run
+from slamlab.evaluation.run import Run
 from slamlab.exercises import lab_systems
 from slamlab.exercises._pictures import attempt, say
 from slamlab.exercises.lab_scores import answer, driven

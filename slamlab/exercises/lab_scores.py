@@ -15,7 +15,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from slamlab._checks import Array, as_array
-from slamlab.evaluation import Run, ate, nees, run
+from slamlab.evaluation import ate, nees, run
+from slamlab.evaluation.run import Run
 from slamlab.exercises import lab_systems
 from slamlab.exercises.labs import Task, as_system_sees_it, practice, recorded
 from slamlab.grids import Grid

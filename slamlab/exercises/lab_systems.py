@@ -17,7 +17,8 @@ from slamlab.gaussian import Gaussian
 from slamlab.localization import DeadReckoning
 from slamlab.mapping import OccupancyGrid
 from slamlab.navigation import CoveragePilot
-from slamlab.slam import Confirmation, EKFSlam, FastSlam, HectorSlam, ScanGraphSlam
+from slamlab.slam import EKFSlam, FastSlam, HectorSlam, ScanGraphSlam
+from slamlab.slam.association import Confirmation
 
 __all__ = ["systems"]
 

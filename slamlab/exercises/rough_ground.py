@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaln
 
 from slamlab._checks import Array
-from slamlab.evaluation import Run, run
+from slamlab.evaluation import run
 from slamlab.evaluation.consistency import pose_errors
+from slamlab.evaluation.run import Run
 from slamlab.geometry import transform
 from slamlab.grids import Grid
 from slamlab.logs import Log
-from slamlab.mapping import HeightGrid, VarianceGrid
+from slamlab.mapping.variance import HeightGrid, VarianceGrid
 from slamlab.sensors import StereoRig, VisualOdometer
 from slamlab.simulation import ground_laps
 from slamlab.slam import GammaSlam

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_covariance
 from slamlab.models import MotionModel, as_motion
-from slamlab.robots import moved
+from slamlab.robots.encoders import moved
 
 __all__ = ["DeadReckoning"]
 

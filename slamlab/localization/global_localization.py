@@ -16,7 +16,7 @@ from slamlab.localization.likelihood_field import LikelihoodField
 from slamlab.localization.monte_carlo import MonteCarloLocalization
 from slamlab.matching import LikelihoodGrid, match_field
 from slamlab.models import MotionModel, ScanSensor, as_motion, as_scan_sensor
-from slamlab.robots import moved
+from slamlab.robots.encoders import moved
 from slamlab.worlds import BitmapWorld
 
 __all__ = ["GlobalLocalization"]

@@ -27,9 +27,9 @@ from slamlab._checks import (
 from slamlab._files import read_npz
 from slamlab._optional import with_bar
 from slamlab.geometry import wrap_angle
-from slamlab.models import as_scan_sensor
+from slamlab.models import World, as_scan_sensor
 from slamlab.sensors.lidar import Lidar
-from slamlab.worlds import BitmapWorld, World
+from slamlab.worlds import BitmapWorld
 
 __all__ = ["Location", "SignatureMap", "autocorrelation", "spectrum", "three_numbers"]
 

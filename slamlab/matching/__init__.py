@@ -1,6 +1,5 @@
 """Scans against scans and grids (chapter 14), and pairs of image points (chapter 16)."""
 
-from slamlab.matching._match import Match
 from slamlab.matching.correlative import match_correlative
 from slamlab.matching.eight_point import (
     eight_point_rows,
@@ -13,7 +12,6 @@ from slamlab.matching.icp import PointsWithNormals, estimate_normals, match_icp,
 
 __all__ = [
     "LikelihoodGrid",
-    "Match",
     "PointsWithNormals",
     "eight_point_rows",
     "epipolar_distances",

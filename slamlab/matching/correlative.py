@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import as_array, as_scalar
 from slamlab.geometry import transform, wrap_angle
 from slamlab.kernels import compiled
-from slamlab.matching._match import Match, finite_points
 from slamlab.matching.field import LikelihoodGrid
+from slamlab.matching.match import Match, finite_points
 
 __all__ = ["match_correlative"]
 

@@ -22,7 +22,7 @@ from slamlab._checks import (
 from slamlab.geometry import transform, wrap_angle
 from slamlab.grids import MOST_CELLS, Grid
 from slamlab.kernels import compiled
-from slamlab.matching._match import Match, capped_inverse, finite_points, solved
+from slamlab.matching.match import Match, capped_inverse, finite_points, solved
 
 __all__ = ["LikelihoodGrid", "match_field"]
 

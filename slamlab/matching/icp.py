@@ -24,7 +24,7 @@ from slamlab._checks import (
 )
 from slamlab.geometry import transform, wrap_angle
 from slamlab.kernels import compiled
-from slamlab.matching._match import CAP, Match, capped_inverse, finite_points, solved
+from slamlab.matching.match import CAP, Match, capped_inverse, finite_points, solved
 
 __all__ = ["PointsWithNormals", "match_icp", "estimate_normals", "voxel_downsample"]
 

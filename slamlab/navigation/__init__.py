@@ -7,15 +7,12 @@ from slamlab.navigation.explore import Explorer
 from slamlab.navigation.follow import PathFollower, RegulatedPurePursuit, ReturnLaw, ReturnPilot
 from slamlab.navigation.guard import YOUBOT_BODY, Body, CollisionGuard
 from slamlab.navigation.path_memory import VARIANTS, PathMemory
-from slamlab.navigation.spline import Loop
 from slamlab.navigation.strategies import (
     InformationGain,
     LongestBeam,
     NearestFrontier,
     Quadrants,
     RandomFraction,
-    Situation,
-    Strategy,
 )
 
 __all__ = [
@@ -26,7 +23,6 @@ __all__ = [
     "PathFollower",
     "InformationGain",
     "LongestBeam",
-    "Loop",
     "NearestFrontier",
     "PathMemory",
     "Quadrants",
@@ -36,8 +32,6 @@ __all__ = [
     "ReturnLaw",
     "CoveragePilot",
     "ExplorationGrid",
-    "Situation",
-    "Strategy",
     "VARIANTS",
     "YOUBOT_BODY",
     "fit_cubic",

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_instance, as_shaped
-from slamlab.evaluation import Run
+from slamlab.evaluation.run import Run
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
 from slamlab.plots._draw import ellipse, error_band, floor, landmarks, path

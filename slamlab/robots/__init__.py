@@ -1,6 +1,6 @@
 """How the robot moves."""
 
-from slamlab.robots.encoders import Encoders, dead_reckoning, dead_reckoning_cov, moved
+from slamlab.robots.encoders import Encoders, dead_reckoning, dead_reckoning_cov
 from slamlab.robots.mecanum import YOUBOT, Mecanum
 from slamlab.robots.relative_pose import RelativePose
 from slamlab.robots.square import SquareRobot
@@ -15,5 +15,4 @@ __all__ = [
     "Unicycle",
     "dead_reckoning",
     "dead_reckoning_cov",
-    "moved",
 ]

@@ -1,6 +1,5 @@
 """What the robot sees."""
 
-from slamlab.logs import ScanGeometry
 from slamlab.sensors.lidar import Lidar
 from slamlab.sensors.point import PointSensor
 from slamlab.sensors.range_bearing import RangeBearing
@@ -14,7 +13,6 @@ __all__ = [
     "Lidar",
     "PointSensor",
     "RangeBearing",
-    "ScanGeometry",
     "Sonar",
     "StereoOdometer",
     "StereoRig",

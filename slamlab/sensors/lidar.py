@@ -22,7 +22,7 @@ __all__ = ["BeamWorld", "Lidar"]
 
 
 class BeamWorld(Protocol):
-    """What a lidar asks of a world; see `slamlab.worlds.World`."""
+    """What a lidar asks of a world; see `slamlab.models.World`."""
 
     def is_free(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points (..., 2) lie in no obstacle."""

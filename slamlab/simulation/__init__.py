@@ -10,14 +10,13 @@ from slamlab.simulation.landmarks import (
     orchard_loop,
     room_drives,
 )
-from slamlab.simulation.record import PerfectEstimator, Script, record
+from slamlab.simulation.record import PerfectEstimator, record
 from slamlab.simulation.rings import ring_laps
 
 __all__ = [
     "FIELD_SENSOR",
     "ORCHARD_SENSOR",
     "ROOM_SENSOR",
-    "Script",
     "PerfectEstimator",
     "drifted",
     "field_flights",

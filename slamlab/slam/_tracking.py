@@ -18,13 +18,13 @@ from slamlab._checks import Array, as_array, as_distances
 from slamlab.geometry import between, rotation, wrap_angle
 from slamlab.matching import (
     LikelihoodGrid,
-    Match,
     PointsWithNormals,
     match_correlative,
     match_icp,
     voxel_downsample,
 )
 from slamlab.matching.field import climbed
+from slamlab.matching.match import Match
 from slamlab.models import ScanSensor, as_scan_sensor
 
 REACH = 30.0  # points farther away than this (m) are not matched

@@ -14,8 +14,7 @@ from slamlab._checks import Array, as_choice, as_instance, as_scalar, as_shaped
 from slamlab.geometry import transform
 from slamlab.grids import Grid
 from slamlab.kernels import compiled
-from slamlab.mapping import VarianceGrid
-from slamlab.mapping.variance import FEWEST, FLOOR, OF, unchecked_log_density
+from slamlab.mapping.variance import FEWEST, FLOOR, OF, VarianceGrid, unchecked_log_density
 from slamlab.models import HeightSensor, MotionModel, as_scan_sensor
 from slamlab.robots import RelativePose
 from slamlab.slam._grid_maps import MapParticles, TileMaps

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 from slamlab._checks import Array, as_count, as_scalar
 from slamlab.geometry import between, transform
 from slamlab.mapping import OccupancyGrid
-from slamlab.matching import LikelihoodGrid, Match, match_field
+from slamlab.matching import LikelihoodGrid, match_field
+from slamlab.matching.match import Match
 from slamlab.models import MotionModel, ScanSensor, as_motion
-from slamlab.robots import RelativePose, moved
+from slamlab.robots import RelativePose
+from slamlab.robots.encoders import moved
 from slamlab.slam._tracking import LEAST_POINTS, ScanSystem, has_moved
 
 __all__ = ["HectorSlam"]

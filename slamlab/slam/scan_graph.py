@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count
 from slamlab.geometry import between, compose
-from slamlab.matching import Match, PointsWithNormals
+from slamlab.matching import PointsWithNormals
+from slamlab.matching.match import Match
 from slamlab.models import MotionModel, ScanSensor, as_motion
-from slamlab.robots import RelativePose, moved
+from slamlab.robots import RelativePose
+from slamlab.robots.encoders import moved
 from slamlab.slam._closures import (
     AROUND,
     FALSE,

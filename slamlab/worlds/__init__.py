@@ -1,6 +1,5 @@
 """Where the robot lives: rooms of pixels, of walls, of landmarks."""
 
-from slamlab.models import World
 from slamlab.worlds import rooms
 from slamlab.worlds._world import free_poses
 from slamlab.worlds.bitmap import BitmapWorld
@@ -8,4 +7,4 @@ from slamlab.worlds.landmarks import LandmarkWorld
 from slamlab.worlds.terrain import Terrain
 from slamlab.worlds.walls import WallWorld
 
-__all__ = ["BitmapWorld", "LandmarkWorld", "Terrain", "WallWorld", "World", "free_poses", "rooms"]
+__all__ = ["BitmapWorld", "LandmarkWorld", "Terrain", "WallWorld", "free_poses", "rooms"]

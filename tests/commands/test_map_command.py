@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from slamlab.commands import main
-from slamlab.datasets import read_tum
+from slamlab.datasets.tum import read_tum
 from slamlab.evaluation import ate
 from slamlab.geometry import compose
 from slamlab.logs import Log
 from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
-from slamlab.simulation import PerfectEstimator, Script, record
+from slamlab.simulation import PerfectEstimator, record
+from slamlab.simulation.record import Script
 from slamlab.slam import PoseGraph
 from slamlab.worlds import BitmapWorld, rooms
 

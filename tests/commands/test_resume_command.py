@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from slamlab.commands import main
-from slamlab.datasets import read_tum
+from slamlab.datasets.tum import read_tum
 from slamlab.evaluation import ate
 from slamlab.logs import Log
 from slamlab.sensors import Lidar

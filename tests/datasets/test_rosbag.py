@@ -10,7 +10,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 from slamlab.commands import main
-from slamlab.datasets import read_rosbag
+from slamlab.datasets.rosbag import read_rosbag
 from tests.fuzzing import ROUNDS, damage
 
 STORES = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_HUMBLE)}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamlab.datasets import read_tum, write_tum
+from slamlab.datasets.tum import read_tum, write_tum
 
 RNG = np.random.default_rng(0)
 TIMES = 1.7e9 + np.arange(40) / 7

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamlab.datasets import read_landmark_log, victoria_park
+from slamlab.datasets import victoria_park
+from slamlab.datasets.victoria_park import read_landmark_log
 from slamlab.geometry import inverse_transform
 from slamlab.robots import RelativePose
 from slamlab.sensors import PointSensor

@@ -11,7 +11,7 @@ from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.grids import Grid
 from slamlab.localization import DeadReckoning
-from slamlab.mapping import HeightGrid, VarianceGrid
+from slamlab.mapping.variance import HeightGrid, VarianceGrid
 from slamlab.robots import RelativePose
 from slamlab.sensors import StereoRig
 from slamlab.simulation import drifted, ground_laps, ring_laps

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamlab.datasets import killian, read_relations
+from slamlab.datasets import killian
+from slamlab.datasets.relations import read_relations
 from slamlab.evaluation import relation_error
 from slamlab.geometry import between, compose
 

@@ -5,7 +5,8 @@ import pytest
 from evo.core import metrics, units
 from evo.core.trajectory import PosePath3D
 
-from slamlab.evaluation import TrajectoryError, align, ate, rpe
+from slamlab.evaluation import align, ate, rpe
+from slamlab.evaluation.trajectory import TrajectoryError
 from slamlab.geometry import compose
 
 

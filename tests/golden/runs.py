@@ -40,9 +40,8 @@ from slamlab.slam import (
     IncrementalGraph,
     ScanGraphSlam,
     WallSlam,
-    joint_compatibility,
-    maximum_likelihood,
 )
+from slamlab.slam.association import joint_compatibility, maximum_likelihood
 from slamlab.worlds import Terrain, rooms
 
 STORED = Path(__file__).with_name("systems.json")

@@ -7,7 +7,8 @@ import pytest
 
 from slamlab.evaluation import run
 from slamlab.geometry import between, wrap_angle
-from slamlab.localization import GlobalLocalization, LikelihoodField, MonteCarloLocalization
+from slamlab.localization import LikelihoodField, MonteCarloLocalization
+from slamlab.localization.global_localization import GlobalLocalization
 from slamlab.logs import Log
 from slamlab.mapping import OccupancyGrid
 from slamlab.robots import RelativePose

@@ -5,8 +5,7 @@ import pytest
 from scipy import integrate, stats
 
 from slamlab.grids import Grid
-from slamlab.mapping import HeightGrid, VarianceGrid
-from slamlab.mapping.variance import log_density
+from slamlab.mapping.variance import HeightGrid, VarianceGrid, log_density
 from slamlab.sensors import StereoRig
 from slamlab.simulation import ground_laps
 from slamlab.worlds import Terrain

@@ -19,8 +19,8 @@ from slamlab.navigation import (
     NearestFrontier,
     Quadrants,
     RandomFraction,
-    Situation,
 )
+from slamlab.navigation.strategies import Situation
 from slamlab.printed.p5 import forward_is_open_as_printed
 from slamlab.robots import SquareRobot, Unicycle
 from slamlab.sensors import Lidar

@@ -5,15 +5,8 @@ import pytest
 
 from slamlab.evaluation import chi2_band, nees
 from slamlab.geometry import wrap_angle
-from slamlab.robots import (
-    YOUBOT,
-    Encoders,
-    Mecanum,
-    Unicycle,
-    dead_reckoning,
-    dead_reckoning_cov,
-    moved,
-)
+from slamlab.robots import YOUBOT, Encoders, Mecanum, Unicycle, dead_reckoning, dead_reckoning_cov
+from slamlab.robots.encoders import moved
 
 FINE = Encoders(10**6, sigma_slip=0.05)
 t = np.arange(200) * 0.1

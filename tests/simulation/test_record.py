@@ -8,8 +8,8 @@ from slamlab.evaluation import run
 from slamlab.localization import DeadReckoning
 from slamlab.robots import YOUBOT, RelativePose, Unicycle
 from slamlab.sensors import Lidar, RangeBearing, VisualOdometer
-from slamlab.simulation import PerfectEstimator, Script, record
-from slamlab.simulation.record import _Scene
+from slamlab.simulation import PerfectEstimator, record
+from slamlab.simulation.record import Script, _Scene
 from slamlab.slam import EKFSlam
 from slamlab.worlds import BitmapWorld, LandmarkWorld, WallWorld, rooms
 

@@ -8,7 +8,7 @@ import pytest
 from slamlab.evaluation import ate, run
 from slamlab.grids import Grid
 from slamlab.localization import DeadReckoning
-from slamlab.mapping import VarianceGrid
+from slamlab.mapping.variance import VarianceGrid
 from slamlab.robots import RelativePose
 from slamlab.sensors import Lidar, StereoRig
 from slamlab.simulation import ground_laps

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamlab.datasets import killian, read_carmen, read_relations
+from slamlab.datasets import killian, read_carmen
+from slamlab.datasets.relations import read_relations
 from slamlab.evaluation import ate, relation_error, run
 from slamlab.geometry import between, compose, inverse, rotation
 from slamlab.localization import DeadReckoning

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_shaped
 
-__all__ = ["Match", "capped_inverse", "finite_points", "solved"]
+__all__ = ["Match"]
 
 # A direction that the points do not hold at all gets this standard deviation (m; of the heading:
 # this at the rim of the scan), so that covariances stay finite.
