@@ -181,7 +181,7 @@ def match_field(
     Parameters
     ----------
     field : LikelihoodGrid or sequence of LikelihoodGrid
-        A sequence is climbed in its order: coarse first.
+        A sequence is refined in its order: coarse first.
     points : array_like, shape (k, 2)
         The scan in the frame of the body (m); rows with NaN are left out.
     guess : array_like, shape (3,)
@@ -233,7 +233,7 @@ def match_field(
     return Match(pose, cov, total / n, n, rmse=float(np.sqrt(left / n)))
 
 
-def climbed(field: LikelihoodGrid, points: Array, guess: Array) -> tuple[Array, float]:
+def refined(field: LikelihoodGrid, points: Array, guess: Array) -> tuple[Array, float]:
     """Pose and residual of `match_field` alone, of arguments that were checked before."""
     pose = guess.copy()
     *_, left = gauss_newton(
