@@ -5,6 +5,7 @@ CHANGELOG.md has the table old -> new.
 
 import ast
 import json
+import pkgutil
 import re
 from pathlib import Path
 
@@ -193,6 +194,15 @@ def test_an_old_function_parameter_or_variable_would_be_found():
     code = "from field import stamp\ndef root(shut):\n    eye = np.eye(3)"
     assert set(defined(ast.parse(code))) == {"stamp", "root", "shut", "eye"}
     assert "eye" not in set(defined(ast.parse("position = np.eye(3) @ eye")))
+
+
+def test_what_a_page_patches_in_the_library_exists():
+    patched = re.compile(r"[\"'](slamlab(?:\.\w+)+)[\"']")
+    pages = "\n".join(source for path, source in sources() if path.endswith(".ipynb"))
+    names = set(patched.findall(pages))
+    assert "slamlab.slam._closures._inflation" in names
+    for name in names:
+        pkgutil.resolve_name(name)
 
 
 def prose(notebook):
