@@ -32,7 +32,7 @@ __all__ = [
     "chi2_quantile",
     "confidence_ellipse",
     "mahalanobis_squared",
-    "root",
+    "matrix_sqrt",
 ]
 
 
@@ -85,7 +85,7 @@ class Gaussian:
         size = tuple(as_count("size", n) for n in size)
         rng = as_rng("rng", rng)
         noise = rng.standard_normal((*size, *self.mean.shape))
-        return self.mean + (root(self.cov) @ noise[..., None])[..., 0]
+        return self.mean + (matrix_sqrt(self.cov) @ noise[..., None])[..., 0]
 
 
 def as_belief(name: str, value: object) -> Gaussian:
@@ -106,7 +106,7 @@ def as_belief(name: str, value: object) -> Gaussian:
     return value
 
 
-def root(cov: ArrayLike) -> Array:
+def matrix_sqrt(cov: ArrayLike) -> Array:
     """Return a square root A of covariances: A A^T = cov, so that A times white noise has it.
 
     Parameters
@@ -117,7 +117,8 @@ def root(cov: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., n, n)
-        Eigenvectors in the columns, each times the root of its eigenvalue.
+        Eigenvectors in the columns, each times the root of its eigenvalue: not the symmetric
+        root of `scipy.linalg.sqrtm`.
 
     Raises
     ------
@@ -126,25 +127,26 @@ def root(cov: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> root([[4.0, 0.0], [0.0, 9.0]]).tolist()
+    >>> matrix_sqrt([[4.0, 0.0], [0.0, 9.0]]).tolist()
     [[2.0, 0.0], [0.0, 3.0]]
     """
     values, vectors = np.linalg.eigh(as_array("cov", cov, ("...", "n", "n")))
     return vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
 
 
-def as_root(name: str, value: ArrayLike, dim: int) -> Array:
-    """Return `root` of a noise covariance (..., dim, dim), read-only; ValueError if it is none.
+def cached_sqrt(name: str, value: ArrayLike, dim: int) -> Array:
+    """Return `matrix_sqrt` of a noise covariance (..., dim, dim), read-only.
 
-    A log tells the same covariance step after step: the last ones are remembered.
+    A log tells the same covariance step after step: the last ones are remembered. ValueError if
+    it is no covariance.
     """
     cov = as_array(name, value, ("...", dim, dim))
-    return _remembered_root(name, cov.tobytes(), cov.shape, cov.dtype.char)
+    return _sqrt_of_bytes(name, cov.tobytes(), cov.shape, cov.dtype.char)
 
 
 @lru_cache(maxsize=64)
-def _remembered_root(name: str, entries: bytes, shape: tuple[int, ...], kind: str) -> Array:
-    found = root(as_covariance(name, np.frombuffer(entries, kind).reshape(shape)))
+def _sqrt_of_bytes(name: str, entries: bytes, shape: tuple[int, ...], kind: str) -> Array:
+    found = matrix_sqrt(as_covariance(name, np.frombuffer(entries, kind).reshape(shape)))
     found.setflags(write=False)
     return found
 
@@ -212,10 +214,10 @@ def mahalanobis_squared(residual: ArrayLike, cov: ArrayLike) -> Array:
     cov = as_array("cov", cov, ("...", n, n))
     as_batch("cov", cov.shape[:-2], residual.shape[:-1])
     try:
-        root = np.linalg.cholesky(cov)
+        L = np.linalg.cholesky(cov)
     except np.linalg.LinAlgError as error:
         raise ValueError("cov: expected a positive definite matrix, Cholesky failed") from error
-    white = np.linalg.solve(root, residual[..., None])[..., 0]
+    white = np.linalg.solve(L, residual[..., None])[..., 0]
     return (white * white).sum(-1)
 
 

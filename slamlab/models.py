@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_batch, as_covariance, as_instance, as_rng
-from slamlab.gaussian import as_root
+from slamlab.gaussian import cached_sqrt
 
 __all__ = [
     "Bounds",
@@ -81,7 +81,7 @@ class MotionModel(Protocol):
             is no generator.
         """
         pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", "p"))
-        mixing = as_root("control_cov", control_cov, u.shape[-1])
+        mixing = cached_sqrt("control_cov", control_cov, u.shape[-1])
         lead = as_batch("u", u.shape[:-1], pose.shape[:-1])
         noise = as_rng("rng", rng).standard_normal((*lead, u.shape[-1]))
         return self.step(pose, u + noise @ mixing.T, dt)

@@ -223,8 +223,8 @@ class _Motion:
     def jacobians(self) -> None:
         step, pose, dt = self.model.step, self.poses[0], self.dt
         F_x, F_u = self.model.jacobians(pose, self.u, dt)
-        _close("by pose", F_x, _slopes(lambda x: step(x, self.u, dt), pose, pose_errors))
-        _close("by u", F_u, _slopes(lambda v: step(pose, v, dt), self.u, pose_errors))
+        _close("by pose", F_x, _derivative(lambda x: step(x, self.u, dt), pose, pose_errors))
+        _close("by u", F_u, _derivative(lambda v: step(pose, v, dt), self.u, pose_errors))
 
     def leading_axes(self) -> None:
         model, poses, controls, dt = self.model, self.poses, self.controls, self.dt
@@ -310,11 +310,11 @@ class _Sensor:
     def jacobians(self) -> None:
         sensor, x, m, z = self.sensor, self.x, self.m, self.z
         H_x, H_m = sensor.jacobians(x, m)
-        _close("H_pose", H_x, _slopes(lambda a: sensor.observe(a, m), x, sensor.residual))
-        _close("H_landmark", H_m, _slopes(lambda a: sensor.observe(x, a), m, sensor.residual))
+        _close("H_pose", H_x, _derivative(lambda a: sensor.observe(a, m), x, sensor.residual))
+        _close("H_landmark", H_m, _derivative(lambda a: sensor.observe(x, a), m, sensor.residual))
         G_x, G_z = sensor.locate_jacobians(x, z)
-        _close("G_pose", G_x, _slopes(lambda a: sensor.locate(a, z), x))
-        _close("G_z", G_z, _slopes(lambda a: sensor.locate(x, a), z))
+        _close("G_pose", G_x, _derivative(lambda a: sensor.locate(a, z), x))
+        _close("G_z", G_z, _derivative(lambda a: sensor.locate(x, a), z))
 
     def locate(self) -> None:
         found = self.sensor.locate(self.x, self.z)
@@ -649,7 +649,7 @@ def _refuses(names: str, what: str, call: Call) -> None:
     raise _Broken(f"{what}: expected ValueError, nothing was raised")
 
 
-def _slopes(f: Callable[[Array], Array], x: Array, off: Any = np.subtract) -> Array:
+def _derivative(f: Callable[[Array], Array], x: Array, off: Any = np.subtract) -> Array:
     """Central differences of f by the last axis of x, shape (..., m, n)."""
     steps = _STEP * np.eye(x.shape[-1])
     return np.stack([off(f(x + h), f(x - h)) / (2 * _STEP) for h in steps], -1)

@@ -10,7 +10,7 @@ from slamlab.gaussian import (
     chi2_quantile,
     confidence_ellipse,
     mahalanobis_squared,
-    root,
+    matrix_sqrt,
 )
 
 MEAN = np.array([3.0, -2.0])
@@ -85,7 +85,7 @@ def test_the_quantile_is_that_of_scipy():
 def test_a_root_times_its_transpose_is_the_covariance(rank):
     half = np.random.default_rng(rank).normal(size=(5, 4, rank))
     cov = half @ np.swapaxes(half, -1, -2)
-    A = root(cov)
+    A = matrix_sqrt(cov)
     np.testing.assert_allclose(A @ np.swapaxes(A, -1, -2), cov, atol=1e-12)
     assert not np.allclose(np.swapaxes(A, -1, -2) @ A, cov)
 
@@ -132,7 +132,7 @@ def test_dim_and_sigma():
         (lambda: chi2_quantile(1.0, 2), "probability: expected numbers in"),
         (lambda: chi2_quantile(0.5, -1), "dof: expected numbers of at least 0"),
         (lambda: chi2_quantile([0.5, 0.6], [1, 2, 3]), "dof: expected leading axes"),
-        (lambda: root(np.ones(3)), "cov: expected shape"),
+        (lambda: matrix_sqrt(np.ones(3)), "cov: expected shape"),
     ],
 )
 def test_bad_input_is_named(call, message):

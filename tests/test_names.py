@@ -5,6 +5,7 @@ CHANGELOG.md has the table old -> new.
 
 import ast
 import json
+import pkgutil
 import re
 from pathlib import Path
 
@@ -20,7 +21,8 @@ GONE = {
     "of_log_odds", "lost_scans", "SeenFloor", "seen_floor", "Ways", "shut_near", "unseen_area",
     "RoomDriver", "Guard", "Homer", "Retracer", "Truth", "BELIEFS", "BUILDINGS", "WAYS",
     "COVERED", "WornWheels", "looks", "as_a", "good_points", "detection",
-    "restored_on_failure", "as_complex",
+    "restored_on_failure", "as_complex", "as_root", "touching", "climbed", "ascend", "witnessed",
+    "_ground", "_started", "_slopes", "_stretches", "_enrol", "STRIDE", "AROUND",
 }  # fmt: skip
 # Names that were those of one class: they are none of its attributes, methods or parameters.
 MEMBERS = {
@@ -43,13 +45,33 @@ MEMBERS = {
     "CollisionGuard": {"limited", "away", "wish"},
     "ReturnPilot": {"way", "past", "relaid"},
     "Run": {"kept"},
+    "ScanGraphSlam": {"_ground", "_tie", "_tied", "_tried", "_stretch"},
 }
 # Words of a choice.
 CHOICES = {"latest", "stretch"}
-# Constants of the scan graph that had words of our own.
-SCAN_GRAPH = {"BASE", "FIT", "ELSEWHERE", "SLIDE", "SPAN", "WHEELS"}
-# Functions and classes that had English words for names, which variables may go on to bear.
-MATCHING = {"thin", "normals", "Field"}
+# Constants, functions and classes of the scan graph that had words of our own.
+SCAN_GRAPH = {
+    "BASE", "FIT", "ELSEWHERE", "SLIDE", "SPAN", "WHEELS", "RIVAL", "STRIDE", "LOOP", "AROUND",
+    "SURE", "SECOND", "FLOOR", "FALSE", "NEAR", "BAD_FIT", "BETTER", "LEAST_PAIRS", "LEAST_PART",
+    "LEAST_WEIGHT", "WIDE", "THIN", "ENOUGH", "SAME", "Tie", "against_chain", "consistent",
+}  # fmt: skip
+# Functions, parameters and variables that had English words for names, which others may bear.
+FUNCTIONS = {
+    "matching": {"thin", "normals", "Field"},
+    "matching.field": {"stamp"},
+    "kernels.field": {"stamp"},
+    "kernels.correlative": {"doubled", "shut", "_far"},
+    "kernels.grid_fast": {"climb", "lay"},
+    "slam.grid_fast": {"climb", "lay"},
+    "slam.certificate": {"raised", "turned"},
+    "slam.pose_graph": {"corrected"},
+    "slam.linearisation": {"carried", "corrected", "shear", "turned"},
+    "slam.fast": {"_rolled", "roll", "Drawn", "root"},
+    "slam._particle_association": {"root"},
+    "navigation.exploration_grid": {"eye"},
+    "kernels.floor": {"eye"},
+    "gaussian": {"root"},
+}
 # Words of prose for which the field has others: uncertainty, expected, given, grid, overconfident,
 # second-best match, consistent closure, outlier. They stay out of the chapters written as lessons
 # (tests/test_notebooks.py), of their second pages, exercises and solutions, of the other pages
@@ -121,16 +143,31 @@ def test_no_class_has_an_old_name_back():
     assert seen == set(MEMBERS)
 
 
-def test_matching_has_no_old_function():
-    from slamlab import matching
+def defined(tree):
+    """Functions, classes, parameters, variables and imports of a module."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.alias):
+            yield (node.asname or node.name).split(".")[-1]
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
 
-    assert {name for name in MATCHING if hasattr(matching, name)} == set()
+
+@pytest.mark.parametrize("module", FUNCTIONS)
+def test_no_old_function_is_left(module):
+    path = ROOT.joinpath("slamlab", *module.split("."))
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    assert FUNCTIONS[module] & set(defined(ast.parse(path.read_text(encoding="utf-8")))) == set()
 
 
-def test_the_scan_graph_has_no_old_constant():
-    from slamlab.slam import _closures, _tracking
+def test_the_scan_graph_has_no_old_name():
+    from slamlab.slam import _closures, _joining, _tracking
 
-    assert SCAN_GRAPH & {*vars(_closures), *vars(_tracking)} == set()
+    modules = (_closures, _joining, _tracking)
+    assert {name for one in modules for name in vars(one)} & SCAN_GRAPH == set()
 
 
 @pytest.mark.parametrize(
@@ -151,6 +188,21 @@ def test_an_old_member_would_be_found():
     code = "class Run:\n    kept: dict\n    def __init__(self, past):\n        self.away = 1"
     assert {"kept", "past", "away"} <= set(surface(ast.parse(code).body[0]))
     assert choices(ast.parse('EKFSlam(linearisation="latest")')) == {"latest"}
+
+
+def test_an_old_function_parameter_or_variable_would_be_found():
+    code = "from field import stamp\ndef root(shut):\n    eye = np.eye(3)"
+    assert set(defined(ast.parse(code))) == {"stamp", "root", "shut", "eye"}
+    assert "eye" not in set(defined(ast.parse("position = np.eye(3) @ eye")))
+
+
+def test_what_a_page_patches_in_the_library_exists():
+    patched = re.compile(r"[\"'](slamlab(?:\.\w+)+)[\"']")
+    pages = "\n".join(source for path, source in sources() if path.endswith(".ipynb"))
+    names = set(patched.findall(pages))
+    assert "slamlab.slam._closures._inflation" in names
+    for name in names:
+        pkgutil.resolve_name(name)
 
 
 def prose(notebook):

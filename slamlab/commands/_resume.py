@@ -10,7 +10,7 @@ import numpy as np
 from slamlab._checks import Array
 from slamlab.logs import Log
 from slamlab.slam import Sessions
-from slamlab.slam.sessions import Tie
+from slamlab.slam.sessions import Alignment
 
 FILE = "sessions.npz"
 MOST = 99  # drives of one map
@@ -59,16 +59,17 @@ def earlier(folder: Path) -> Sessions:
     return known
 
 
-def summary(map_: Sessions, tie: Tie, name: str) -> list[tuple[str, str]]:
+def summary(map_: Sessions, alignment: Alignment, name: str) -> list[tuple[str, str]]:
     """Say whether the drive of log `name` was joined, where and by what; list all drives."""
-    count = sum(one.state == "confirmed" for one in tie.closures)
-    if tie.frame is None:
-        tried = f"{tie.places} places of it searched in the map, {len(tie.closures)} looked alike"
+    count = sum(one.state == "confirmed" for one in alignment.closures)
+    if alignment.frame is None:
+        alike = len(alignment.closures)
+        tried = f"{alignment.places} places of it searched in the map, {alike} looked alike"
         joined = (
             f"no: {tried}, too few agree; {name} is kept beside the map, in a frame of its own"
         )
     else:
-        x, y, theta = tie.frame
+        x, y, theta = alignment.frame
         place = f"({x:.2f} m, {y:.2f} m, {np.rad2deg(theta):.0f} degrees)"
         joined = (
             f"yes, by {count} closures with earlier drives; {name} began at {place} of the map"

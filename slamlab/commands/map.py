@@ -181,9 +181,9 @@ def sessions(
         return result, []
     if not system.nodes:
         raise ValueError("expected scans with at least ten points, got none")
-    tie = with_progress("places", before.add, system, result.log, name)
+    alignment = with_progress("places", before.add, system, result.log, name)
     before.save(folder / FILE)
-    return Resumed(before), summary(before, tie, name)
+    return Resumed(before), summary(before, alignment, name)
 
 
 def known_map(options: argparse.Namespace) -> KnownMap | None:
@@ -446,18 +446,18 @@ def _smaller(image: Any) -> tuple[Any, tuple[int, int]]:
 
 def _closure_table(system: ScanGraphSlam | Sessions) -> list[str]:
     """Show the closures that fit worst, with what is left of their error."""
-    ties = [one for one in system.closures if one.state == "confirmed"]
-    if not ties:
+    loop_closures = [one for one in system.closures if one.state == "confirmed"]
+    if not loop_closures:
         return [_page.paragraph("No place was recognised: the map is that of the front end.")]
     graph = system.graph()
-    e = graph.residuals()[-len(ties) :]
-    chi2 = np.einsum("ni,nij,nj->n", e, graph.information[-len(ties) :], e)
+    e = graph.residuals()[-len(loop_closures) :]
+    chi2 = np.einsum("ni,nij,nj->n", e, graph.information[-len(loop_closures) :], e)
     rows: list[list[object]] = [
         ["node", "old node", "left (m)", "left (deg)", "chi2", "second peak"]
     ]
     for i in np.argsort(-chi2)[:20]:
         left, turn = f"{np.hypot(*e[i, :2]):.3f}", f"{np.rad2deg(abs(e[i, 2])):.2f}"
-        one = ties[i]
+        one = loop_closures[i]
         rows.append([one.k, one.j, left, turn, f"{chi2[i]:.1f}", f"{one.second_peak:.2f}"])
     return [_page.paragraph("The closures that fit worst:"), _page.table(rows)]
 

@@ -88,17 +88,17 @@ def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> Associat
     >>> bool(scores.precision > 0.5)
     True
     """
-    told, since = as_count("known_ids", known_ids), as_count("since", since)
+    known_ids, since = as_count("known_ids", known_ids), as_count("since", since)
     as_instance("run", run, Run)
     if run.log.ids is None:
         raise ValueError("run: expected a log with the true ids to compare with, it has none")
     recorded = {"associations", "is_new", "ancestors"} <= set(run.recorded)
     if recorded and len(run.rows) == len(run.log):
-        return _of_particles(run, max(told, since))
+        return _of_particles(run, max(known_ids, since))
     origins: dict[Hashable, int] = {}
     named = right = possible = 0
     for k, (truth, report) in enumerate(zip(run.log.ids, run.reports, strict=True)):
-        if k < told:
+        if k < known_ids:
             origins |= {int(one): int(one) for one in truth if one >= 0}
             continue
         if not hasattr(report, "ids"):

@@ -177,14 +177,14 @@ def rpe(
     [0.1, 0.1]
     """
     estimate, truth = _paths(estimate, truth)
-    first, last = _stretches(truth, delta, as_choice("unit", unit, ("steps", "metres")))
+    first, last = _pose_pairs(truth, delta, as_choice("unit", unit, ("steps", "metres")))
     if len(first) == 0:
         raise ValueError(f"delta: expected less than the whole path, got {delta:g} {unit}")
     error = between(between(truth[first], truth[last]), between(estimate[first], estimate[last]))
     return TrajectoryError(np.linalg.norm(error[:, :2], axis=1), np.abs(error[:, 2]))
 
 
-def _stretches(truth: Array, delta: float, unit: str) -> tuple[np.ndarray, np.ndarray]:
+def _pose_pairs(truth: Array, delta: float, unit: str) -> tuple[np.ndarray, np.ndarray]:
     rows = np.arange(len(truth))
     if unit == "steps":
         steps = as_count("delta", delta, 1)

@@ -149,8 +149,10 @@ def _mount_found(function: Any, seed: int) -> tuple[Array, Array]:
         new, at = k < len(room), 5 + 2 * j
         if new:
             c, s, angle = np.cos(mean[2]), np.sin(mean[2]), mean[2] + z[1]
-            eye = mean[:2] + np.array([[c, -s], [s, c]]) @ mean[3:5]
-            mean = np.append(mean, eye + z[0] * np.array([np.cos(angle), np.sin(angle)]))
+            sensor_position = mean[:2] + np.array([[c, -s], [s, c]]) @ mean[3:5]
+            mean = np.append(
+                mean, sensor_position + z[0] * np.array([np.cos(angle), np.sin(angle)])
+            )
         came = np.asarray(function(mean[:3], mean[3:5], mean[at : at + 2]), float)
         H = np.zeros((2, len(mean)))
         H[:, :5], H[:, at : at + 2] = came[:, :5], came[:, 5:]

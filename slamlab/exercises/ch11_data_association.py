@@ -546,7 +546,7 @@ def _own_states(rng: np.random.Generator) -> Any:
     return np.round(rng.normal(0, 0.7, (2, 2)), 2), H, P, a_covariance(rng, 2)
 
 
-def _slopes(sensor: RangeBearing, pose: Array, landmarks: Array) -> Array:
+def _jacobians(sensor: RangeBearing, pose: Array, landmarks: Array) -> Array:
     """Give the Jacobians (n, 2, 3 + 2n) by pose and landmarks."""
     n = len(landmarks)
     H_pose, H_landmark = sensor.jacobians(pose, landmarks)
@@ -564,7 +564,7 @@ def _one_by_one_drawn(ax: Any, function: Any) -> None:
     sensor, believed = RangeBearing(0.1, 0.02), np.zeros(3)
     trees = np.column_stack([np.arange(8.0), np.full(8, 2.0)])
     z = sensor.observe([0.8, 0, 0], trees[[1, 2, 3, 5, 6, 7]])
-    H, P = _slopes(sensor, believed, trees), np.diag([0.25, 0.01, 1e-4, *[0.002] * 16])
+    H, P = _jacobians(sensor, believed, trees), np.diag([0.25, 0.01, 1e-4, *[0.002] * 16])
     expected, sums, place = sensor.observe(believed, trees), [], np.arange(1, 7)
     for chosen, kind in (([1, 2, 3, 5, 6, 7], "estimate"), ([1, 2, 3, 4, 6, 7], "wrong")):
         y = sensor.residual(z, expected[chosen])
@@ -1266,7 +1266,7 @@ def _return(
     z = z + rng.normal(0, 1, z.shape) * [0.05, 0.0087]
     y = sensor.residual(z[:, None], sensor.observe(believed, in_map)[None])
     gates = chi2_quantile(0.99, 2 * np.arange(1, len(z) + 1))
-    slopes = _slopes(sensor, believed, in_map)
+    slopes = _jacobians(sensor, believed, in_map)
     return truth, (np.round(y, 3), np.round(slopes, 3), P, sensor.cov, gates)
 
 
@@ -1332,7 +1332,7 @@ def lap_of_lesson(associate: Function, seed: int = 209, laps: float = 1.03, most
     def pair(slam: Any, z: Any, covs: Any = None) -> Ints:
         z, P, R = np.asarray(z, float), slam.cov, slam.sensor.cov
         y = slam.sensor.residual(z[:, None], slam.sensor.observe(slam.pose, slam.landmarks))
-        H = _slopes(slam.sensor, slam.pose, slam.landmarks)
+        H = _jacobians(slam.sensor, slam.pose, slam.landmarks)
         S = H @ P @ H.transpose(0, 2, 1) + R
         distance = np.einsum("kni,nij,knj->kn", y, np.linalg.inv(S), y)
         rows = np.where((distance < chi2_quantile(0.9999, 2)).any(1), IGNORED, NEW)

@@ -197,12 +197,12 @@ def kalman_gain(S: Array, HP: Array) -> Array:
 def innovation(residual: Array, S: Array, K: Array) -> Innovation:
     """Return the record of one update, with NIS and log likelihood; a singular S is named."""
     try:
-        root = np.linalg.cholesky(S)
+        L = np.linalg.cholesky(S)
     except np.linalg.LinAlgError as error:
         raise _singular(S) from error
-    white = np.linalg.solve(root, residual[..., None])[..., 0]
+    white = np.linalg.solve(L, residual[..., None])[..., 0]
     nis = (white * white).sum(-1)
-    log_det = 2 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1)
+    log_det = 2 * np.log(np.diagonal(L, axis1=-2, axis2=-1)).sum(-1)
     log_likelihood = -0.5 * (nis + log_det + residual.shape[-1] * np.log(2 * np.pi))
     return Innovation(residual, S, K, nis, log_likelihood)
 

@@ -13,7 +13,7 @@ def search(values, cells, reach, least, apart):  # type: ignore[no-untyped-def]
     """Do what `slamlab.matching.correlative.search` does, opening only what may be better."""
     levels = [values]
     while 2 ** len(levels) <= reach and len(levels) <= _HIGHEST:
-        levels.append(doubled(levels[-1], 2 ** (len(levels) - 1)))
+        levels.append(max_pool(levels[-1], 2 ** (len(levels) - 1)))
     top = len(levels) - 1
     # Always as many, so that the search is compiled once.
     pyramid = tuple(levels + [values] * (_HIGHEST - top))
@@ -26,7 +26,7 @@ def search(values, cells, reach, least, apart):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def doubled(blocks, width):  # type: ignore[no-untyped-def]
+def max_pool(blocks, width):  # type: ignore[no-untyped-def]
     """Largest value of blocks of 2 width cells, from those of width; overhanging ones included.
 
     Of blocks of width w, cell (r, c) is the one whose lowest cell is (r - w + 1, c - w + 1).
@@ -57,11 +57,11 @@ def score_of(blocks, width, cells, dc, dr):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _far(dc, dr, width, shut):  # type: ignore[no-untyped-def]
+def _outside(dc, dr, width, excluded):  # type: ignore[no-untyped-def]
     """Whether a block of shifts reaches beyond the disc (column, row, radius; below 0: none)."""
-    c = max(abs(dc - shut[0]), abs(dc + width - 1 - shut[0]))
-    r = max(abs(dr - shut[1]), abs(dr + width - 1 - shut[1]))
-    return c * c + r * r > shut[2] * abs(shut[2])
+    c = max(abs(dc - excluded[0]), abs(dc + width - 1 - excluded[0]))
+    r = max(abs(dr - excluded[1]), abs(dr + width - 1 - excluded[1]))
+    return c * c + r * r > excluded[2] * abs(excluded[2])
 
 
 @njit(cache=True)
@@ -72,12 +72,12 @@ def _put(table, row, numbers):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no-untyped-def]
+def branch_and_bound(levels, top, cells, reach, least, excluded):  # type: ignore[no-untyped-def]
     """Angle number and shift of the best score above `least`: (angle, dc, dr, score).
 
     `levels[h]` holds blocks of 2^h cells, h up to `top`; `cells` (angles, k, 2) the turned
-    points; shifts go from -reach to reach; those inside the disc `shut` are left out. Angle -1:
-    nothing found.
+    points; shifts go from -reach to reach; those inside the disc `excluded` are left out.
+    Angle -1: nothing found.
     """
     width = 1 << top
     per_side = (2 * reach + width) // width
@@ -101,7 +101,7 @@ def branch_and_bound(levels, top, cells, reach, least, shut):  # type: ignore[no
         while size > 0:
             size -= 1
             h, a, dc, dr, score = stack[size]
-            if score <= best[3] or not _far(dc, dr, 1 << h, shut):
+            if score <= best[3] or not _outside(dc, dr, 1 << h, excluded):
                 continue
             if h == 0:
                 best = (a, dc, dr, score)

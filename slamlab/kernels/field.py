@@ -9,7 +9,7 @@ from slamlab.kernels.linear import solve3
 
 
 @njit(cache=True)
-def stamp(values, cells, sigma):  # type: ignore[no-untyped-def]
+def splat(values, cells, sigma):  # type: ignore[no-untyped-def]
     """Raise values to exp(-d^2 / 2 sigma^2) round every point (k, 2: column, row; cells).
 
     The exponential is a product of one factor a column and one a row; of each of these only the

@@ -77,8 +77,8 @@ def mark_free(state, passes, x, y, heading, angles, reach):  # type: ignore[no-u
 def _spans(shape, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
     """Row by row the first column in reach of a wedge between two beams, and that after the last.
 
-    A wedge lies in the box round its three corners, and all boxes hold the eye. So a box is noted
-    in its lowest and its highest row, and those between have what the rows outside them have.
+    A wedge lies in the box round its three corners, and all boxes hold the sensor. So a box is
+    noted in its lowest and its highest row, and those between have what the rows outside have.
     """
     rows, columns = shape
     left, right = np.full(rows, columns), np.zeros(rows, np.int64)
@@ -97,10 +97,10 @@ def _spans(shape, x, y, heading, angles, reach):  # type: ignore[no-untyped-def]
         pad = 1.0 + 0.006 * end
         beside = min(x, px, qx) - pad, max(x, px, qx) + pad
         _hold(left, right, columns, (*beside, min(y, py, qy) - pad, max(y, py, qy) + pad))
-    eye = min(max(int(np.floor(y)), 0), rows - 1)
-    for row in range(rows - 1, eye, -1):
+    sensor_row = min(max(int(np.floor(y)), 0), rows - 1)
+    for row in range(rows - 1, sensor_row, -1):
         _widen(left, right, row - 1, left[row], right[row])
-    for row in range(eye):
+    for row in range(sensor_row):
         _widen(left, right, row + 1, left[row], right[row])
     return left, right
 

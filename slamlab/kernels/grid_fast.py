@@ -1,6 +1,6 @@
 """Compiled loops under grid FastSLAM: match, weigh and draw a scan on the maps of many particles.
 
-`climb`, `touched`, `draw` and `penetrate`: their plain twins stand in `slamlab.slam.grid_fast`.
+`refine`, `touched`, `draw` and `penetrate`: their plain twins stand in `slamlab.slam.grid_fast`.
 A map is a table of tiles: ``table[particle, tile]`` names the page (TILE, TILE, 4) that holds its
 cells: hits, metres that beams travelled in the cell, and the sums of the end points (x, y) in it.
 `frame` is (resolution, x0, y0) of the corner of the table, `columns` its tiles a row.
@@ -67,7 +67,7 @@ def nearest_wall(pages, tiles, columns, frame, x, y, reach, rate):  # type: igno
 
 
 @njit(cache=True)
-def lay(pages, tiles, columns, frame, points, pose, reach, settings, H, g):  # type: ignore[no-untyped-def]
+def normal_equations(pages, tiles, columns, frame, points, pose, reach, settings, H, g):  # type: ignore[no-untyped-def]
     """Fill the normal equations of sum 1 - exp(-d^2 / 2 sigma^2); return sum exp(...).
 
     d is the distance of a point (k, 2, in the body), seen from `pose`, to the nearest wall.
@@ -99,7 +99,7 @@ def lay(pages, tiles, columns, frame, points, pose, reach, settings, H, g):  # t
 
 
 @njit(cache=True)
-def ascend(pages, tiles, columns, frame, points, few, start, settings, H, g, top):  # type: ignore[no-untyped-def]
+def gauss_newton(pages, tiles, columns, frame, points, few, start, settings, H, g, top):  # type: ignore[no-untyped-def]
     """Climb from `start` to `top` (3,), the best place met; return the share of points explained.
 
     Gauss-Newton, first with `few` points and a wider look round. H and g are room to work in.
@@ -108,7 +108,7 @@ def ascend(pages, tiles, columns, frame, points, few, start, settings, H, g, top
     for n in range(COARSE + FINE):
         coarse = n < COARSE
         some, reach = (few, 2) if coarse else (points, 1)
-        total = lay(pages, tiles, columns, frame, some, here, reach, settings, H, g)
+        total = normal_equations(pages, tiles, columns, frame, some, here, reach, settings, H, g)
         if total > best or n == COARSE:
             best = total
             for a in range(3):  # number by number: a slice takes a second to compile
@@ -123,7 +123,7 @@ def ascend(pages, tiles, columns, frame, points, few, start, settings, H, g, top
 
 
 @njit(cache=True)
-def climb(pages, table, columns, frame, points, poses, settings, score):  # type: ignore[no-untyped-def]
+def refine(pages, table, columns, frame, points, poses, settings, score):  # type: ignore[no-untyped-def]
     """Move each pose (M, 3) to where its own map explains the points (k, 2, in the body) best.
 
     A climb that explains too little is lost: others begin from other headings, and the likeliest
@@ -139,7 +139,9 @@ def climb(pages, table, columns, frame, points, poses, settings, score):  # type
         for turn in range(2 * FAN + 1):
             # None, then one step to the right, one to the left, two to the right, ...
             start[2] = heading + APART * ((turn + 1) // 2) * (1 - 2 * (turn % 2))
-            share = ascend(pages, tiles, columns, frame, points, few, start, settings, H, g, top)
+            share = gauss_newton(
+                pages, tiles, columns, frame, points, few, start, settings, H, g, top
+            )
             fits = fit(pages, tiles, columns, frame, points, top, settings)
             # Wheels are off by a few degrees as a rule, and now and then by far more.
             worth = fits - 2.0 * np.log1p((top[2] - heading) ** 2 / (3 * SCALE**2))

@@ -123,7 +123,7 @@ class LikelihoodGrid(Grid):
         grid.values, grid.log_odds = np.zeros((int(rows), int(columns)), np.float32), False
         Grid.__init__(grid, grid.values.shape, resolution, low * resolution)
         grid.points, grid.sigma = points, sigma
-        stamp(grid.values, grid.scaled(points), sigma / resolution)
+        splat(grid.values, grid.scaled(points), sigma / resolution)
         return grid
 
     @classmethod
@@ -181,7 +181,7 @@ def match_field(
     Parameters
     ----------
     field : LikelihoodGrid or sequence of LikelihoodGrid
-        A sequence is climbed in its order: coarse first.
+        A sequence is refined in its order: coarse first.
     points : array_like, shape (k, 2)
         The scan in the frame of the body (m); rows with NaN are left out.
     guess : array_like, shape (3,)
@@ -233,7 +233,7 @@ def match_field(
     return Match(pose, cov, total / n, n, rmse=float(np.sqrt(left / n)))
 
 
-def climbed(field: LikelihoodGrid, points: Array, guess: Array) -> tuple[Array, float]:
+def refined(field: LikelihoodGrid, points: Array, guess: Array) -> tuple[Array, float]:
     """Pose and residual of `match_field` alone, of arguments that were checked before."""
     pose = guess.copy()
     *_, left = gauss_newton(
@@ -296,8 +296,8 @@ def value_and_gradient(values: Array, log_odds: bool, cells: Array) -> tuple[Arr
     return value, np.stack([gx, gy], -1)
 
 
-@compiled("field.stamp")
-def stamp(values: Array, cells: Array, sigma: float) -> None:
+@compiled("field.splat")
+def splat(values: Array, cells: Array, sigma: float) -> None:
     """Raise values to exp(-d^2 / 2 sigma^2) round points (k, 2: column, row), all in cells."""
     reach = int(np.ceil(3.5 * sigma))
     for centre in cells - 0.5:

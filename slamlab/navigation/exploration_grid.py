@@ -112,11 +112,13 @@ class ExplorationGrid(Grid):
         angles, ranges = angles[order], ranges[order]
         met = ranges < lidar.max_range
         reach = np.minimum(ranges, lidar.max_range)
-        eye = pose[:2] + lidar.offset * np.array([np.cos(pose[2]), np.sin(pose[2])])
+        sensor_position = pose[:2] + lidar.offset * np.array([np.cos(pose[2]), np.sin(pose[2])])
         if self._grows:
             beams = pose[2] + angles
-            self._make_room(eye + reach[:, None] * np.stack([np.cos(beams), np.sin(beams)], -1))
-        x, y = self.scaled(eye)
+            self._make_room(
+                sensor_position + reach[:, None] * np.stack([np.cos(beams), np.sin(beams)], -1)
+            )
+        x, y = self.scaled(sensor_position)
         # Endless beams are cut where they have left the grid for certain.
         longest = sum(self.shape) + np.hypot(x, y)
         reach = np.minimum(reach / self.resolution, longest)

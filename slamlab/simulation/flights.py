@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from slamlab._checks import Array, as_array, as_count, as_positive, as_rng, as_scalar
-from slamlab.gaussian import root
+from slamlab.gaussian import matrix_sqrt
 from slamlab.logs import Log
 from slamlab.models import as_sensor
 from slamlab.robots import Unicycle, dead_reckoning
@@ -91,7 +91,7 @@ def field_flights(
     truth = dead_reckoning(Unicycle(), [lane / 2, lane / 2, 0.0], controls, dt)[:, None]
     steps, n = len(truth), len(landmarks)
     u = controls[:, None] + noise * rng.standard_normal((steps - 1, n_runs, 2))
-    error = rng.standard_normal((steps, n_runs, n, 2)) @ root(sensor.cov).T
+    error = rng.standard_normal((steps, n_runs, n, 2)) @ matrix_sqrt(sensor.cov).T
     there = sensor.visible(truth, landmarks)
     if own_lane:
         there &= truth[..., 1] // lane == landmarks[:, 1] // lane

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamlab._checks import Array, as_array, as_instance, as_rng, as_scalar
-from slamlab.gaussian import as_root
+from slamlab.gaussian import cached_sqrt
 from slamlab.geometry import wrap_angle
 from slamlab.logs import Log
 from slamlab.models import (
@@ -264,7 +264,7 @@ class _Scene:
         V = as_array("control_cov", V, (p, p))
         moving = u.any(-1, keepdims=True)
         executed = u + moving * (
-            self.rng.standard_normal(u.shape) @ as_root("control_cov", V, p).T
+            self.rng.standard_normal(u.shape) @ cached_sqrt("control_cov", V, p).T
         )
         there, hit = self._driven(pose, executed, dt)
         free = np.ones(hit.shape)

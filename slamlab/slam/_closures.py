@@ -26,21 +26,23 @@ from slamlab.slam._tracking import LocalMap, edge_cov, outline_at
 from slamlab.slam.least_squares import KERNEL_WIDTHS, edge_error
 from slamlab.slam.pose_graph import PoseGraph
 
-STRIDE = 1.5  # a node is tried for closures every so many metres of travel
-LOOP = 20.0  # a closure joins places at least so far apart along the path (m)
-NEAR = 2.5  # and at most so far apart as believed (m), and more the longer nothing was closed:
-DRIFT, FARTHEST = 0.03, 12.0  # metres a metre since the last closure, and the limit
+CLOSURE_SPACING = 1.5  # a node is tried for closures every so many metres of travel
+MIN_LOOP_LENGTH = 20.0  # a closure joins places at least so far apart along the path (m)
+# And at most so far apart as believed (m), and more the longer nothing was closed: metres a metre
+# since the last closure, and the limit.
+MIN_SEARCH_RADIUS, DRIFT, MAX_SEARCH_RADIUS = 2.5, 0.03, 12.0
 SUBMAP_LENGTH = 6.0  # the old place is drawn from the nodes within this travel (m)
-AROUND = 3  # scans before and after that are laid on it together with the node's own
+N_QUERY_SCANS = 3  # scans before and after that are laid on it together with the node's own
 TURN, TURN_STEP = np.deg2rad(20), np.deg2rad(1.5)
 MIN_SCORE = 0.6  # 1 - mean (1 - M)^2 of the merged scans must reach this
-SURE = 0.8  # and with this much one consistent closure is enough
+HIGH_SCORE = 0.8  # and with this much one consistent closure is enough
 SECOND_PEAK_DISTANCE = 0.8  # from so far away on (m) another place is a second peak, and
-SECOND = 0.8  # its score must stay below this part of the best
+MAX_SECOND_PEAK = 0.8  # its score must stay below this part of the best
 MAX_ICP_SHIFT = 0.3  # point to line must not move the result farther than this (m)
 CONSISTENCY_WINDOW = 15.0  # consistent closures lie within this travel of both ends (m)
-FLOOR = np.diag(np.square([0.03, 0.03, np.deg2rad(0.4)]))
-FALSE = 60.0  # chi2 of a closure that is dropped: by the solver, or by the chain if it fits badly
+MIN_COV = np.diag(np.square([0.03, 0.03, np.deg2rad(0.4)]))
+# A closure with more chi2 is dropped: by the solver, or by the chain if it fits badly.
+MAX_CLOSURE_CHI2 = 60.0
 
 
 @dataclass(eq=False)
@@ -78,13 +80,13 @@ def candidates(k: int, poses: Array, travel: Array, since: float) -> tuple[list[
     The nearest node of all, and the nearest of the oldest pass (of the newest, if these are the
     same): whoever is tied only to the pass before is tied to nothing older.
     """
-    radius = min(NEAR + DRIFT * since, FARTHEST)
-    old = np.searchsorted(travel, travel[k] - LOOP)
+    radius = min(MIN_SEARCH_RADIUS + DRIFT * since, MAX_SEARCH_RADIUS)
+    old = np.searchsorted(travel, travel[k] - MIN_LOOP_LENGTH)
     distance = np.hypot(*(poses[:old, :2] - poses[k, :2]).T)
     near = np.flatnonzero(distance < radius)
     if len(near) == 0:
         return [], radius
-    passes = np.split(near, np.flatnonzero(np.diff(travel[near]) > LOOP) + 1)
+    passes = np.split(near, np.flatnonzero(np.diff(travel[near]) > MIN_LOOP_LENGTH) + 1)
     nearest = [int(one[np.argmin(distance[one])]) for one in passes]
     best = min(nearest, key=lambda j: distance[j])
     others = [j for j in (nearest[0], nearest[-1]) if j != best]
@@ -98,36 +100,36 @@ def verify(
     nodes: list[PointsWithNormals],
     poses: Array,
     travel: Array,
-    stretch: bool,
+    inflate: bool,
 ) -> Closure | None:
     """Lay the scans round node k upon the place round node j; None if that convinces nobody."""
     first, last = np.searchsorted(travel, [travel[j] - SUBMAP_LENGTH, travel[j] + SUBMAP_LENGTH])
-    last = min(max(int(last), j + 1), k - AROUND)
-    around = range(max(k - AROUND, 0), min(k + AROUND + 1, len(nodes)))
+    last = min(max(int(last), j + 1), k - N_QUERY_SCANS)
+    around = range(max(k - N_QUERY_SCANS, 0), min(k + N_QUERY_SCANS + 1, len(nodes)))
     seen = between(poses[k], poses[around])
     merged = [transform(pose, nodes[n].points) for pose, n in zip(seen, around, strict=True)]
     query = voxel_downsample(np.concatenate(merged), 0.15)
-    ground = LocalMap([outline_at(nodes[first:last], poses[first:last])])
+    local_map = LocalMap([outline_at(nodes[first:last], poses[first:last])])
     found = match_correlative(
-        ground.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, SECOND_PEAK_DISTANCE
+        local_map.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, SECOND_PEAK_DISTANCE
     )
-    if found is None or (found.second_peak > SECOND and not stretch):
+    if found is None or (found.second_peak > MAX_SECOND_PEAK and not inflate):
         return None
-    climbed = match_field(ground.field, query, found.pose)
-    fit = 1 - climbed.rmse**2
-    if fit < MIN_SCORE or len(ground.walls.points) < 3:
+    refined = match_field(local_map.field, query, found.pose)
+    fit = 1 - refined.rmse**2
+    if fit < MIN_SCORE or len(local_map.walls.points) < 3:
         return None
-    match = match_icp(ground.walls, nodes[k].points, climbed.pose)
-    if match.score == 0 or np.hypot(*(match.pose - climbed.pose)[:2]) > MAX_ICP_SHIFT:
+    match = match_icp(local_map.walls, nodes[k].points, refined.pose)
+    if match.score == 0 or np.hypot(*(match.pose - refined.pose)[:2]) > MAX_ICP_SHIFT:
         return None
     cov = 4 * match.cov
-    if found.second_peak > SECOND:
-        cov = cov + _along(climbed.cov, radius)
-    cov = edge_cov(cov, match.pose[2], FLOOR)
+    if found.second_peak > MAX_SECOND_PEAK:
+        cov = cov + _inflation(refined.cov, radius)
+    cov = edge_cov(cov, match.pose[2], MIN_COV)
     return Closure(j, k, between(poses[j], match.pose), cov, found.second_peak, fit)
 
 
-def _along(cov: Array, radius: float) -> Array:
+def _inflation(cov: Array, radius: float) -> Array:
     """Spread of the window's width along the direction that holds least."""
     _, vectors = np.linalg.eigh(cov[:2, :2])
     out = np.zeros((3, 3))
@@ -135,7 +137,7 @@ def _along(cov: Array, radius: float) -> Array:
     return out
 
 
-def against_chain(one: Closure, poses: Array, covs: Array) -> float:
+def chain_chi2(one: Closure, poses: Array, covs: Array) -> float:
     """Squared Mahalanobis distance of a closure from where the chain leads.
 
     The covariances (n - 1, 3, 3) of the edges, each in the frame of its newer node, are
@@ -151,7 +153,7 @@ def against_chain(one: Closure, poses: Array, covs: Array) -> float:
     return float(e @ np.linalg.solve(cov, e))
 
 
-def consistent(one: Closure, others: list[Closure], poses: Array, travel: Array) -> bool:
+def pairwise_consistent(one: Closure, others: list[Closure], poses: Array, travel: Array) -> bool:
     """Whether two others near both ends, and half of all there, tell the same story.
 
     One is enough for a closure that fits well; and who fits worse does not speak against it.
@@ -171,17 +173,19 @@ def consistent(one: Closure, others: list[Closure], poses: Array, travel: Array)
         same = np.hypot(dx, dy) < 0.25 + 0.02 * path and abs(turn) < np.deg2rad(2 + 0.15 * path)
         agree += bool(same)
         near += bool(same or other.fit >= one.fit)
-    return agree >= (1 if one.fit >= SURE else 2) and 2 * agree >= near
+    return agree >= (1 if one.fit >= HIGH_SCORE else 2) and 2 * agree >= near
 
 
 def confirm(some: Iterable[Closure], closures: list[Closure], poses: Array, travel: Array) -> bool:
     """Confirm those that wait and are consistent with all others; tell whether there are any."""
-    fresh = [
-        one for one in some if one.state == "waiting" and consistent(one, closures, poses, travel)
+    newly_confirmed = [
+        one
+        for one in some
+        if one.state == "waiting" and pairwise_consistent(one, closures, poses, travel)
     ]
-    for one in fresh:
+    for one in newly_confirmed:
         one.state = "confirmed"
-    return bool(fresh)
+    return bool(newly_confirmed)
 
 
 def chain_graph(
@@ -192,13 +196,13 @@ def chain_graph(
     closures: Sequence[Closure],
 ) -> PoseGraph:
     """Pose graph of edges from nodes k (m,) to the next, and of the closures that count."""
-    ties = [one for one in closures if one.state == "confirmed"]
-    joined = np.reshape([(one.j, one.k) for one in ties], (-1, 2)).astype(int)
+    loop_closures = [one for one in closures if one.state == "confirmed"]
+    joined = np.reshape([(one.j, one.k) for one in loop_closures], (-1, 2)).astype(int)
     return PoseGraph(
         poses,
         np.concatenate([np.column_stack([k, k + 1]), joined]),
-        np.concatenate([z, np.reshape([one.z for one in ties], (-1, 3))]),
-        np.concatenate([information, inverses([one.cov for one in ties])]),
+        np.concatenate([z, np.reshape([one.z for one in loop_closures], (-1, 3))]),
+        np.concatenate([information, inverses([one.cov for one in loop_closures])]),
     )
 
 
@@ -216,17 +220,17 @@ def optimized(
     Returns the graph of the closures that are left, and its poses (n, 3).
     """
     while True:
-        ties, last = [one for one in closures if one.state == "confirmed"], graph()
+        loop_closures, last = [one for one in closures if one.state == "confirmed"], graph()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
             result = last.optimize(
                 "levenberg-marquardt", kernel="dcs", kernel_width=KERNEL_WIDTHS, tolerance=1e-5
             )
-        first = len(last.edges) - len(ties)
+        first = len(last.edges) - len(loop_closures)
         e = last.residuals(result.poses)[first:]
         chi2 = np.einsum("ni,nij,nj->n", e, last.information[first:], e)
-        for one, misfit in zip(ties, chi2, strict=True):
-            if misfit > FALSE:
+        for one, misfit in zip(loop_closures, chi2, strict=True):
+            if misfit > MAX_CLOSURE_CHI2:
                 one.state = "rejected"
-        if (chi2 <= FALSE).all():
+        if (chi2 <= MAX_CLOSURE_CHI2).all():
             return last, result.poses

@@ -21,26 +21,27 @@ from slamlab.matching import (
     voxel_downsample,
 )
 from slamlab.slam._closures import (
-    AROUND,
-    LOOP,
-    NEAR,
-    SECOND,
-    STRIDE,
+    CLOSURE_SPACING,
+    MAX_SECOND_PEAK,
+    MIN_LOOP_LENGTH,
+    MIN_SEARCH_RADIUS,
+    N_QUERY_SCANS,
     Closure,
     candidates,
-    consistent,
+    pairwise_consistent,
     verify,
 )
 from slamlab.slam._tracking import SPACING
 
-GAP = 5 * LOOP  # travel between the drives of a map (m): no closure spans it as if it were a path
+# Travel between the drives of a map (m): no closure spans it as if it were a path.
+GAP = 5 * MIN_LOOP_LENGTH
 MOST_PLACES, FARTHEST = 60, 5.0  # of a drive are searched, and not farther apart (m)
-WIDE = (0.1, 0.1)  # width and cell of the field of all of the map (m)
-THIN = 0.3  # one point of a place in every square of this side (m)
+COARSE_FIELD = (0.1, 0.1)  # width and cell of the field of all of the map (m)
+QUERY_SPACING = 0.3  # one point of a place in every square of this side (m)
 TURN_STEP = np.deg2rad(1.5)
 LEAST = 0.5  # mean of that field at the points of a place that is looked at more closely
-ENOUGH = 4  # closures that agree on the frame: the search in all of the map ends
-SAME = (2.0, np.deg2rad(15))  # two closures agree on the frame of a drive (m, rad)
+MIN_AGREEING = 4  # closures that agree on the frame: the search in all of the map ends
+FRAME_TOLERANCE = (2.0, np.deg2rad(15))  # two closures agree on the frame of a drive (m, rad)
 
 Progress = Callable[[int, int], object]
 
@@ -54,7 +55,7 @@ class Chain(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Tie:
+class Alignment:
     """How a drive lies in a map: its frame there, the closures, how many places were searched."""
 
     frame: Array | None
@@ -69,7 +70,7 @@ def together(old: Chain, new: Chain, frame: Array) -> Chain:
     return Chain(old.nodes + new.nodes, poses, travel)
 
 
-def recognised(old: Chain, new: Chain, progress: Progress) -> Tie:
+def recognised(old: Chain, new: Chain, progress: Progress) -> Alignment:
     """Search places of a new drive in all of an old map, until enough of them agree.
 
     Each place is found without what the others found; in the closures node k of the drive has
@@ -78,7 +79,7 @@ def recognised(old: Chain, new: Chain, progress: Progress) -> Tie:
     placed = zip(old.poses, old.nodes, strict=True)
     walls = np.concatenate([transform(pose, node.points) for pose, node in placed])
     walls = voxel_downsample(walls, SPACING)
-    whole = LikelihoodGrid.of_points(walls, *WIDE)
+    whole = LikelihoodGrid.of_points(walls, *COARSE_FIELD)
     low, high = walls.min(0), walls.max(0)
     middle, reach = np.array([*(0.5 * (low + high)), 0.0]), float((high - low).max()) / 2
     found: list[Closure] = []
@@ -86,35 +87,36 @@ def recognised(old: Chain, new: Chain, progress: Progress) -> Tie:
     for done, k in enumerate(places, 1):
         query = _around(new, k)
         match = match_correlative(
-            whole, query, middle, reach, np.pi, TURN_STEP, LEAST, second_peak_distance=NEAR
-        )
+            whole, query, middle, reach, np.pi, TURN_STEP, LEAST,
+            second_peak_distance=MIN_SEARCH_RADIUS,
+        )  # fmt: skip
         progress(done, len(places))
-        if match is None or match.second_peak > SECOND:
+        if match is None or match.second_peak > MAX_SECOND_PEAK:
             continue
         both = together(old, new, _frame(match.pose, new.poses[k]))
         j = int(np.hypot(*(old.poses[:, :2] - match.pose[:2]).T).argmin())
-        one = verify(j, len(old.nodes) + k, NEAR, *both, False)
+        one = verify(j, len(old.nodes) + k, MIN_SEARCH_RADIUS, *both, False)
         if one is None:
             continue
         found.append(one)
         frame = _agreed(old, new, found)
-        if frame is not None and sum(c.state == "confirmed" for c in found) >= ENOUGH:
-            return Tie(frame, found, done)
-    return Tie(_agreed(old, new, found), found, len(places))
+        if frame is not None and sum(c.state == "confirmed" for c in found) >= MIN_AGREEING:
+            return Alignment(frame, found, done)
+    return Alignment(_agreed(old, new, found), found, len(places))
 
 
 def _places(new: Chain) -> list[int]:
     """Nodes of a drive, a stride or more apart, that have others before and after them."""
-    step = min(max(STRIDE, float(new.travel[-1]) / MOST_PLACES), FARTHEST)
+    step = min(max(CLOSURE_SPACING, float(new.travel[-1]) / MOST_PLACES), FARTHEST)
     first = np.unique(np.searchsorted(new.travel, np.arange(0.0, new.travel[-1] + step, step)))
-    return [int(k) for k in first if AROUND <= k < len(new.nodes) - AROUND]
+    return [int(k) for k in first if N_QUERY_SCANS <= k < len(new.nodes) - N_QUERY_SCANS]
 
 
 def _around(new: Chain, k: int) -> Array:
     """Points of a node and of those beside it, in its frame."""
-    near = range(k - AROUND, k + AROUND + 1)
+    near = range(k - N_QUERY_SCANS, k + N_QUERY_SCANS + 1)
     parts = [transform(between(new.poses[k], new.poses[n]), new.nodes[n].points) for n in near]
-    return voxel_downsample(np.concatenate(parts), THIN)
+    return voxel_downsample(np.concatenate(parts), QUERY_SPACING)
 
 
 def _frame(there: Array, here: Array) -> Array:
@@ -127,14 +129,15 @@ def _agreed(old: Chain, new: Chain, found: list[Closure]) -> Array | None:
     n = len(old.nodes)
     poses, travel = together(old, new, np.zeros(3))[1:]
     for one in found:
-        agrees = consistent(one, found, poses, travel)
+        agrees = pairwise_consistent(one, found, poses, travel)
         one.state = "confirmed" if agrees else "waiting"
     sure = [one for one in found if one.state == "confirmed"]
     if not sure:
         return None
     frames = np.array([_frame(compose(poses[c.j], c.z), new.poses[c.k - n]) for c in sure])
     off = between(frames[:, None], frames)
-    alike = (np.hypot(off[..., 0], off[..., 1]) < SAME[0]) & (abs(off[..., 2]) < SAME[1])
+    distance, angle = FRAME_TOLERANCE
+    alike = (np.hypot(off[..., 0], off[..., 1]) < distance) & (abs(off[..., 2]) < angle)
     best = int(alike.sum(1).argmax())
     if alike[best].sum() <= 2 * (~alike[best]).sum():
         return None

@@ -29,13 +29,14 @@ Associate = Callable[..., ArrayLike]
 class Query(NamedTuple):
     """Measurements z (k, 2) of covariances R (k, 2, 2), from poses (M, 3), before these maps.
 
-    With `root` A (M, 3, q) the poses have the covariance A A^T. `given`: R is not the sensor's.
+    With `sqrt_cov` A (M, 3, q) the poses have the covariance A A^T. `given`: R is not that of the
+    sensor.
     """
 
     maps: LandmarkMaps
     sensor: LandmarkSensor
     poses: Array
-    root: Array | None
+    sqrt_cov: Array | None
     z: Array
     R: Array
     given: bool = False
@@ -78,7 +79,9 @@ def ask(query: Query, associate: Associate) -> Indices:
     columns = np.empty((len(query.poses), len(query.z)), np.intp)
     more = {"covs": query.R} if query.given else {}
     for i in range(len(columns)):
-        cov = np.zeros((3, 3)) if query.root is None else query.root[i] @ query.root[i].T
+        cov = (
+            np.zeros((3, 3)) if query.sqrt_cov is None else query.sqrt_cov[i] @ query.sqrt_cov[i].T
+        )
         view = ParticleView.of(i, query.maps, query.poses[i].copy(), cov, query.sensor)
         rows = as_associations(associate(view, query.z, **more), len(query.z), view.n_landmarks)
         named = rows[rows >= 0]
@@ -100,8 +103,8 @@ def _scores(
     sensor, poses = query.sensor, query.poses[:, None]
     predicted, (H_pose, H) = sensor.observe(poses, means), sensor.jacobians(poses, means)
     spread = H @ P @ H.mT
-    if query.root is not None:
-        by_noise = H_pose @ query.root[:, None]
+    if query.sqrt_cov is not None:
+        by_noise = H_pose @ query.sqrt_cov[:, None]
         spread = spread + by_noise @ by_noise.mT
     (M, n), k = present.shape, len(query.z)
     score, near = np.empty((M, k, n)), np.empty((M, k), bool)
@@ -137,12 +140,12 @@ def _in_reach(query: Query, means: Array, P: Array, present: Bools, gate: float)
     """Tell which columns (n,) hold a landmark that could pass the gate for some particle.
 
     The squared distance of a pair is at least that of the distance alone, whose variance is at
-    most trace R + trace P + (1 + L^2) |root|^2, L from the body to the sensor or farther.
+    most trace R + trace P + (1 + L^2) |A|^2, L from the body to the sensor or farther.
     """
     reach = float(np.max(query.sensor.reach(query.z)))
     if not np.isfinite(reach):
         return np.asarray(present.any(0))
-    spread = 0.0 if query.root is None else float((query.root**2).sum((1, 2)).max())
+    spread = 0.0 if query.sqrt_cov is None else float((query.sqrt_cov**2).sum((1, 2)).max())
     noise = float(np.trace(query.R, axis1=1, axis2=2).max())
     variance = noise + np.trace(P, axis1=2, axis2=3) + (1 + reach**2) * spread
     d2 = ((means - query.poses[:, None, :2]) ** 2).sum(-1)

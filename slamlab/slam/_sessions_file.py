@@ -95,8 +95,8 @@ def contents_of(
     part = np.repeat(np.where(joined, -1, np.arange(D)), nodes)  # -1: the map
     closures = _closures_of(kept, part)
     n, count = int(nodes[joined].sum()), int(joined.sum())
-    ties = [(c.j, c.k) for c in closures if c.state == "confirmed" and c.k < n]
-    if not _connected(np.repeat(np.arange(D), nodes), ties, count):
+    loop_closures = [(c.j, c.k) for c in closures if c.state == "confirmed" and c.k < n]
+    if not _connected(np.repeat(np.arange(D), nodes), loop_closures, count):
         raise ValueError("closure_state: expected closures that tie all drives of the map")
     for s in range(count, D):
         drives[s].closures = [
@@ -182,12 +182,14 @@ def _closures_of(kept: dict[str, NDArray[Any]], part: NDArray[np.intp]) -> list[
     ]
 
 
-def _connected(drive: NDArray[np.intp], ties: list[tuple[int, int]], n_drives: int) -> bool:
-    """Whether ties between nodes join the first `n_drives` drives."""
+def _connected(
+    drive: NDArray[np.intp], loop_closures: list[tuple[int, int]], n_drives: int
+) -> bool:
+    """Whether closures between nodes join the first `n_drives` drives."""
     reached, before = {0}, 0
     while len(reached) > before:
         before = len(reached)
-        for j, k in ties:
+        for j, k in loop_closures:
             pair = {int(drive[j]), int(drive[k])}
             reached |= pair if pair & reached else set()
     return len(reached) == n_drives

@@ -23,22 +23,22 @@ from slamlab.matching import (
     match_icp,
     voxel_downsample,
 )
-from slamlab.matching.field import climbed
+from slamlab.matching.field import refined
 from slamlab.matching.match import Match
 from slamlab.models import ScanSensor, as_scan_sensor
 
 REACH = 30.0  # points farther away than this (m) are not matched
 SPACING = 0.1  # one point in every square of this side (m)
 FIELD = (0.1, 0.1)  # width and cell of the fields (m)
-BAD_FIT = 0.5  # root mean square of 1 - M from which on a climb is not believed
+MAX_RMSE = 0.5  # root mean square of 1 - M from which on a climb is not believed
 LEAST_POINTS = 10
-BETTER = 0.8  # what a search finds must fit so much better than the climb from the guess
+MAX_RMSE_RATIO = 0.8  # what a search finds must fit so much better than the climb from the guess
 # A match that is believed: so many points have a partner, their part of all, their mean weight.
-LEAST_PAIRS, LEAST_PART, LEAST_WEIGHT = 25, 0.2, 0.45
+MIN_CORRESPONDENCES, MIN_FITNESS, MIN_MEAN_WEIGHT = 25, 0.2, 0.45
 ODOMETRY_INFLATION = 9.0  # times the covariance that wheels claim: they have a bias, too
 # What a match is unsure of besides its noise: the reference is a set of points, not the wall (m,
 # m, rad).
-FLOOR = np.diag(np.square([0.01, 0.01, np.deg2rad(0.15)]))
+MIN_COV = np.diag(np.square([0.01, 0.01, np.deg2rad(0.15)]))
 
 
 class ScanSystem:
@@ -92,23 +92,23 @@ class LocalMap:
         self.field = LikelihoodGrid.of_points(voxel_downsample(outline.points, SPACING), *FIELD)
 
 
-def track(ground: LocalMap, points: Array, guess: Array, cov: Array) -> Match | None:
+def track(local_map: LocalMap, points: Array, guess: Array, cov: Array) -> Match | None:
     """Match a scan against a local map; None if it does not lie well where it can be.
 
     `cov` (3, 3) is how unsure the guess is: how far the search looks and a match may lie.
     """
     window = 0.3 + 2 * float(np.sqrt(max(cov[0, 0], cov[1, 1])))
     turn = min(np.deg2rad(10) + 2 * float(np.sqrt(cov[2, 2])), np.pi)
-    pose, misfit = climbed(ground.field, points, guess)
-    if misfit > BAD_FIT:
-        found = match_correlative(ground.field, points, guess, min(window, 3.0), turn)
+    pose, misfit = refined(local_map.field, points, guess)
+    if misfit > MAX_RMSE:
+        found = match_correlative(local_map.field, points, guess, min(window, 3.0), turn)
         if found is not None:
-            other, left = climbed(ground.field, points, found.pose)
-            if left < BETTER * misfit:
+            other, left = refined(local_map.field, points, found.pose)
+            if left < MAX_RMSE_RATIO * misfit:
                 pose = other
-    if len(ground.walls.points) < 3:
+    if len(local_map.walls.points) < 3:
         return None
-    match = match_icp(ground.walls, points, pose)
+    match = match_icp(local_map.walls, points, pose)
     dx, dy, dtheta = between(guess, match.pose)
     possible = np.hypot(dx, dy) <= window and abs(dtheta) <= turn
     return match if possible and _good(match, len(points)) else None
@@ -117,7 +117,7 @@ def track(ground: LocalMap, points: Array, guess: Array, cov: Array) -> Match | 
 def _good(match: Match, n: int) -> bool:
     pairs = match.n_points
     weight = match.score * n / max(pairs, 1)
-    return pairs >= LEAST_PAIRS and pairs >= LEAST_PART * n and weight >= LEAST_WEIGHT
+    return pairs >= MIN_CORRESPONDENCES and pairs >= MIN_FITNESS * n and weight >= MIN_MEAN_WEIGHT
 
 
 def edge_cov(cov: Array, heading: Array, floor: Array) -> Array:
@@ -134,7 +134,7 @@ def fused(match: Match, guess: Array, cov: Array) -> tuple[Array, Array]:
     Where walls hold the scan the match decides; along a corridor, where its covariance is wide,
     the wheels do.
     """
-    wide = cov + FLOOR
+    wide = cov + MIN_COV
     gain = wide @ np.linalg.inv(wide + match.cov)
     off = match.pose - guess
     off[2] = wrap_angle(off[2])

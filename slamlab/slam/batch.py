@@ -184,16 +184,16 @@ class EKFSlamBatch:
         S.reshape(len(z), m, 2, m, 2)[:, np.arange(m), :, np.arange(m)] += self.sensor.cov
         white = np.linalg.solve(np.linalg.cholesky(S), np.concatenate([v, HP], 2))
         y, B = white[..., :1], white[..., 1:]  # (34): K = B^T L^-1 with S = L L^T
-        mean, shear = retract(self._mean, (B.mT @ y)[..., 0], self.linearisation)  # (35)
+        mean, reset = retract(self._mean, (B.mT @ y)[..., 0], self.linearisation)  # (35)
         k, runs = np.nonzero(new.T)
         points, G, noise = self._new_landmarks(mean[runs, :3], z[runs, k], runs)  # (37)-(42)
 
         # Nothing can fail any more.
         self._mean = mean
         self._P -= B.mT @ B  # (36): K S K^T = B^T B
-        if shear is not None:
+        if reset is not None:
             # One run at a time stays in the cache: twice as fast as one block of all.
-            for P, a in zip(self._P, shear, strict=True):
+            for P, a in zip(self._P, reset, strict=True):
                 reset_covariance(P, a)
         # (43), one landmark at a time in all the runs that see it first.
         for one in np.unique(k):

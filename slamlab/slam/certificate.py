@@ -164,7 +164,7 @@ def isotropic_below(information: Array) -> tuple[Array, Array]:
     return shrunk * tau.clip(0.0), shrunk * kappa
 
 
-def touching(e: Array, z: Array, information: Array) -> tuple[Array, Array, Array, float]:
+def tangent_quadratic(e: Array, z: Array, information: Array) -> tuple[Array, Array, Array, float]:
     """Edges of the form of `Relaxation` that cost no more, and at errors e (m, 3) as much.
 
     For any c, g(e) = tau ``|e_p - c_p|^2`` + 2 kappa (1 - cos(e_a - c_a)) bends less than
@@ -176,7 +176,7 @@ def touching(e: Array, z: Array, information: Array) -> tuple[Array, Array, Arra
     z : ndarray, shape (m, 3)
         Measurements, moved by c.
     tau, kappa : ndarray, shape (m,)
-    raised : float
+    offset : float
         To be added to the form.
     """
     tau, kappa = isotropic_below(information)
@@ -187,17 +187,17 @@ def touching(e: Array, z: Array, information: Array) -> tuple[Array, Array, Arra
         sine = np.where(kappa > 0, force[:, 2] / kappa, 0.0)
     steep = ~((np.abs(sine) < 1) & np.isfinite(off).all(1))  # no such c: g(e) of c = 0 instead
     turn = np.arcsin(np.where(steep, 0.0, sine))
-    raised = np.einsum("ni,ni->n", e, force) - tau * (off**2).sum(1)
-    raised -= 2 * kappa * (1 - np.cos(turn))
+    offset = np.einsum("ni,ni->n", e, force) - tau * (off**2).sum(1)
+    offset -= 2 * kappa * (1 - np.cos(turn))
     c = np.column_stack([e[:, :2] - off, np.where(kappa > 0, e[:, 2] - turn, 0.0)])
-    c[steep] = raised[steep] = 0.0
+    c[steep] = offset[steep] = 0.0
     # e_p stands in the frame of the measurement, t_z in that of the first pose
     t = z[:, :2] + np.einsum("nij,nj->ni", rotation(z[:, 2]), c[:, :2])
-    return np.column_stack([t, z[:, 2] + c[:, 2]]), tau, kappa, float(raised.sum())
+    return np.column_stack([t, z[:, 2] + c[:, 2]]), tau, kappa, float(offset.sum())
 
 
-def certify(relaxation: Relaxation, poses: Array, chi2: float, raised: float) -> Certificate:
-    """Bound form + raised from below for all poses; at `poses` (n or more, 3) it is stationary.
+def certify(relaxation: Relaxation, poses: Array, chi2: float, offset: float) -> Certificate:
+    """Bound form + offset from below for all poses; at `poses` (n or more, 3) it is stationary.
 
     For any real L_i: x^H M x = x^H (M - diag(0, L)) x + sum L_i |u_i|^2, so where all |u_i| = 1
     the cost is at least sum L_i + n min(0, least eigenvalue of S), S the first matrix with the
@@ -220,7 +220,7 @@ def certify(relaxation: Relaxation, poses: Array, chi2: float, raised: float) ->
         shift *= 8.0
         factor = hermitian_factor(C + shift * on_u)
     eigenvalue = least_eigenvalue(factor, N - 1, n, shift)
-    bound = raised + float(L.sum()) + n * min(0.0, eigenvalue)
+    bound = offset + float(L.sum()) + n * min(0.0, eigenvalue)
     bound = max(bound, 0.0)  # no sum of squares is less
     rounding = 1e-9 * float(np.abs(L).sum()) + 1e-9
     return Certificate(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_landmarks, as_names, as_scalar
-from slamlab.gaussian import root
+from slamlab.gaussian import matrix_sqrt
 from slamlab.models import LandmarkSensor, MotionModel
 from slamlab.slam.ekf import Associate, EKFSlam, Innovation, Names, downdate, entries
 
@@ -157,7 +157,7 @@ class CompressedEKFSlam:
         P_ab = full._P[a]
         P_ab[:, a] = 0.0  # b alone: a is as the region says
         full._x = full._x + self._theta @ P_ab  # x_b + P_ba theta
-        downdate(full._P, root(self._Psi).T @ P_ab)  # P_bb - P_ba Psi P_ab
+        downdate(full._P, matrix_sqrt(self._Psi).T @ P_ab)  # P_bb - P_ba Psi P_ab
         # New landmarks of the region come in behind b.
         N, new = len(full._x), local.ids[len(self._rows) :]
         m = 2 * len(new)

@@ -263,14 +263,14 @@ class EKFSlam:
         change = y @ B
         if not all_finite(change):
             raise ValueError("z: expected measurements that can be weighed, the update overflows")
-        x, shear = retract(self._x, change, self.linearisation)  # (35): x + K v
+        x, reset = retract(self._x, change, self.linearisation)  # (35): x + K v
         points, G, noise = self._new_landmarks(x[:3], z[new], R[new])  # (37)-(42)
 
         # Nothing can fail any more.
         self._x = x
         downdate(self._P, B)  # (36): P - K S K^T = P - B^T B
-        if shear is not None:
-            reset_covariance(self._P, shear)
+        if reset is not None:
+            reset_covariance(self._P, reset)
         self.n_observations[rows] += 1
         self.steps_since_observed[rows] = 0
         self._append([names[k] for k in np.flatnonzero(new)], points, G, noise)  # (43)

@@ -23,7 +23,7 @@ from slamlab._checks import (
     as_scalar,
 )
 from slamlab.filters.particle import ParticleFilter, PoseParticles, rollback
-from slamlab.gaussian import as_root, block_diagonal, chi2_quantile, inverse_2x2
+from slamlab.gaussian import block_diagonal, cached_sqrt, chi2_quantile, inverse_2x2
 from slamlab.geometry import wrap_angle
 from slamlab.models import LandmarkSensor, MotionModel, as_motion, as_sensor
 from slamlab.slam._landmark_maps import ABSENT, PAGE, LandmarkMaps, unpacked
@@ -175,7 +175,7 @@ class FastSlam(PoseParticles):
             covariance. The filter is unharmed.
         """
         u = as_array("u", u, ("p",)).copy()
-        A = as_root("control_cov", control_cov, len(u))
+        A = cached_sqrt("control_cov", control_cov, len(u))
         with rollback(self._rng):
             noise = self._rng.standard_normal((self.n_particles, len(u)))
             before, steps = self._before, [*self._steps, OdometryStep(u, dt, A, noise)]
@@ -243,7 +243,7 @@ class FastSlam(PoseParticles):
             A = np.eye(2) - K @ H
             means[:, old] += np.einsum("...ij,...j->...i", K, v)
             P[:, old] = A @ P[:, old] @ A.mT + K @ R[old] @ K.mT  # Joseph's form
-            means[is_new], P[is_new] = self._started(poses, z, R, is_new)
+            means[is_new], P[is_new] = self._initialise(poses, z, R, is_new)
             if not (all_finite(means[columns >= 0]) and all_finite(P[columns >= 0])):
                 raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         # Nothing can fail any more: change the filter.
@@ -269,7 +269,7 @@ class FastSlam(PoseParticles):
         v = self.sensor.residual(z, self.sensor.observe(poses[:, None], means))
         return v, H, H_pose, H @ P @ H.mT + R
 
-    def _started(self, poses: Array, z: Array, R: Array, is_new: Bools) -> tuple[Array, Array]:
+    def _initialise(self, poses: Array, z: Array, R: Array, is_new: Bools) -> tuple[Array, Array]:
         """Means (l, 2) and covariances (l, 2, 2) of landmarks where `is_new`: g, G_z R G_z^T."""
         new = is_new.any(0)
         if not new.any():
@@ -293,7 +293,7 @@ class FastSlam(PoseParticles):
         means, P, z, R, known = means[:, old], P[:, old], z[old], R[old], known[:, old]
         noise = np.zeros((self.n_particles, sum(len(step.u) for step in self._steps)))
         for _ in range(2):  # linearised at the prediction, then where the first solution points
-            poses, J = self._rolled(noise)
+            poses, J = self._propagate(noise)
             v, _, H_pose, S = self._compared(poses, means, P, z, R)
             H = H_pose @ J[:, None]  # of the measurement by the noise
             HtS = H.mT @ inverse_2x2(S)[0] * known[..., None, None]
@@ -307,9 +307,9 @@ class FastSlam(PoseParticles):
         white = self._rng.standard_normal(noise.shape)
         noise = noise + np.linalg.solve(L.mT, white[..., None])[..., 0]  # precision^-1 = L^-T L^-1
         log_det = np.log(np.diagonal(L, axis1=1, axis2=2)).sum(1)
-        return self._rolled(noise)[0], 0.5 * (white**2 - noise**2).sum(1) - log_det
+        return self._propagate(noise)[0], 0.5 * (white**2 - noise**2).sum(1) - log_det
 
-    def _rolled(self, noise: Array) -> tuple[Array, Array]:
+    def _propagate(self, noise: Array) -> tuple[Array, Array]:
         """Poses (M, 3) after all steps with noise (M, q), and their derivative by it (M, 3, q)."""
         poses, J, first = self._before, np.zeros((len(noise), 3, 0)), 0
         for u, dt, A, _ in self._steps:
@@ -356,11 +356,11 @@ class FastSlam(PoseParticles):
         New landmarks go to the first columns that are free, one after the other.
         """
         # Version 2 has not drawn yet: it asks at the predicted pose, and knows how uncertain.
-        poses, root = self._cloud.particles, None
+        poses, sqrt_cov = self._cloud.particles, None
         if self.version == 2 and self._steps:
             zero = np.zeros((self.n_particles, sum(len(step.u) for step in self._steps)))
-            poses, root = self._rolled(zero)
-        query = Query(self._maps, self.sensor, poses, root, z, R, given)
+            poses, sqrt_cov = self._propagate(zero)
+        query = Query(self._maps, self.sensor, poses, sqrt_cov, z, R, given)
         if self.associate is None:
             columns = most_likely(query, self._gate)
         else:

@@ -185,7 +185,7 @@ class GridFastSlam(MapParticles):
         """Log likelihood of the scan into `score` (M,); matching moves `poses` first."""
         where = (*self._maps.read(), self._maps.columns, self._maps.frame)
         if self.model == "matching":
-            climb(*where, points, poses, (self._sigma, _RATE, _HIT, self._lost), score)
+            refine(*where, points, poses, (self._sigma, _RATE, _HIT, self._lost), score)
             poses[:, 2] = wrap_angle(poses[:, 2])
         else:
             settings = (self._sigma**2, _FREE_WAY, 4 * self._maps.resolution, _FLOOR)
@@ -270,7 +270,7 @@ def normal_equations(
     return H, np.tensordot(weighted, wall - world, ([0, 1], [0, 1])), float(w.sum())
 
 
-def ascend(
+def gauss_newton(
     where: Where, points: Array, start: Array, sigma: float, rate: float
 ) -> tuple[Array, float]:
     """Gauss-Newton from `start`: the best pose (3,) met, and the share of points it explains."""
@@ -287,8 +287,8 @@ def ascend(
     return top, most / len(points)
 
 
-@compiled("grid_fast.climb")
-def climb(
+@compiled("grid_fast.refine")
+def refine(
     pages: Pages, table: Table, columns: int, frame: Array, points: Array, poses: Array,
     settings: tuple[float, float, float, float], score: Array,
 ) -> None:  # fmt: skip
@@ -305,7 +305,7 @@ def climb(
         for turn in range(2 * _FAN + 1):
             # None, then one step to the right, one to the left, two to the right, ...
             start[2] = heading + _APART * ((turn + 1) // 2) * (1 - 2 * (turn % 2))
-            top, share = ascend(where, points, start, sigma, rate)
+            top, share = gauss_newton(where, points, start, sigma, rate)
             squared, _ = nearest_walls(*where, transform(top, points), 1, rate)
             fits = np.log(hit * np.exp(-0.5 * squared / sigma**2) + 1 - hit).sum()
             # Wheels are off by a few degrees as a rule, and now and then by far more.

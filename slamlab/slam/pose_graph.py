@@ -39,7 +39,7 @@ from slamlab.slam.certificate import (
     Relaxation,
     certify,
     isotropic,
-    touching,
+    tangent_quadratic,
 )
 from slamlab.slam.g2o import Scans
 from slamlab.slam.least_squares import (
@@ -633,10 +633,10 @@ class PoseGraph:
         own = Edges(edges, measurements, information)
         found = gauss_newton(x, own, equations, 10 if equations.N else 0, 1e-12)
         here = found.estimate
-        measurements, tau, kappa, raised = touching(here.e.T, measurements, information)
+        measurements, tau, kappa, offset = tangent_quadratic(here.e.T, measurements, information)
         n, k = len(self.poses), len(self.landmarks)
         relaxation = Relaxation(edges, measurements, tau, kappa, n, k)
-        return certify(relaxation, here.x, found.history[0], raised)
+        return certify(relaxation, here.x, found.history[0], offset)
 
     def _marginals(self, i: Any, count: int, first: int, x: Array) -> Array:
         rows = first + _checked_rows("i", np.atleast_1d(i), count)

@@ -19,13 +19,13 @@ from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose
 from slamlab.robots.encoders import moved
 from slamlab.slam._closures import (
-    AROUND,
-    FALSE,
-    STRIDE,
-    SURE,
+    CLOSURE_SPACING,
+    HIGH_SCORE,
+    MAX_CLOSURE_CHI2,
+    N_QUERY_SCANS,
     Closure,
-    against_chain,
     candidates,
+    chain_chi2,
     chain_graph,
     confirm,
     inverses,
@@ -33,8 +33,8 @@ from slamlab.slam._closures import (
     verify,
 )
 from slamlab.slam._tracking import (
-    FLOOR,
     LEAST_POINTS,
+    MIN_COV,
     ODOMETRY_INFLATION,
     LocalMap,
     ScanSystem,
@@ -111,7 +111,7 @@ class ScanGraphSlam(ScanSystem):
         self._motion = as_motion("motion", motion)
         self._n_keyframes = as_count("n_keyframes", n_keyframes, 1)
         self._loops = bool(loops)
-        self._stretch = as_choice("ambiguous", ambiguous, ["reject", "inflate"]) == "inflate"
+        self._inflate = as_choice("ambiguous", ambiguous, ["reject", "inflate"]) == "inflate"
         self.nodes: list[PointsWithNormals] = []
         self.closures: list[Closure] = []
         self.lost = False
@@ -122,9 +122,9 @@ class ScanGraphSlam(ScanSystem):
         self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
         self._placed = np.zeros((0, 3))  # poses of the scans that the trajectory was asked for
         self._recent = deque[PointsWithNormals](maxlen=self._n_keyframes)  # nodes, in the world
-        self._ground: LocalMap | None = None  # made of them, until there is a new one
+        self._local_map: LocalMap | None = None  # made of them, until there is a new one
         self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
-        self._tried = self._tied = 0.0  # travel of the last trial, of the last closure
+        self._last_tried = self._last_closed = 0.0  # travel of the last trial, of the last closure
 
     def __repr__(self) -> str:
         count = sum(one.state == "confirmed" for one in self.closures)
@@ -173,8 +173,8 @@ class ScanGraphSlam(ScanSystem):
         enough, nothing = len(points) >= LEAST_POINTS, Match(self.pose, self.pose_cov, 0.0, 0)
         match = None
         if enough and self.nodes:
-            self._ground = self._ground or LocalMap(self._recent)
-            match = track(self._ground, points, self._pose, self._moved_cov)
+            self._local_map = self._local_map or LocalMap(self._recent)
+            match = track(self._local_map, points, self._pose, self._moved_cov)
             self.lost = match is None
         if match is not None:  # the wheels and the match as one
             before = self._cov - self._moved_cov
@@ -185,7 +185,7 @@ class ScanGraphSlam(ScanSystem):
         off = between(self._poses[-1], self._pose) if self.nodes else self._pose.copy()
         if enough and (not self.nodes or has_moved(off, *_NEW_NODE)):
             self._add_node(PointsWithNormals.estimate(points), off)
-            if self._loops and self._tie(len(self.nodes) - 1 - AROUND):
+            if self._loops and self._close_loops(len(self.nodes) - 1 - N_QUERY_SCANS):
                 self._solve()
             off = np.zeros(3)
         self._steps.append((len(self.nodes) - 1, off))
@@ -195,34 +195,34 @@ class ScanGraphSlam(ScanSystem):
         """Append a node at the present pose, and the edge z of the chain that leads to it."""
         length = 0.0
         if self.nodes:
-            self._chain.append((z, edge_cov(self._moved_cov, self._pose[2], FLOOR)))
+            self._chain.append((z, edge_cov(self._moved_cov, self._pose[2], MIN_COV)))
             length = self._travel[-1] + float(np.hypot(*z[:2]))
         self.nodes.append(node)
         self._recent.append(node.transformed(self._pose))
         self._poses = np.vstack([self._poses, self._pose])
         self._travel = np.append(self._travel, length)
-        self._ground = None
+        self._local_map = None
         self._moved_cov = np.zeros((3, 3))
 
     # Closures.
 
-    def _tie(self, k: int) -> bool:
+    def _close_loops(self, k: int) -> bool:
         """Look for old places at node k; tell whether any is confirmed now."""
-        if k < 0 or self._travel[k] - self._tried < STRIDE:
+        if k < 0 or self._travel[k] - self._last_tried < CLOSURE_SPACING:
             return False
-        self._tried = self._travel[k]
-        old, radius = candidates(k, self._poses, self._travel, self._travel[k] - self._tied)
+        self._last_tried = self._travel[k]
+        old, radius = candidates(k, self._poses, self._travel, self._travel[k] - self._last_closed)
         chain = self.nodes, self._poses, self._travel
-        tried = [verify(j, k, radius, *chain, self._stretch) for j in old]
+        tried = [verify(j, k, radius, *chain, self._inflate) for j in old]
         found = [one for one in tried if one is not None]
         covs = np.array([cov for _, cov in self._chain])
         for one in found:  # what contradicts the chain must fit well
-            if one.fit < SURE and against_chain(one, self._poses, covs) > FALSE:
+            if one.fit < HIGH_SCORE and chain_chi2(one, self._poses, covs) > MAX_CLOSURE_CHI2:
                 one.state = "rejected"
         self.closures += found
         if not (found and confirm(self.closures, self.closures, self._poses, self._travel)):
             return False
-        self._tied = self._travel[k]
+        self._last_closed = self._travel[k]
         return True
 
     def graph(self) -> PoseGraph:
@@ -244,7 +244,7 @@ class ScanGraphSlam(ScanSystem):
         """Bend the chain; closures that still do not fit are dropped, and it is bent again."""
         last = between(self._poses[-1], self._pose)
         graph, poses = optimized(self.graph, self.closures)
-        self._poses, self._ground, self._placed = poses, None, np.zeros((0, 3))
+        self._poses, self._local_map, self._placed = poses, None, np.zeros((0, 3))
         recent = slice(-self._n_keyframes, None)
         placed = map(PointsWithNormals.transformed, self.nodes[recent], self._poses[recent])
         self._recent.extend(placed)

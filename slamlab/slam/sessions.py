@@ -16,9 +16,9 @@ import numpy as np
 from slamlab._files import read_npz
 from slamlab.geometry import compose, inverse
 from slamlab.logs import Log, ScanGeometry
-from slamlab.slam._closures import AROUND, STRIDE, chain_graph, confirm, optimized
+from slamlab.slam._closures import CLOSURE_SPACING, N_QUERY_SCANS, chain_graph, confirm, optimized
 from slamlab.slam._drive import Drive, drive_of, lidar_of
-from slamlab.slam._joining import GAP, Chain, Tie, more, recognised
+from slamlab.slam._joining import GAP, Alignment, Chain, more, recognised
 from slamlab.slam._sessions_file import arrays_of, contents_of
 from slamlab.slam.pose_graph import PoseGraph
 from slamlab.slam.scan_graph import ScanGraphSlam
@@ -100,7 +100,7 @@ class Sessions:
         log: Log,
         name: str = "",
         progress: Callable[[int, int], object] | None = None,
-    ) -> Tie:
+    ) -> Alignment:
         """Add a drive with the same lidar: it is joined, and others that wait, where places agree.
 
         Parameters
@@ -116,7 +116,7 @@ class Sessions:
 
         Returns
         -------
-        Tie
+        Alignment
             `frame` is None if the drive waits; else the pose in the map where its own frame began.
 
         Raises
@@ -126,16 +126,16 @@ class Sessions:
         """
         self.check_lidar(log)
         new, report = drive_of(system, log, name), progress or (lambda done, total: None)
-        tie = self._joined(new, report)
-        if tie.frame is None:
+        alignment = self._joined(new, report)
+        if alignment.frame is None:
             self.waiting.append(new)
-            return tie
+            return alignment
         waiting, more_to_try = self.waiting, True
         while more_to_try:  # what a drive adds to the map may tie another
             still = [one for one in waiting if self._joined(one, report).frame is None]
             more_to_try, waiting = 0 < len(still) < len(waiting), still
         self.waiting = waiting
-        return tie
+        return alignment
 
     def check_lidar(self, log: Log) -> None:
         """ValueError if the scans of a log are not those of the lidar of this map."""
@@ -160,44 +160,44 @@ class Sessions:
         poses = np.concatenate([one.poses for one in self.drives])
         return Chain(nodes, poses, np.concatenate(travel))
 
-    def _joined(self, new: Drive, progress: Callable[[int, int], object]) -> Tie:
+    def _joined(self, new: Drive, progress: Callable[[int, int], object]) -> Alignment:
         """Join a drive to the map if its places agree on where it began."""
         old = self._chain()
         n = len(old.nodes)
-        tie = recognised(old, Chain(new.nodes, new.poses, new.travel), progress)
-        if tie.frame is None:
-            return tie
+        alignment = recognised(old, Chain(new.nodes, new.poses, new.travel), progress)
+        if alignment.frame is None:
+            return alignment
         trial = copy(self)
-        moved = replace(new, poses=compose(tie.frame, new.poses), closures=[])
+        moved = replace(new, poses=compose(alignment.frame, new.poses), closures=[])
         trial.drives = [*map(replace, self.drives), moved]
         own = [replace(one, j=one.j + n, k=one.k + n) for one in new.closures]
-        trial.closures = [*map(replace, self.closures), *own, *tie.closures]
+        trial.closures = [*map(replace, self.closures), *own, *alignment.closures]
         trial._solve()
-        trial._go_along(n, min(c.k for c in tie.closures if c.state == "confirmed"))
+        trial._go_along(n, min(c.k for c in alignment.closures if c.state == "confirmed"))
         across = [c for c in trial.closures if c.j < n <= c.k]
         sure = any(one.state == "confirmed" for one in across)
         if sure:
             self.drives, self.closures = trial.drives, trial.closures
         frame = compose(moved.poses[0], inverse(new.poses[0])) if sure else None
-        return Tie(frame, across, tie.places)
+        return Alignment(frame, across, alignment.places)
 
     def _go_along(self, n: int, begin: int) -> None:
         """Look for more closures of the last drive, whose first node is n: forth and back."""
         end = sum(len(one.nodes) for one in self.drives)
-        for way in (range(begin, end - AROUND), range(begin, n + AROUND - 1, -1)):
+        for way in (range(begin, end - N_QUERY_SCANS), range(begin, n + N_QUERY_SCANS - 1, -1)):
             travel = self._chain().travel
-            tried = tied = travel[begin]
+            last_tried = last_closed = travel[begin]
             for k in way:
-                if abs(travel[k] - tried) < STRIDE:
+                if abs(travel[k] - last_tried) < CLOSURE_SPACING:
                     continue
-                tried, nodes = travel[k], self._chain()
+                last_tried, nodes = travel[k], self._chain()
                 # Found in all of the map before, it would be consistent with itself.
                 known = {(one.j, one.k) for one in self.closures}
-                found = more(k, n, nodes, float(abs(tried - tied)))
+                found = more(k, n, nodes, float(abs(last_tried - last_closed)))
                 self.closures += [one for one in found if (one.j, one.k) not in known]
                 across = [one for one in self.closures if one.j < n <= one.k]
                 if confirm(across, self.closures, nodes.poses, nodes.travel):
-                    tied = tried
+                    last_closed = last_tried
                     self._solve()
 
     def _solve(self) -> None:

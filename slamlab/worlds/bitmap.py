@@ -207,8 +207,8 @@ class BitmapWorld(Grid, Solid):
         angles = as_array("angles", angles, ("n_angles",))
         max_range, centres = as_scalar("max_range", max_range, 0.0), self.centres(stride)
         out = np.empty((len(angles), *centres.shape[:-1]))
-        for sheet, angle in zip(out, angles, strict=True):
-            sheet[:] = self.cast(centres, angle, max_range)
+        for ranges, angle in zip(out, angles, strict=True):
+            ranges[:] = self.cast(centres, angle, max_range)
         return out
 
     def _hits(self, footprint: Array, start: Array, end: Array) -> NDArray[np.bool_]:

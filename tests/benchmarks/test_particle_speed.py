@@ -46,12 +46,14 @@ def bare_step(particles, weights, z, landmarks, rng, in_one_block=True):
     x = particles[:, 0] + chord * np.cos(direction)
     y = particles[:, 1] + chord * np.sin(direction)
     theta = (direction + half + np.pi) % (2 * np.pi) - np.pi
-    eye = x + SENSOR.offset * np.cos(theta), y + SENSOR.offset * np.sin(theta), theta
+    sensor_pose = x + SENSOR.offset * np.cos(theta), y + SENSOR.offset * np.sin(theta), theta
     if in_one_block:
-        columns = [one[:, None] for one in eye]
+        columns = [one[:, None] for one in sensor_pose]
         log_likelihood = bare_errors(*columns, z, landmarks).sum(1)
     else:
-        log_likelihood = sum(bare_errors(*eye, *pair) for pair in zip(z, landmarks, strict=True))
+        log_likelihood = sum(
+            bare_errors(*sensor_pose, *pair) for pair in zip(z, landmarks, strict=True)
+        )
     weights = weights * np.exp(log_likelihood - log_likelihood.max())
     weights /= weights.sum()
     moved = np.stack([x, y, theta], 1)

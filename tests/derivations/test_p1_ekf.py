@@ -401,9 +401,9 @@ def test_37_38_a_new_landmark_stands_where_the_beam_ends():
     slam = some_slam()
     pose = slam.pose.copy()
     slam.update([[4.0, -2.0]], ["new"])
-    eye = pose[:2] + L * np.array([np.cos(pose[2]), np.sin(pose[2])])
+    sensor_position = pose[:2] + L * np.array([np.cos(pose[2]), np.sin(pose[2])])
     beam = 4.0 * np.array([np.cos(pose[2] - 2.0), np.sin(pose[2] - 2.0)])
-    np.testing.assert_allclose(slam.landmarks[-1], eye + beam)
+    np.testing.assert_allclose(slam.landmarks[-1], sensor_position + beam)
     np.testing.assert_allclose(slam.mean[-2:], slam.landmarks[-1])
 
 

@@ -12,8 +12,8 @@ def by_differences(pose, mount, landmark):
     """Complex steps are not needed: central differences with extrapolation are good to 1e-10."""
 
     def observed(x):
-        eye = x[:2] + rotation(x[2]) @ x[3:5]
-        d = x[5:] - eye
+        sensor_position = x[:2] + rotation(x[2]) @ x[3:5]
+        d = x[5:] - sensor_position
         return np.array([np.hypot(*d), np.arctan2(d[1], d[0]) - x[2]])
 
     x = np.concatenate([pose, mount, landmark])
@@ -66,8 +66,11 @@ def by_two_points(pose, wall, L):
     r, alpha = wall
     normal, along = np.array([np.cos(alpha), np.sin(alpha)]), [-np.sin(alpha), np.cos(alpha)]
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    eye = np.asarray(pose)[:2] + float(L) * np.array([c, s])
-    a, b = (np.array([[c, s], [-s, c]]) @ (r * normal + t * np.array(along) - eye) for t in (0, 1))
+    sensor_position = np.asarray(pose)[:2] + float(L) * np.array([c, s])
+    a, b = (
+        np.array([[c, s], [-s, c]]) @ (r * normal + t * np.array(along) - sensor_position)
+        for t in (0, 1)
+    )
     foot = a - (b - a) * (a @ (b - a))
     return [float(np.hypot(*foot)), float(np.arctan2(foot[1], foot[0]))]
 

@@ -46,7 +46,7 @@ def where():
     return *maps.read(), maps.columns, maps.frame
 
 
-@pytest.mark.parametrize("name", ["climb", "touched", "draw", "penetrate"])
+@pytest.mark.parametrize("name", ["refine", "touched", "draw", "penetrate"])
 def test_the_plain_twin_stands_in_the_file_of_the_system(name):
     assert TWINS[f"grid_fast.{name}"] is getattr(grid_fast, name).plain
 
@@ -57,9 +57,9 @@ def test_the_kernel_climbs_to_the_same_poses(lost, every, off):
     for points, start in drive()[1]:
         found, points = [], np.ascontiguousarray(points[::every])
         start = start + off * np.array([[0, 0, 1], [0, 0, -1], [0, 0, 0.5]])
-        for climb in (grid_fast.climb, grid_fast.climb.plain):
+        for refine in (grid_fast.refine, grid_fast.refine.plain):
             poses, score = start.copy(), np.zeros(len(start))
-            climb(*where(), points, poses, (0.1, 1.0, 0.9, lost), score)
+            refine(*where(), points, poses, (0.1, 1.0, 0.9, lost), score)
             found.append((poses, score))
         np.testing.assert_allclose(found[0][0], found[1][0], atol=1e-6)
         np.testing.assert_allclose(found[0][1], found[1][1], atol=1e-5)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
 
 
 def court_beams(n_scans):
-    """Chapter 08: beams of Killian Court in cells of 0.2 m, the sheet cuts some of them."""
+    """Chapter 08: beams of Killian Court in cells of 0.2 m, the grid cuts some of them."""
     log = killian().log[:n_scans]
     for pose, ranges in zip(log.truth[:n_scans], log.ranges[:n_scans], strict=True):
         angles = pose[2] + log.scan.beam_angles
@@ -49,7 +49,7 @@ def test_occupancy_every_cell_of_the_court_is_the_same():
     ("end", "cells"),
     [
         ([3.5, 0.5], [[0, 0], [1, 0], [2, 0], [3, 0]]),
-        ([0.5, -9.5], [[0, 0], [0, -1]]),  # -1 is all that lies below the sheet
+        ([0.5, -9.5], [[0, 0], [0, -1]]),  # -1 is all that lies below the grid
         ([2.5, 2.5], [[0, 0], [1, 0], [1, 1], [2, 1], [2, 2]]),  # corners: columns first
     ],
 )
@@ -65,7 +65,7 @@ def test_occupancy_a_beam_crosses_these_cells(end, cells):
     assert set(zip(*np.nonzero(log_odds), strict=True)) == expected
 
 
-def test_occupancy_a_beam_without_end_is_cut_at_the_sheet():
+def test_occupancy_a_beam_without_end_is_cut_at_the_grid():
     for insert in (TWINS["occupancy.insert_scan"], occupancy_kernels.insert_scan):
         log_odds = np.zeros((3, 5))
         ends = np.array([[1e9, 1.5], [np.nan, np.nan]])

@@ -15,18 +15,18 @@ from slamlab.worlds import rooms
 
 def all_scores(field, points, guess, reach, angles):
     """Score of every pose, one by one: (angles, rows, columns)."""
-    sheet = np.rint(255.0 * field.values).astype(int)
-    sheet = np.pad(sheet, 1)  # beyond the sheet there is nothing
+    values = np.rint(255.0 * field.values).astype(int)
+    values = np.pad(values, 1)  # beyond the grid there is nothing
     shifts = np.arange(-reach, reach + 1)
     out = np.zeros((len(angles), len(shifts), len(shifts)), int)
     for n, angle in enumerate(angles):
         turned = points @ rotation(angle).T + guess[:2]
         cell = np.floor((turned - field.origin) / field.resolution).astype(int) + 1
         for i, dr in enumerate(shifts):
-            r = np.clip(cell[:, 1] + dr, 0, sheet.shape[0] - 1)
+            r = np.clip(cell[:, 1] + dr, 0, values.shape[0] - 1)
             for j, dc in enumerate(shifts):
-                c = np.clip(cell[:, 0] + dc, 0, sheet.shape[1] - 1)
-                out[n, i, j] = sheet[r, c].sum()
+                c = np.clip(cell[:, 0] + dc, 0, values.shape[1] - 1)
+                out[n, i, j] = values[r, c].sum()
     return out / (255 * len(points))
 
 

@@ -248,7 +248,7 @@ def test_partners_are_the_nearest_although_few_are_looked_for_again():
     reference, points = rng.uniform(-2, 2, (400, 2)), rng.uniform(-2.3, 2.3, (200, 2))
     hashes, gate = hashed(reference, 0.25), 0.15
     pair, places, kept = np.full(200, -1), np.zeros((200, 3)), None
-    looked, wrong, pose = [], 0, np.zeros(3)
+    n_searched, wrong, pose = [], 0, np.zeros(3)
     for step in 0.2 ** np.arange(7):
         pose = pose + step * rng.uniform(-0.1, 0.1, 3)
         before = places.copy()
@@ -256,12 +256,12 @@ def test_partners_are_the_nearest_although_few_are_looked_for_again():
         distance, nearest = cKDTree(reference).query(transform(pose, points))
         assert np.array_equal(pair, np.where(distance < gate, nearest, -1))
         assert count == (distance < gate).sum()
-        looked.append((places != before).any(1).sum())
+        n_searched.append((places != before).any(1).sum())
         # Who takes the others for far away keeps partners that are not the nearest any more.
         kept = pair.copy() if kept is None else kept
         far_away = np.tile([0.0, 0.0, np.inf], (200, 1))
         _pairs(reference, hashes, points, pose, gate, kept, far_away)
         wrong += not np.array_equal(kept, pair)
-    assert looked[0] == 200
-    assert looked[-1] < 5
+    assert n_searched[0] == 200
+    assert n_searched[-1] < 5
     assert wrong >= 5

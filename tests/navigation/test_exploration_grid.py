@@ -70,7 +70,7 @@ def seen_by(spans, monkeypatch, seed):
         monkeypatch.setattr(loops, "_spans", spans)
     for _ in range(8):
         n = int(rng.choice([1, 5, 30, 90]))
-        # From inside the sheet and from beyond its edges, near and far, beams lost and endless.
+        # From inside the grid and from beyond its edges, near and far, beams lost and endless.
         pose = rng.uniform([-0.5, -0.5, -np.pi], [3.0, 2.5, np.pi])
         ranges = rng.uniform(0.0, rng.choice([0.6, 3.0]), n)
         ranges[rng.random(n) < 0.1], ranges[rng.random(n) < 0.1] = np.nan, np.inf
@@ -159,7 +159,7 @@ def test_a_sheet_that_may_grow_keeps_what_was_seen():
     pose = free_poses(ROOM, 1, np.random.default_rng(3), 0.4)[0]
     small = ExplorationGrid([*(pose[:2] - 0.1), *(pose[:2] + 0.1)], 0.05, grow=True)
     small.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
-    # The same cells on a sheet that was large enough from the start.
+    # The same cells on a grid that was large enough from the start.
     low = np.rint((small.origin - ROOM.origin) / 0.05) * 0.05 + ROOM.origin
     large = ExplorationGrid(small.bounds, 0.05)
     large.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
@@ -168,10 +168,10 @@ def test_a_sheet_that_may_grow_keeps_what_was_seen():
     left, right, bottom, top = small.extent
     assert left < 0 < 4 < right
     assert bottom < 0 < 4 < top
-    before, shut = small.state.copy(), small.blacklisted.copy()
+    before, blacklisted = small.state.copy(), small.blacklisted.copy()
     small.insert(pose, LIDAR.scan(ROOM, pose), LIDAR)
     np.testing.assert_array_equal(small.state, before)
-    assert small.blacklisted.shape == shut.shape == small.shape
+    assert small.blacklisted.shape == blacklisted.shape == small.shape
 
 
 def test_frontier_is_free_beside_unknown():
@@ -193,7 +193,7 @@ def test_where_a_disc_fits_is_asked_anew_when_the_floor_has_changed():
     assert floor.traversable(0.1).shape == (8, 10)
 
 
-def test_where_a_disc_fits_does_not_hang_on_the_size_of_the_sheet():
+def test_where_a_disc_fits_does_not_hang_on_the_size_of_the_grid():
     rng = np.random.default_rng(2)
     wrong = 0
     for radius in (0.0, 0.06, 0.15, 0.3):
@@ -330,4 +330,4 @@ def test_nothing_seen_leads_nowhere():
     assert not floor.frontier().any()
     world = BitmapWorld(np.zeros((10, 10)), 0.1)
     floor.insert([0.5, 0.5, 0.0], LIDAR.scan(world, [0.5, 0.5, 0.0]), LIDAR)
-    assert (floor.state == FREE).all(), "without walls the whole sheet is open"
+    assert (floor.state == FREE).all(), "without walls the whole grid is open"

@@ -429,16 +429,16 @@ def test_bad_settings_are_named(make, message):
         make()
 
 
-def test_the_nearest_frontier_does_not_hang_on_the_size_of_the_sheet():
+def test_the_nearest_frontier_does_not_hang_on_the_size_of_the_grid():
     lidar = Lidar(120, max_range=1.5)
     for pose in starts(ROOM, 8, seed=5):
-        ranges, ways, shut = lidar.scan(ROOM, pose), [], []
+        ranges, ways, blacklisted = lidar.scan(ROOM, pose), [], []
         for bounds, corner in (([0, 0, 4, 4], (0, 0)), ([-2, -1, 7, 5], (20, 40))):
             floor = ExplorationGrid(bounds)
             floor.insert(pose, ranges, lidar)
             now = Situation(pose, ranges, lidar, floor, ROBOT.side, ROBOT.circumradius + 0.02)
             ways.append(NearestFrontier().choose(now, np.random.default_rng(0)))
-            shut.append(floor.blacklisted[corner[0] :, corner[1] :][:80, :80])
+            blacklisted.append(floor.blacklisted[corner[0] :, corner[1] :][:80, :80])
         np.testing.assert_allclose(*ways, atol=1e-12)
-        np.testing.assert_array_equal(*shut)
-        assert shut[0].any()
+        np.testing.assert_array_equal(*blacklisted)
+        assert blacklisted[0].any()

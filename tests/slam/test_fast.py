@@ -258,7 +258,7 @@ def test_predictions_beyond_the_look_back_keep_their_noise():
     for _ in range(30):
         slam.predict(U, DT, V)
     steps = slam._steps
-    poses, _ = slam._rolled(np.concatenate([step.noise for step in steps], 1))
+    poses, _ = slam._propagate(np.concatenate([step.noise for step in steps], 1))
     np.testing.assert_allclose(poses, slam.poses, atol=1e-12)
     assert len(steps) == 8
 

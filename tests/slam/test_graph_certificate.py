@@ -17,7 +17,7 @@ from slamlab.slam.certificate import (
     certify,
     isotropic,
     isotropic_below,
-    touching,
+    tangent_quadratic,
 )
 
 
@@ -100,14 +100,14 @@ def least_gap(at, z, elsewhere):
     """How far the cost of edges lies above their stand-in that touches it at errors `at`."""
     omega = np.broadcast_to(TURNED, (len(elsewhere), 3, 3))
     at, z = np.broadcast_to(at, elsewhere.shape), np.broadcast_to(z, elsewhere.shape)
-    moved, tau, kappa, raised = touching(at, z, omega)
+    moved, tau, kappa, offset = tangent_quadratic(at, z, omega)
     d = moved - z
     c, s = np.cos(z[:, 2]), np.sin(z[:, 2])
     c_p = np.column_stack([c * d[:, 0] + s * d[:, 1], c * d[:, 1] - s * d[:, 0]])
     form = tau * ((elsewhere[:, :2] - c_p) ** 2).sum(1)
     form += 2 * kappa * (1 - np.cos(elsewhere[:, 2] - d[:, 2]))
     cost = np.einsum("ni,ij,nj->n", elsewhere, TURNED, elsewhere)
-    return (cost - form - raised / len(elsewhere)).min()
+    return (cost - form - offset / len(elsewhere)).min()
 
 
 def test_the_stand_in_touches_the_cost_and_is_nowhere_above_it(monkeypatch):
@@ -123,9 +123,9 @@ def test_the_stand_in_touches_the_cost_and_is_nowhere_above_it(monkeypatch):
 
 def test_too_steep_an_edge_is_left_where_it_is():
     e, z = np.array([[0.1, 0.0, 3.0]]), np.array([[1.0, 0.0, 0.5]])
-    moved, _, _, raised = touching(e, z, TURNED[None])
+    moved, _, _, offset = tangent_quadratic(e, z, TURNED[None])
     assert moved.tolist() == z.tolist()
-    assert raised == 0.0
+    assert offset == 0.0
 
 
 def test_maps_are_certified_whose_information_is_far_from_isotropic():

@@ -11,7 +11,7 @@ import pytest
 from slamlab.datasets import read_carmen
 from slamlab.evaluation import ate, run
 from slamlab.geometry import between, compose, inverse, wrap_angle
-from slamlab.kernels.grid_fast import climb, draw, penetrate, stop_rate, touched
+from slamlab.kernels.grid_fast import draw, penetrate, refine, stop_rate, touched
 from slamlab.logs import Log
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
@@ -167,7 +167,7 @@ def test_every_metre_of_a_beam_is_in_some_cell_and_its_end_in_one():
 
 
 def one_scan_and_its_map():
-    """Where `climb` reads the map that one scan made, and the points of that scan."""
+    """Where `refine` reads the map that one scan made, and the points of that scan."""
     ranges = LIDAR.scan(rooms.office(), START, np.random.default_rng(6))
     points = LIDAR.points(ranges)
     one = slam(n_particles=1)
@@ -180,7 +180,7 @@ def test_a_scan_is_laid_back_upon_its_own_map():
     where, points = one_scan_and_its_map()
     for off in ([0.1, -0.08, 0.04], [-0.06, 0.1, -0.03]):
         poses, score = (START + off)[None], np.zeros(1)
-        climb(*where, points, poses, (0.1, 1.0, 0.9, 0.0), score)
+        refine(*where, points, poses, (0.1, 1.0, 0.9, 0.0), score)
         np.testing.assert_allclose(poses[0], START, atol=2e-3)
         assert -0.5 < score[0] <= 0
 
@@ -191,7 +191,7 @@ def test_a_lost_match_is_tried_from_other_headings(turn):
     off, score = {}, {}
     for lost in (0.0, 0.6):
         poses, score[lost] = START[None] + [0.0, 0.0, np.deg2rad(turn)], np.zeros(1)
-        climb(*where, points, poses, (0.1, 1.0, 0.9, lost), score[lost])
+        refine(*where, points, poses, (0.1, 1.0, 0.9, lost), score[lost])
         off[lost] = abs(np.rad2deg(poses[0, 2]))
     assert off[0.6] < 0.1
     assert score[0.6] > -0.5

@@ -158,10 +158,10 @@ def test_half_a_repair_is_none(drives, monkeypatch):
     assert driven() < 9.0, "Jacobians of the map fixed, those of the pose not"
     whole = ekf.retract
 
-    def without_shear(mean, change, linearisation):
+    def without_reset(mean, change, linearisation):
         return whole(mean, change, linearisation)[0], None
 
-    monkeypatch.setattr(ekf, "retract", without_shear)
+    monkeypatch.setattr(ekf, "retract", without_reset)
     assert stood("invariant") < 9.0, "the covariance left where the estimate was"
 
 

@@ -19,7 +19,7 @@ from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
 from slamlab.slam import PoseGraph, ScanGraphSlam
-from slamlab.slam._closures import Closure, against_chain, candidates, consistent, verify
+from slamlab.slam._closures import Closure, candidates, chain_chi2, pairwise_consistent, verify
 from slamlab.slam.least_squares import edge_error
 from slamlab.worlds import rooms
 from tests.slam.ring import LIDAR, drive
@@ -66,7 +66,7 @@ def test_a_ring_is_closed_and_the_map_is_good_to_centimetres():
 def test_three_closures_that_agree_on_the_wrong_alcove_contradict_the_chain(gated, monkeypatch):
     """Without the chain's word they would bend the ring by metres (the wrong form)."""
     if not gated:
-        monkeypatch.setattr("slamlab.slam.scan_graph.FALSE", np.inf)
+        monkeypatch.setattr("slamlab.slam.scan_graph.MAX_CLOSURE_CHI2", np.inf)
     log = toured("ring", 8, max_time=230.0)  # 105 m; the start is met again at 90
     slam = ScanGraphSlam(log.scan, log.truth[0], motion=YOUBOT)
     run(slam, log)
@@ -101,10 +101,10 @@ def test_the_chain_says_what_a_graph_of_it_says():
     one = Closure(0, n, poses[n] + [0.3, -0.2, 0.1], own, 0.0, 1.0)
     e = edge_error(poses[0], poses[n], one.z)
     expected = e @ np.linalg.solve(turn @ cov @ turn.T + own, e)
-    assert against_chain(one, poses, covs) == pytest.approx(expected)
+    assert chain_chi2(one, poses, covs) == pytest.approx(expected)
     moved = compose([3.0, -1.0, 2.5], poses)  # another world, and not from its first node
     later = Closure(4, n, between(poses[4], poses[n]) + [0.3, -0.2, 0.1], own, 0.0, 1.0)
-    assert against_chain(later, moved, covs) == pytest.approx(against_chain(later, poses, covs))
+    assert chain_chi2(later, moved, covs) == pytest.approx(chain_chi2(later, poses, covs))
     turns = rotation(poses[1:, 2] - poses[n, 2])
     bare = own.copy()
     bare[:2, :2] += (turns @ covs[:, :2, :2] @ np.swapaxes(turns, 1, 2)).sum(axis=0)
@@ -168,7 +168,7 @@ def test_a_closure_has_its_covariance_in_the_frame_that_an_edge_of_the_graph_exp
         for n in range(middle, len(nodes)):
             nodes[n] = slam.nodes[n].transformed([0.0, 0.0, -mounted])
         poses[middle:, 2] = slam._poses[middle:, 2] + mounted
-        one = verify(28, 142, 4.0, nodes, poses, slam._travel, stretch=True)
+        one = verify(28, 142, 4.0, nodes, poses, slam._travel, inflate=True)
         assert one is not None
         turn = rotation(poses[142, 2])
         covs.append((turn @ one.cov[:2, :2] @ turn.T, one.z[2]))
@@ -326,9 +326,9 @@ def test_a_closure_counts_when_two_others_tell_the_same_story():
     same = [closure(j, j + 30, [0, 0, 0]) for j in (3, 6, 9)]
     outlier = closure(7, 37, [4.0, 0, 0])
     everyone = [*same, outlier]
-    assert all(consistent(one, everyone, poses, travel) for one in same)
-    assert not consistent(outlier, everyone, poses, travel)
-    assert not consistent(same[0], same[:2], poses, travel)
+    assert all(pairwise_consistent(one, everyone, poses, travel) for one in same)
+    assert not pairwise_consistent(outlier, everyone, poses, travel)
+    assert not pairwise_consistent(same[0], same[:2], poses, travel)
 
 
 def test_a_good_fit_needs_one_consistent_closure_and_two_worse_ones_do_not_outvote_it():
@@ -336,12 +336,12 @@ def test_a_good_fit_needs_one_consistent_closure_and_two_worse_ones_do_not_outvo
     good = [closure(j, j + 30, [0, 0, 0], fit=0.9) for j in (3, 6)]
     outliers = [closure(j, j + 30, [4.0, 0, 0], fit=0.65) for j in (4, 5)]
     everyone = [*good, *outliers]
-    assert all(consistent(one, everyone, poses, travel) for one in good)
-    assert not any(consistent(one, everyone, poses, travel) for one in outliers)
-    assert not consistent(good[0], [good[0], *outliers], poses, travel)
+    assert all(pairwise_consistent(one, everyone, poses, travel) for one in good)
+    assert not any(pairwise_consistent(one, everyone, poses, travel) for one in outliers)
+    assert not pairwise_consistent(good[0], [good[0], *outliers], poses, travel)
     for one in outliers:
         one.fit = 0.95
-    assert not any(consistent(one, everyone, poses, travel) for one in good)
+    assert not any(pairwise_consistent(one, everyone, poses, travel) for one in good)
 
 
 # The front end alone slips once on Freiburg (seed 2, 0.34 m; else 0.05): closing mends it.

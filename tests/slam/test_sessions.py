@@ -38,15 +38,15 @@ def paths(found):
 def test_another_drive_from_another_start_and_heading_is_joined_where_it_was(which):
     found = Sessions(*mapped(*FIRST))
     alone = ate(paths(found), mapped(*FIRST)[1].truth).rmse
-    tie = found.add(*mapped(*which))
+    alignment = found.add(*mapped(*which))
     truth = np.concatenate([mapped(*each)[1].truth for each in (FIRST, which)])
     assert found.waiting == []
     assert ate(paths(found), truth).rmse < alone + 0.02
     begin = compose([0, 0, 0], between(truth[0], mapped(*which)[1].truth[0]))
-    off = between(begin, tie.frame)
+    off = between(begin, alignment.frame)
     assert np.hypot(*off[:2]) < 0.1
     assert abs(off[2]) < 0.02
-    confirmed = [one for one in tie.closures if one.state == "confirmed"]
+    confirmed = [one for one in alignment.closures if one.state == "confirmed"]
     assert len(confirmed) >= 3
     n = len(mapped(*FIRST)[0].nodes)
     assert all(one.j < n <= one.k for one in confirmed)
@@ -59,9 +59,9 @@ def test_a_drive_through_another_building_is_kept_beside_the_map(seed):
     first, other = mapped(*FIRST), mapped(10 + seed, 2, 4, seed)
     found = Sessions(*first)
     before, alone = paths(found).copy(), repr(found)
-    tie = found.add(*other)
-    assert tie.frame is None
-    assert tie.places > 10
+    alignment = found.add(*other)
+    assert alignment.frame is None
+    assert alignment.places > 10
     assert alone.startswith("Sessions(1 drive of 152 nodes, ")
     assert "0 waiting" in alone
     assert repr(found) == alone.replace("0 waiting", "1 waiting")
@@ -73,10 +73,11 @@ def test_the_frame_is_that_of_the_first_drive_and_the_graph_holds_both_chains():
     found, _ = of_both()
     first, second = (mapped(*each)[0] for each in (FIRST, SECOND))
     n, m = len(first.nodes), len(second.nodes)
-    graph, ties = found.graph(), [one for one in found.closures if one.state == "confirmed"]
+    graph = found.graph()
+    loop_closures = [one for one in found.closures if one.state == "confirmed"]
     np.testing.assert_allclose(graph.poses[0], 0.0, atol=1e-9)
     assert len(graph.poses) == n + m
-    assert len(graph.edges) == n - 1 + m - 1 + len(ties)
+    assert len(graph.edges) == n - 1 + m - 1 + len(loop_closures)
     assert [n - 1, n] not in graph.edges.tolist()  # nobody drove from the one to the other
     assert graph.optimize().chi2 <= graph.chi2() + 1e-6
 
@@ -85,8 +86,8 @@ def test_a_drive_that_waits_is_joined_when_another_has_shown_its_place():
     # The first drive has one side of the ring, the second the opposite one: they share nothing.
     found = Sessions(*mapped(0, 0, 1))
     assert found.add(*mapped(6, 2, 1), "apart").frame is None
-    tie = found.add(*mapped(7, 0, 4), "round")
-    assert tie.frame is not None
+    alignment = found.add(*mapped(7, 0, 4), "round")
+    assert alignment.frame is not None
     assert [one.name for one in found.drives] == ["", "round", "apart"]
     assert found.waiting == []
     truth = [mapped(*each)[1].truth for each in ((0, 0, 1), (7, 0, 4), (6, 2, 1))]
