@@ -18,9 +18,16 @@ from slamlab import _checks
 from slamlab.filters import kalman
 from slamlab.filters.particle import ParticleFilter
 from slamlab.gaussian import Gaussian
+from slamlab.geometry import between
 from slamlab.localization import MonteCarloLocalization, SignatureMap
 from slamlab.mapping import OccupancyGrid
-from slamlab.matching import LikelihoodGrid, match_correlative, match_field, match_icp
+from slamlab.matching import (
+    LikelihoodGrid,
+    PointsWithNormals,
+    match_correlative,
+    match_field,
+    match_icp,
+)
 from slamlab.models import View
 from slamlab.navigation import ExplorationGrid, Explorer, LongestBeam, PathMemory
 from slamlab.navigation.boxes import search
@@ -240,6 +247,16 @@ def incremental_graph():
     return close
 
 
+def certificate():
+    """A bound from below on the cost of the graph above."""
+    result = pose_graph("gauss-newton")()
+
+    def step():
+        assert result.certificate.bound <= result.chi2
+
+    return step
+
+
 def path_point():
     """A point that the curve through those before it meets: P3 steps 1.2 to 1.4."""
     memory = PathMemory(0.02)
@@ -334,6 +351,23 @@ def scan_graph():
         slam.predict([0.5, 0.0, 0.0], 1.0, 0.001 * np.eye(3))
         slam.update(then)
         assert len(slam.nodes) == 2
+
+    return step
+
+
+def closure():
+    """A second pass of a room, two nodes of which are found on the first: they agree."""
+    slam, x = ScanGraphSlam(ROOM, [2.0, 4.0, 0.0]), np.arange(2.0, 6.5, 0.5)
+    for pose in np.column_stack([np.tile(x, 2), np.full(18, 4.0), np.zeros(18)]):
+        z, slam._pose = between(slam._pose, pose), pose
+        slam._moved_cov = np.diag([1e-3, 1e-3, 1e-4])
+        scan = ROOM.points(ROOM.scan(rooms.office(), pose))
+        slam._add_node(PointsWithNormals.estimate(scan), z)
+    slam._travel[9:] += 20.0  # what lies between both passes is not asked
+    assert not slam._close_loops(12)
+
+    def step():
+        assert slam._close_loops(15)
 
     return step
 
@@ -439,12 +473,14 @@ SYSTEMS = {
         OWN + 15,
     ),
     "pose graph, incremental": (incremental_graph, ("slam/incremental.py",), OWN),
+    "pose graph, certified": (certificate, ("slam/certificate.py",), OWN),
     "path memory, a point": (path_point, ("navigation/path_memory.py",), OWN),
     "path memory, a segment": (path_segment, ("navigation/path_memory.py",), OWN),
     "signatures": (signatures, ("localization/signature.py",), OWN + 16),
     "ICP": (icp, ("matching/icp.py",), OWN + 20),  # 50 of them: normals, covariance after Censi
     "Hector": (hector, ("slam/hector.py",), OWN),
     "scan graph": (scan_graph, ("slam/scan_graph.py", "slam/_tracking.py"), OWN),
+    "scan graph, a closure": (closure, ("slam/_closures.py",), OWN),
     "scan on a field": (field, ("matching/field.py",), OWN),
     "correlative search": (correlative, ("matching/correlative.py",), OWN),
     "Kalman series": (kalman_series, ("filters/kalman.py",), OWN + 12),  # 51 of them: shapes, gaps
@@ -461,6 +497,8 @@ PARTS = {  # with the lessons that show them
     "mapping/occupancy.py",  # 08
     "matching/field.py",  # 14
     "matching/icp.py",  # 14
+    "matching/correlative.py",  # 14
+    "slam/least_squares.py",  # 13
     "navigation/boxes.py",  # 17d
     "navigation/exploration_grid.py",  # 18
 }

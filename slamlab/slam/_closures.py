@@ -1,7 +1,7 @@
 """Back end of `ScanGraphSlam`: has the robot been here before, and is that to be believed.
 
 Candidates, verification, the second-best match (Olson 2009), pairwise consistency
-(Mangelson et al. 2018). Chapter 13 shows what each of them is for.
+(Mangelson et al. 2018). Page 14b shows what each of them is for.
 """
 
 from __future__ import annotations
