@@ -35,7 +35,7 @@ def test_warm_runs_the_loops_that_lessons_call():
     )
     words = [line.split() for line in done.stdout.splitlines() if line.startswith("warm")]
     warm = {name: int(count) for _, name, count in words}
-    asked = "align stamp branch_and_bound search"
+    asked = "align splat branch_and_bound search"
     asked += " arc_length_table points_at nearest wavefront unknown_area"
     asked += " grid_clearance"
     assert set(asked.split()) <= set(warm)
