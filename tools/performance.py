@@ -1,13 +1,16 @@
 """Measure the library beside its peers and write the tables of the performance page.
 
-python tools/performance.py
+python tools/performance.py              all tables
+python tools/performance.py kernels      this one alone; the others stay as they are
 
 Every tests/benchmarks/test_*_speed.py has `rows()`: what was measured, ms of ours, ms of the peer,
-their ratio, and perhaps more. The tables are a record of one machine and are kept in git.
+their ratio, and perhaps more; tools/kernel_table.py has it, too. The tables are a record of one
+machine and are kept in git.
 """
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import importlib.metadata
 import os
@@ -79,25 +82,61 @@ TABLES = {
         "The peer's milliseconds are those that P3 printed, on a computer of its own; the last "
         "row compares the memory with itself. A cycle is `add` and a search after each point.",
     ),
+    "tools.kernel_table": (
+        "Kernels and their plain twins",
+        [],
+        "A chapter's lesson and second pages are run as they are, and every call of a kernel is "
+        "counted; at most 24 of a page, evenly spread, are then made again by the kernel and by "
+        "its twin, in turn. A time is the mean of these calls, weighted by the calls of each "
+        "page, and of a call the shortest of up to five rounds; an input is the median. A twin "
+        "has no compiled code within. What is saved there is the number of calls times the "
+        "difference of the two times. *Stored* are the runs that `tools/lesson_tables.py` makes "
+        "for a chapter, which then only shows them.",
+    ),
 }
+
+
+# What measures each table, by the name that the command takes.
+MODULES = {
+    path.stem.removeprefix("test_").removesuffix("_speed"): path.stem
+    for path in sorted(BENCHMARKS.glob("test_*_speed.py"))
+} | {"kernels": "tools.kernel_table"}
 
 
 def main() -> int:
     """Measure, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="TABLE", help=", ".join(MODULES))
+    names = parser.parse_args().names
+    if unknown := set(names).difference(MODULES):
+        parser.error(f"expected some of {', '.join(MODULES)}, got {', '.join(sorted(unknown))}")
     if any(os.environ.get(name) != value for name, value in THREADS.items()):
         # BLAS reads the number of its threads once, when NumPy is loaded.
         command = [sys.executable, __file__, *sys.argv[1:]]
         return subprocess.run(command, env={**os.environ, **THREADS}, check=False).returncode
-    sys.path.insert(0, str(BENCHMARKS))
-    parts = ["# Tables", machine()]
-    for path in sorted(BENCHMARKS.glob("test_*_speed.py")):
-        print(f"measuring {path.name} ...", flush=True)
-        module = importlib.import_module(path.stem)
-        parts.append(table(path.stem, module.rows(), module))
+    sys.path[:0] = [str(BENCHMARKS), str(ROOT)]
     # The page that includes this one has the title; the headings below it stay.
-    PAGE.write_text("\n\n".join(parts[1:]) + "\n")
+    page = PAGE.read_text().rstrip("\n").split("\n\n## ") if names else [machine()]
+    for name in names or MODULES:
+        print(f"measuring {name} ...", flush=True)
+        module = importlib.import_module(MODULES[name])
+        page = with_section(page, table(MODULES[name], module.rows(), module))
+    PAGE.write_text("\n\n## ".join(page) + "\n")
     print(f"written: {PAGE.relative_to(ROOT)}")
     return 0
+
+
+def with_section(page: list[str], section: str) -> list[str]:
+    """Put a section in the place of the one with its title, or at the end.
+
+    A page is its first paragraph, `machine()`, and its sections from their titles on.
+    """
+    title, _, rest = section.partition("\n\n")
+    if machine() != page[0]:  # it is not of the same day, machine or versions
+        section = f"{title}\n\n{machine()}\n\n{rest}"
+    there = [number for number, one in enumerate(page) if one.startswith(f"{title}\n")]
+    at = there[0] if there else len(page)
+    return [*page[:at], section, *page[at + 1 :]]
 
 
 def machine() -> str:
@@ -126,13 +165,15 @@ def processor() -> str:
 
 
 def table(name: str, rows: list[tuple], module: object) -> str:
-    """One section with a table; columns beyond the ratio by TABLES or by the module's COLUMNS."""
+    """Title and table; columns beyond the ratio by TABLES or by the module's COLUMNS."""
     title, more, text = TABLES.get(name, (name, [], ""))
     columns = getattr(module, "COLUMNS", None) or HEAD + more
     width = max((len(row) for row in rows), default=len(columns))
     columns = (list(columns) + [""] * width)[:width]
-    lines = [f"## {title}", ""] + ([text, ""] if text else [])
-    lines += ["| " + " | ".join(columns) + " |", "|---" + "|---:" * (width - 1) + "|"]
+    n_words = getattr(module, "WORDS", 1)  # columns that are words, not numbers
+    lines = [title, ""] + ([text, ""] if text else [])
+    lines += ["| " + " | ".join(columns) + " |"]
+    lines += ["|---" * n_words + "|---:" * (width - n_words) + "|"]
     lines += ["| " + " | ".join(cell(value) for value in row) + " |" for row in rows]
     return "\n".join(lines)
 

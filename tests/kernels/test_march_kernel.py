@@ -1,6 +1,7 @@
 """The compiled rays of a stereo rig meet the ground where the plain ones do, in chapter 15.
 
-A picture of 5000 rays takes 2.3 ms and the plain code 61: 27 times, a second in 17 pictures.
+A picture of 5000 rays takes 2.3 ms and the plain code 61: 27 times, a second in 17 pictures. The
+seconds saved: "Kernels and their plain twins" in book/performance_tables.md.
 """
 
 import numpy as np

@@ -2,7 +2,8 @@
 
 To splat 2160 points takes 0.23 ms and the plain code 37: 160 times. To climb with 180 points
 takes 0.065 ms and 1.5: 23 times. To search a window of 61 x 61 shifts and 27 angles with 540
-points takes 4.5 ms and 51: 11 times.
+points takes 4.5 ms and 51: 11 times. The seconds saved: "Kernels and their plain twins" in
+book/performance_tables.md.
 """
 
 import subprocess

@@ -1,8 +1,8 @@
 """Path memory: compiled searches and lengths are the plain ones, on the paths of chapter 17.
 
-In chapter 17 the kernels take 0.04 s instead of 3.5 (`search`), 1.7 instead of 17 (`points_at`),
-and are 250 times faster in `nearest`. The table of lengths (78 times, 4 s) and its inverse (140
-times, 1.7 s) hold P3's Table 1, too: a search to a millimetre within 0.05 ms.
+Their factors, and the seconds that they save there: "Kernels and their plain twins" in
+book/performance_tables.md. The table of lengths and its inverse hold P3's Table 1, too: a search
+to a millimetre within 0.05 ms.
 """
 
 import numpy as np
