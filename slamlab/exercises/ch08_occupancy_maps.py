@@ -5,6 +5,7 @@ P5, chapter 3.2.4, draws dots only; the rest is Moravec and Elfes.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -708,19 +709,26 @@ def _scanned(
     return before, pose, ranges, angles, view / n, cell, max_range, hit, miss
 
 
-def _insert_drawn(ax: Any, function: Any) -> None:
-    """Draw the map of a corridor of Killian Court after fifteen scans, and the robot's path."""
-    from slamlab import plots
+@cache
+def _corridor() -> tuple[Array, Array, Array]:
+    """Return poses (15, 3), beam angles (90,) and ranges (15, 90) in a corridor of the court."""
     from slamlab.datasets import killian
 
     court = killian()
     assert court.log.scan is not None
     assert court.log.ranges is not None
-    poses, angles = court.dead_reckoned()[:60:4], court.log.scan.beam_angles[::2]
-    poses = poses - [*(poses[:, :2].min(0) - 5.0), 0.0]
+    poses, ranges = court.dead_reckoned()[:60:4], court.log.ranges[:60:4, ::2].astype(float)
+    return poses - [*(poses[:, :2].min(0) - 5.0), 0.0], court.log.scan.beam_angles[::2], ranges
+
+
+def _insert_drawn(ax: Any, function: Any) -> None:
+    """Draw the map of a corridor of Killian Court after fifteen scans, and the robot's path."""
+    from slamlab import plots
+
+    poses, angles, scans = _corridor()
     columns, rows = np.ceil((poses[:, :2].max(0) + 5.0) / 0.3).astype(int)
     log_odds = np.zeros((rows, columns))
-    for pose, ranges in zip(poses, court.log.ranges[:60:4, ::2].astype(float), strict=True):
+    for pose, ranges in zip(poses, scans, strict=True):
         given = ranges, angles, np.deg2rad(2.0), 0.3, 5.5, 0.85, -0.4
         log_odds = np.asarray(function(log_odds, pose, *given), float)
     plots.occupancy(ax, 1 / (1 + np.exp(-log_odds)), [0, 0.3 * columns, 0, 0.3 * rows])
