@@ -91,7 +91,7 @@ def _place(left: Any, right: Any) -> float:
     beside, beyond, below = (
         np.array([box.x0 - drawn.x0, drawn.x1 - box.x1, box.y0 - drawn.y0]) / figure.dpi
     )
-    gap = beside + beyond + 0.2
+    gap = beside + beyond + 0.3
     figure.subplots_adjust(
         beside / width, 0.85 / height, 1 - beyond / width, 1 - 0.4 / height,
         wspace=2 * gap / (width - beside - beyond - gap),
