@@ -375,7 +375,7 @@ def _needed_drawn(ax: Any, function: Any) -> None:
         ax.plot(numbers, shares, **plots.line_style("truth"))
         ax.plot([n, n], [0, 1], **plots.line_style("estimate"))
         ax.text(min(n, 500) + 10, 0.1, name, fontsize=9)
-        found.append(f"{name} {n}: near in {(first <= n).sum()} of 400")
+        found.append(f"{name} {n}: {(first <= n).sum()} of 400")
     ax.set(xlabel="number of particles", ylabel="share of clouds with one near", xlim=(0, 600))
     ax.set_title("\n".join(found))
 
