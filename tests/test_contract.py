@@ -271,9 +271,9 @@ STRAY = {
 
 def test_every_system_is_listed():
     modules = [
-        import_module(f"{room.__name__}.{info.name}")
-        for room in (slam, localization)
-        for info in iter_modules(room.__path__)
+        import_module(f"{package.__name__}.{info.name}")
+        for package in (slam, localization)
+        for info in iter_modules(package.__path__)
         if not info.name.startswith("_")
     ]
     public = [getattr(module, name) for module in modules for name in module.__all__]

@@ -8,7 +8,6 @@ notebook has ended, the kept calls are made again by the kernel and by its twin,
 from __future__ import annotations
 
 import copy
-import inspect
 import json
 import sys
 import tempfile
@@ -71,14 +70,7 @@ class Recorder:
         for name, calls in self.calls.items():
             twin, kernel = timed(kernels.TWINS[name], self.kernel_of(name), calls.kept)
             sizes = [KERNELS[name][1](*args) for args, _ in calls.kept]
-            file = Path(inspect.getsourcefile(kernels.TWINS[name]) or "")
-            found[name] = {
-                "file": file.relative_to(ROOT / "slamlab").as_posix(),
-                "calls": calls.n,
-                "twin": twin,
-                "kernel": kernel,
-                "sizes": sizes,
-            }
+            found[name] = {"calls": calls.n, "twin": twin, "kernel": kernel, "sizes": sizes}
         Path(path).write_text(json.dumps(found))
 
 
@@ -165,16 +157,15 @@ KERNELS: dict[str, tuple[str, Sizes, tuple[str, ...]]] = {
 
 COLUMNS = [
     "kernel",
-    "twin, in `slamlab`",
     "input",
-    "where",
-    "calls there",
+    "chapter",
+    "calls",
     "twin (ms)",
     "kernel (ms)",
     "factor",
-    "saved there (s)",
+    "saved (s)",
 ]
-WORDS = 4
+WORDS = 3
 
 
 def rows() -> list[tuple[object, ...]]:
@@ -192,9 +183,9 @@ def row(name: str, place: str, calls: list[dict[str, Any]]) -> tuple[object, ...
     )
     sizes = zip(*(size for some in calls for size in some["sizes"]), strict=True)
     given = KERNELS[name][0].format(*(round(median(some)) for some in sizes))
-    where = f"chapter {place}" if place.isdigit() else f"stored: {place}"
+    where = place if place.isdigit() else f"{place}, stored"
     times = (1e3 * twin, 1e3 * kernel, f"{twin / kernel:.1f}", f"{n * (twin - kernel):.1f}")
-    return f"`{name}`", f"`{calls[0]['file']}`", given, where, n, *times
+    return name, given, where, n, *times
 
 
 def measured(place: str) -> dict[str, list[dict[str, Any]]]:

@@ -89,7 +89,8 @@ TABLES = {
         "counted; at most 24 of a page, evenly spread, are then made again by the kernel and by "
         "its twin, in turn. A time is the mean of these calls, weighted by the calls of each "
         "page, and of a call the shortest of up to five rounds; an input is the median. A twin "
-        "has no compiled code within. What is saved there is the number of calls times the "
+        "has no compiled code within; it is the function above which its system's file has "
+        '`@compiled("boxes.search")`, say. What is saved is the number of calls times the '
         "difference of the two times. *Stored* are the runs that `tools/lesson_tables.py` makes "
         "for a chapter, which then only shows them.",
     ),

@@ -57,7 +57,9 @@ def side_by_side(
     from slamlab.plots import use_style
 
     use_style()
-    figure = Figure(figsize=(7, 3.4), layout=PlaceHolderLayoutEngine(True, True))
+    # Not that of the style sheet, which would move the panels when the figure is shown.
+    layout = PlaceHolderLayoutEngine(adjust_compatible=True, colorbar_gridspec=True)
+    figure = Figure(figsize=(7, 3.4), layout=layout)
     left, right = figure.subplots(1, 2)  # the book stacks them on a phone: it finds the gap
     picture(right, reference)
     message = attempt(partial(picture, left, _watched(student)))

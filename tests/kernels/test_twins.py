@@ -78,8 +78,12 @@ def test_occupancy_a_beam_without_end_is_cut_at_the_grid():
         assert log_odds.tolist() == [[0] * 5, [0, -1, -1, -1, -1], [0] * 5]
 
 
-SOURCES = [path.read_text() for path in (ROOT / "slamlab").rglob("*.py")]
-KERNELS = re.findall(r'@compiled\("([\w.]+)"\)', "\n".join(SOURCES))
+KERNELS = [
+    name
+    for path in (ROOT / "slamlab").rglob("*.py")
+    if path.parent.name != "kernels"  # a twin stands in its system's file
+    for name in re.findall(r'@compiled\("([\w.]+)"\)', path.read_text())
+]
 TESTS = "\n".join(path.read_text() for path in Path(__file__).parent.glob("test_*.py"))
 
 
@@ -90,7 +94,7 @@ def test_a_test_of_this_folder_calls_each_plain_twin(name):
 
 
 # Rows that the page shows to fail the rule: there is little to mark in a small room.
-ELSEWHERE = {("floor.mark_free", "chapter 18")}
+ELSEWHERE = {("floor.mark_free", "18")}
 
 
 def cells_of_table():
@@ -103,17 +107,16 @@ def cells_of_table():
 
 def test_every_kernel_has_a_row_in_the_table_and_no_other_has():
     assert len(KERNELS) == len(set(KERNELS)) > 20
-    assert {row["kernel"].strip("`") for row in cells_of_table()} == set(KERNELS)
+    assert {row["kernel"] for row in cells_of_table()} == set(KERNELS)
 
 
 @pytest.mark.parametrize("name", KERNELS)
 def test_a_kernel_is_three_times_faster_and_saves_a_second(name):
-    rows = [row for row in cells_of_table() if row["kernel"] == f"`{name}`"]
+    rows = [row for row in cells_of_table() if row["kernel"] == name]
     for row in rows:
-        if (name, row["where"]) not in ELSEWHERE:
+        if (name, row["chapter"]) not in ELSEWHERE:
             assert float(row["factor"]) >= 3.0
-        assert (ROOT / "slamlab" / row["twin, in `slamlab`"].strip("`")).is_file()
-    kept = [float(row["saved there (s)"]) for row in rows if float(row["factor"]) >= 3.0]
+    kept = [float(row["saved (s)"]) for row in rows if float(row["factor"]) >= 3.0]
     assert max(kept) >= 1.0
 
 
