@@ -171,10 +171,10 @@ def table(name: str, rows: list[tuple], module: object) -> str:
     columns = getattr(module, "COLUMNS", None) or HEAD + more
     width = max((len(row) for row in rows), default=len(columns))
     columns = (list(columns) + [""] * width)[:width]
-    n_words = getattr(module, "WORDS", 1)  # columns that are words, not numbers
+    words = getattr(module, "WORDS", (0,))  # columns that are words, not numbers
     lines = [title, ""] + ([text, ""] if text else [])
     lines += ["| " + " | ".join(columns) + " |"]
-    lines += ["|---" * n_words + "|---:" * (width - n_words) + "|"]
+    lines += ["".join("|---" if n in words else "|---:" for n in range(width)) + "|"]
     lines += ["| " + " | ".join(cell(value) for value in row) + " |" for row in rows]
     return "\n".join(lines)
 
