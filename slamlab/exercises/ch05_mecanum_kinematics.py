@@ -120,12 +120,12 @@ def _wheels_drawn(ax: Any, function: Any) -> None:
     from slamlab import plots
 
     r, d, beta = _KIWI
-    wished = np.repeat([[0.5, 0.0, 0.0], [0.0, -0.5, 0.5]], [32, 252], axis=0)
+    wished = np.repeat([[0.5, 0.0, 0.0], [0.0, -0.5, 5 / 6]], [24, 151], axis=0)
     wheels = np.array([np.asarray(function(u, r, d, beta), float) for u in wished])
     J = np.column_stack([-np.sin(beta), np.cos(beta), np.full(3, d)]) / r
     paths = []
     for velocities in (wished, wheels @ np.linalg.inv(J).T):
-        driven = [np.array([-1.8, 0.0, 0.0])]
+        driven = [np.array([-1.2, 0.0, 0.0])]
         for u in velocities:
             driven.append(exact_step(driven[-1], u, 0.05))
         paths.append(np.array(driven))
@@ -136,13 +136,13 @@ def _wheels_drawn(ax: Any, function: Any) -> None:
     for c, s in zip(np.cos(beta), np.sin(beta), strict=True):
         robot += [gap, d * np.array([[c, c], [s, s]]) + 0.08 * np.array([[s, -s], [-c, c]])]
     along, left = np.hstack(robot)
-    ax.fill(*(0.4 * circle), color="0.85")
+    ax.fill(*(0.25 * circle), color="0.85")
     for poses, kind, lw, alpha in zip(
         paths, ("truth", "estimate"), (6, 1.5), (0.2, 1.0), strict=True
     ):
         style: Any = {"color": plots.COLOURS[kind], "lw": lw, "alpha": alpha}
         ax.plot(*poses[:, :2].T, **style)
-        for x, y, theta in poses[[0, 95, 158, 221]]:
+        for x, y, theta in poses[[0, 62, 99, 137]]:
             c, s = np.cos(theta), np.sin(theta)
             ax.plot(x + c * along - s * left, y + s * along + c * left, **style)
     plots.floor(ax)
@@ -791,6 +791,9 @@ check_slip.mistakes = {
     "the sum of four independent errors has 2 sigma, not sigma": "(2 * sigma => (sigma",
     "this is half of what is expected: variances add, so front minus rear, a + b - c - d, has 2 "
     "sigma, and a quarter of it has half a sigma": "(2 * sigma => (4 * sigma",
+    "this is a quarter of what is expected: a quarter of the pattern has half a sigma, not 2": (
+        f"{_PATTERN} => [0.25, 0.25, -0.25, -0.25]"
+    ),
     "divide by the standard deviation: 2 sigma, not 4 sigma squared": (
         "(2 * sigma => (4 * sigma**2"
     ),

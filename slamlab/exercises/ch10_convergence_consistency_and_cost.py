@@ -673,7 +673,7 @@ def _day(function: Any, seed: int) -> tuple[Array, Array, Array, Array]:
 
 
 def _joined_drawn(ax: Any, function: Any) -> None:
-    """Draw eight landmarks never seen, in one of twenty drives: before it (grey) and after."""
+    """Draw eight landmarks never seen: grey before one of twenty drives (means above), blue after."""
     from slamlab import plots
 
     off = []
@@ -697,7 +697,7 @@ def _joined_drawn(ax: Any, function: Any) -> None:
     ax.set_aspect("equal")
     ax.set(xlabel="x (m)", ylabel="y (m)", xlim=(-4, 19), ylim=(-9, 10))
     nearer, (old, new) = sum(new < old for old, new in off), np.mean(off, axis=0)
-    ax.set_title(f"mean {old:.2f} m off, then {new:.2f} m;\nnearer in {nearer} of 20 drives")
+    ax.set_title(f"{old:.2f} m off, then {new:.2f} m;\nnearer in {nearer} of 20 drives")
 
 
 check_joined = Check(
