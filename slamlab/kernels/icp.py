@@ -112,8 +112,9 @@ def _equations(reference, normals, points, pose, pair, width, line, H, g):  # ty
 
 
 @njit(cache=True)
-def align(reference, normals, points, pose, width, gates, n_iterations, line):  # type: ignore[no-untyped-def]
+def align(reference, normals, points, pose, width, gates, n_iterations, line, prior):  # type: ignore[no-untyped-def]
     """Do what `slamlab.matching.icp.align` does."""
+    guess = pose.copy()
     hashes = hashed(reference, 0.5 * gates[0])
     pair, places = np.full(len(points), -1), np.zeros((len(points), 3))
     H, g, step = np.empty((3, 3)), np.empty(3), np.zeros(3)
@@ -125,6 +126,9 @@ def align(reference, normals, points, pose, width, gates, n_iterations, line):  
             little = 1e-9 * (H[0, 0] + H[1, 1])
             for i in range(3):
                 H[i, i] += little
+                for m in range(3):
+                    H[i, m] += prior[i, m]
+                    g[i] -= prior[i, m] * (pose[m] - guess[m])
             if not solve3(H, g, step):
                 return np.full(len(points), -1)
             pose += step

@@ -15,14 +15,19 @@ from slamlab._checks import (
     Array,
     as_array,
     as_count,
-    as_covariance,
     as_scalar,
     as_tuple,
 )
 from slamlab.geometry import transform, wrap_angle
 from slamlab.grids import MOST_CELLS, Grid
 from slamlab.kernels import compiled
-from slamlab.matching.match import Match, capped_inverse, finite_points, solved
+from slamlab.matching.match import (
+    Match,
+    capped_inverse,
+    finite_points,
+    prior_information,
+    solved,
+)
 
 __all__ = ["LikelihoodGrid", "match_field"]
 
@@ -218,9 +223,7 @@ def match_field(
     points = finite_points("points", points, 3)
     pose = as_array("guess", guess, (3,)).astype(np.float64)
     rounds = as_count("n_iterations", n_iterations, 1)
-    prior = np.zeros((3, 3))
-    if prior_cov is not None:
-        prior[:] = np.linalg.inv(as_covariance("prior_cov", prior_cov, 3))
+    prior = prior_information("prior_cov", prior_cov)
     for one in fields:
         H, total, left = gauss_newton(
             one.values, one._frame, one.log_odds, points, pose, prior, rounds
@@ -231,16 +234,6 @@ def match_field(
     s2 = max(left / max(n - 3, 1), 1e-9)
     cov = capped_inverse(H / s2, arm)
     return Match(pose, cov, total / n, n, rmse=float(np.sqrt(left / n)))
-
-
-def refined(field: LikelihoodGrid, points: Array, guess: Array) -> tuple[Array, float]:
-    """Pose and residual of `match_field` alone, of arguments that were checked before."""
-    pose = guess.copy()
-    *_, left = gauss_newton(
-        field.values, field._frame, field.log_odds, points, pose, np.zeros((3, 3)), _MOST_STEPS
-    )
-    pose[2] = wrap_angle(pose[2])
-    return pose, float(np.sqrt(left / len(points)))
 
 
 # The algorithm; where numba is installed its twin in `slamlab.kernels.field` serves.

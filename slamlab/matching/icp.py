@@ -24,7 +24,14 @@ from slamlab._checks import (
 )
 from slamlab.geometry import transform, wrap_angle
 from slamlab.kernels import compiled
-from slamlab.matching.match import CAP, Match, capped_inverse, finite_points, solved
+from slamlab.matching.match import (
+    CAP,
+    Match,
+    capped_inverse,
+    finite_points,
+    prior_information,
+    solved,
+)
 
 __all__ = ["PointsWithNormals", "match_icp", "estimate_normals", "voxel_downsample"]
 
@@ -197,8 +204,13 @@ def match_icp(
     gate: float = 0.5,
     fine_gate: float = 0.2,
     n_iterations: int = 15,
+    prior_cov: ArrayLike | None = None,
+    noise: float = 0.05,
 ) -> Match:
     """Lay points upon a reference: pair with the nearest, step, again.
+
+    With `prior_cov` the guess is a measurement like the pairs, and the result the most probable
+    pose: where no wall holds it, the guess does.
 
     Parameters
     ----------
@@ -218,15 +230,20 @@ def match_icp(
         then the same with this gate (never more than `gate`).
     n_iterations : int, default 15
         Rounds at most, for each gate.
+    prior_cov : array_like, shape (3, 3), optional
+        Covariance of the guess, if it is to pull.
+    noise : float, default 0.05
+        With `prior_cov`: standard deviation of a pair's error (m).
 
     Returns
     -------
     Match
-        `cov` holds the noise of scan and reference, both estimated from what is left of the
-        errors; information along a wall that only the noise of its normals pretends is taken
-        off, and a direction that fewer than three pairs would hold is held by none.
+        With `prior_cov`, `cov` is that of both together, (J^T w J / noise^2 + prior_cov^-1)^-1.
+        Without it, `cov` holds the noise of scan and reference, both estimated from what is left
+        of the errors; information along a wall that only the noise of its normals pretends is
+        taken off, and a direction that fewer than three pairs would hold is held by none.
         `score` is the sum of the weights over the number of points; 0 if fewer than three
-        pairs were found: then the pose is the guess and `cov` large.
+        pairs were found: then the pose is the guess and `cov` large, or `prior_cov`.
 
     Raises
     ------
@@ -242,6 +259,13 @@ def match_icp(
     >>> scan = inverse_transform([0.1, 0.05, 0.02], corner)
     >>> match_icp(corner, scan, guess=[0, 0, 0]).pose.round(3).tolist()
     [0.1, 0.05, 0.02]
+
+    One wall holds y and the heading; x is the guess's, and as unsure as it.
+
+    >>> prior_cov = np.diag([0.02, 0.1, 0.1]) ** 2
+    >>> match = match_icp(corner[:61], scan[:61], [0.07, 0, 0], prior_cov=prior_cov)
+    >>> match.pose.round(3).tolist(), np.sqrt(match.cov[0, 0]).round(3).item()
+    ([0.07, 0.049, 0.02], 0.02)
     """
     line = as_choice("metric", metric, ["line", "point"]) == "line"
     base = _reference(reference, line)
@@ -251,14 +275,21 @@ def match_icp(
     gate = as_scalar("gate", gate, 1e-6, 1e6)
     gates = np.array([gate, min(as_scalar("fine_gate", fine_gate, 1e-6, 1e6), gate)])
     rounds = as_count("n_iterations", n_iterations, 1)
+    noise = as_scalar("noise", noise, 1e-6, 1e6)
+    prior = noise**2 * prior_information("prior_cov", prior_cov)
     pose = guess.copy()
-    pair = align(base.points, base.normals, points, pose, width, gates, rounds, line)
+    pair = align(base.points, base.normals, points, pose, width, gates, rounds, line, prior)
     arm = float(np.sqrt((points**2).sum(1).mean()))
     met = pair >= 0
     if met.sum() < 3 or not np.isfinite(pose).all():
-        return Match(guess, capped_inverse(np.zeros((3, 3)), arm), 0.0, 0)
+        cov = capped_inverse(np.zeros((3, 3)), arm) if prior_cov is None else prior_cov
+        return Match(guess, np.array(cov, float), 0.0, 0)
     e, J, w = errors(base.points, base.normals, points, pose, pair, width, line)
-    cov = covariance(base, pair[met], turned_by(pose[2], points[met]), e, J, w, width, arm)
+    if prior_cov is None:
+        cov = covariance(base, pair[met], turned_by(pose[2], points[met]), e, J, w, width, arm)
+    else:
+        cov = noise**2 * np.linalg.inv(information(w, J) + prior)
+        cov = 0.5 * (cov + cov.T)
     pose[2] = wrap_angle(pose[2])
     total = float(w.sum())
     rmse = float(np.sqrt(w @ (e**2).sum(1) / total))
@@ -268,18 +299,20 @@ def match_icp(
 @compiled("icp.align")
 def align(
     reference: Array, normals: Array, points: Array, pose: Array, width: float, gates: Array,
-    n_iterations: int, line: bool,
+    n_iterations: int, line: bool, prior: Array,
 ) -> NDArray[np.int64]:  # fmt: skip
     """Move `pose` (3,) to where points (k, 2) lie best; return the partner of each, -1 for none.
 
-    No partners at all if they hold no pose.
+    `prior` (3, 3) is the information of the pose given, in units of that of a pair. No partners
+    at all if they hold no pose.
     """
-    tree = cKDTree(reference)
+    tree, guess = cKDTree(reference), pose.copy()
     for gate in gates:  # first wide, then narrow
         for _ in range(n_iterations):
             pair = partners(tree, transform(pose, points), gate)
             e, J, w = errors(reference, normals, points, pose, pair, width, line)
-            H, g = information(w, J), -((w[:, None] * e)[..., None] * J).sum((0, 1))
+            H = information(w, J) + prior
+            g = -((w[:, None] * e)[..., None] * J).sum((0, 1)) - prior @ (pose - guess)
             # Next to nothing on the diagonal keeps a direction that no wall holds where it is.
             step = solved(H + 1e-9 * (H[0, 0] + H[1, 1]) * np.eye(3), g)
             if len(w) < 3 or step is None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_shaped
+from slamlab._checks import Array, as_one_covariance, as_shaped, shown
 
 __all__ = ["Match"]
 
@@ -66,6 +66,16 @@ def capped_inverse(H: Array, arm: float) -> Array:
     values, vectors = np.linalg.eigh(scale[:, None] * H * scale)
     inverse = (vectors / np.maximum(values, 1.0 / CAP**2)) @ vectors.T
     return scale[:, None] * inverse * scale
+
+
+def prior_information(name: str, cov: ArrayLike | None) -> Array:
+    """Information (3, 3) of a guess with this covariance, none at all if there is none given."""
+    if cov is None:
+        return np.zeros((3, 3))
+    try:
+        return np.linalg.inv(as_one_covariance(name, cov, 3)).astype(np.float64)
+    except np.linalg.LinAlgError as error:
+        raise ValueError(f"{name}: expected a regular matrix, got {shown(cov)}") from error
 
 
 def finite_points(name: str, points: ArrayLike, at_least: int = 1) -> Array:

@@ -1,7 +1,7 @@
 """Front end of `ScanGraphSlam`: where is this scan among the last few keyframes.
 
-Climb a field of the last keyframes; if that fails, search; end with point to line, which has no
-bias. Chapter 14 measures what each step gains.
+Point to line, with the wheels' guess as a measurement beside the pairs; if that fits badly, the
+same from where a search leads. Chapter 14 measures what each step gains.
 
 Along a plain corridor the wheels decide. The covariance that comes out is too small there: their
 errors from scan to scan are taken for independent, and a slipping wheel errs the same way again.
@@ -10,12 +10,13 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_distances
-from slamlab.geometry import between, rotation, wrap_angle
+from slamlab.geometry import rotation
 from slamlab.matching import (
     LikelihoodGrid,
     PointsWithNormals,
@@ -23,18 +24,21 @@ from slamlab.matching import (
     match_icp,
     voxel_downsample,
 )
-from slamlab.matching.field import refined
 from slamlab.matching.match import Match
 from slamlab.models import ScanSensor, as_scan_sensor
 
 REACH = 30.0  # points farther away than this (m) are not matched
 SPACING = 0.1  # one point in every square of this side (m)
 FIELD = (0.1, 0.1)  # width and cell of the fields (m)
-MAX_RMSE = 0.5  # root mean square of 1 - M from which on a climb is not believed
 LEAST_POINTS = 10
-MAX_RMSE_RATIO = 0.8  # what a search finds must fit so much better than the climb from the guess
-# A match that is believed: so many points have a partner, their part of all, their mean weight.
-MIN_CORRESPONDENCES, MIN_FITNESS, MIN_MEAN_WEIGHT = 25, 0.2, 0.45
+WIDTH, NOISE = (
+    0.1,
+    0.05,
+)  # of a pair: the error from which on it counts less, its standard deviation
+# Below the first score a search helps, if it gains so much; below the last no match is believed.
+GOOD_SCORE, MIN_GAIN, MIN_SCORE = 0.5, 0.1, 0.25
+WINDOW, TURN = 1.0, np.deg2rad(15)  # of the search (m, rad)
+SEARCH_COV = np.diag(np.square([0.3, 0.3, 0.1]))  # what the search is unsure of, at least
 ODOMETRY_INFLATION = 9.0  # times the covariance that wheels claim: they have a bias, too
 # What a match is unsure of besides its noise: the reference is a set of points, not the wall (m,
 # m, rad).
@@ -84,40 +88,37 @@ def outline_at(nodes: Sequence[PointsWithNormals], poses: Array) -> PointsWithNo
 
 
 class LocalMap:
-    """Some nodes at their places, as a field to climb and walls to lie on."""
+    """Some nodes at their places, as walls to lie on and a field to search."""
 
     def __init__(self, placed: Iterable[PointsWithNormals]) -> None:
-        outline = PointsWithNormals.concatenated(placed)
-        self.walls = outline.on_lines()
-        self.field = LikelihoodGrid.of_points(voxel_downsample(outline.points, SPACING), *FIELD)
+        self._outline = PointsWithNormals.concatenated(placed)
+        self.walls = self._outline.on_lines()
+
+    @cached_property
+    def field(self) -> LikelihoodGrid:
+        """How near a place is to a point of the map."""
+        return LikelihoodGrid.of_points(voxel_downsample(self._outline.points, SPACING), *FIELD)
 
 
 def track(local_map: LocalMap, points: Array, guess: Array, cov: Array) -> Match | None:
-    """Match a scan against a local map; None if it does not lie well where it can be.
-
-    `cov` (3, 3) is how unsure the guess is: how far the search looks and a match may lie.
-    """
-    window = 0.3 + 2 * float(np.sqrt(max(cov[0, 0], cov[1, 1])))
-    turn = min(np.deg2rad(10) + 2 * float(np.sqrt(cov[2, 2])), np.pi)
-    pose, misfit = refined(local_map.field, points, guess)
-    if misfit > MAX_RMSE:
-        found = match_correlative(local_map.field, points, guess, min(window, 3.0), turn)
-        if found is not None:
-            other, left = refined(local_map.field, points, found.pose)
-            if left < MAX_RMSE_RATIO * misfit:
-                pose = other
+    """Most probable pose of a scan by a local map and the guess; None if it lies nowhere well."""
     if len(local_map.walls.points) < 3:
         return None
-    match = match_icp(local_map.walls, points, pose)
-    dx, dy, dtheta = between(guess, match.pose)
-    possible = np.hypot(dx, dy) <= window and abs(dtheta) <= turn
-    return match if possible and _good(match, len(points)) else None
-
-
-def _good(match: Match, n: int) -> bool:
-    pairs = match.n_points
-    weight = match.score * n / max(pairs, 1)
-    return pairs >= MIN_CORRESPONDENCES and pairs >= MIN_FITNESS * n and weight >= MIN_MEAN_WEIGHT
+    cov = cov + MIN_COV
+    match = match_icp(local_map.walls, points, guess, width=WIDTH, prior_cov=cov, noise=NOISE)
+    if match.score < GOOD_SCORE:
+        found = match_correlative(local_map.field, points, guess, WINDOW, TURN)
+        if found is not None:
+            other = match_icp(
+                local_map.walls,
+                points,
+                found.pose,
+                width=WIDTH,
+                prior_cov=cov + SEARCH_COV,
+                noise=NOISE,
+            )
+            match = other if other.score > match.score + MIN_GAIN else match
+    return match if match.score > MIN_SCORE else None
 
 
 def edge_cov(cov: Array, heading: Array, floor: Array) -> Array:
@@ -126,16 +127,3 @@ def edge_cov(cov: Array, heading: Array, floor: Array) -> Array:
     turn[:2, :2] = rotation(-heading)
     cov = turn @ cov @ turn.T + floor
     return 0.5 * (cov + cov.T)
-
-
-def fused(match: Match, guess: Array, cov: Array) -> tuple[Array, Array]:
-    """Match and guess as one pose and covariance.
-
-    Where walls hold the scan the match decides; along a corridor, where its covariance is wide,
-    the wheels do.
-    """
-    wide = cov + MIN_COV
-    gain = wide @ np.linalg.inv(wide + match.cov)
-    off = match.pose - guess
-    off[2] = wrap_angle(off[2])
-    return guess + gain @ off, (np.eye(3) - gain) @ wide

@@ -39,7 +39,6 @@ from slamlab.slam._tracking import (
     LocalMap,
     ScanSystem,
     edge_cov,
-    fused,
     has_moved,
     scan_points,
     track,
@@ -176,9 +175,9 @@ class ScanGraphSlam(ScanSystem):
             self._local_map = self._local_map or LocalMap(self._recent)
             match = track(self._local_map, points, self._pose, self._moved_cov)
             self.lost = match is None
-        if match is not None:  # the wheels and the match as one
+        if match is not None:  # the wheels and the walls as one
             before = self._cov - self._moved_cov
-            self._pose, self._moved_cov = fused(match, self._pose, self._moved_cov)
+            self._pose, self._moved_cov = match.pose, match.cov
             self._cov = before + self._moved_cov
         elif enough and self.nodes:  # the wheels alone
             self.unmatched_scans.append(len(self._steps))
