@@ -52,9 +52,9 @@ METHODS = {
     "point to line, last scan": lambda log: chain(log, "line"),
     "Hector, 1 level": slam(lambda log: HectorSlam(log.scan, log.truth[0], levels=1)),
     "Hector, 3 levels": slam(lambda log: HectorSlam(log.scan, log.truth[0])),
-    "climb, search, line; 5 scans": scans(5),
-    "climb, search, line; 20 scans": scans(20),
-    "20 scans and closures": lambda log: (
+    "point to line, 5 keyframes": scans(5),
+    "point to line, 20 keyframes": scans(20),
+    "20 keyframes and closures": lambda log: (
         run(ScanGraphSlam(log.scan, log.truth[0]), log).system.trajectory
     ),
 }
@@ -78,7 +78,7 @@ TRIAL = Trial(
     one,
     sample=(
         ("CSAIL", "point to line, last scan", 1),
-        ("CSAIL", "climb, search, line; 5 scans", 2),
+        ("CSAIL", "point to line, 5 keyframes", 2),
     ),
     off=0.006,
     needs_data=tuple(LOGS),

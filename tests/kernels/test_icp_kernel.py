@@ -15,6 +15,7 @@ from slamlab.matching.icp import align
 
 pytestmark = pytest.mark.needs_numba(reason="there is only the plain twin")
 GATES = np.array([0.5, 0.2])
+FREE = np.zeros((3, 3))  # no prior
 
 
 def court():
@@ -28,13 +29,14 @@ def court():
         yield PointsWithNormals.concatenated(twenty).on_lines(), walls[k].points, log.truth[k]
 
 
+@pytest.mark.parametrize("prior", [np.zeros((3, 3)), np.diag([3.0, 0.3, 9.0]) + 0.1])
 @pytest.mark.parametrize("line", [True, False])
-def test_both_find_the_same_partners_and_the_same_pose(line):
+def test_both_find_the_same_partners_and_the_same_pose(line, prior):
     assert TWINS["icp.align"] is align.plain
     found = []
     for walls, points, guess in court():
         kernel, plain = guess.copy(), guess.copy()
-        rest = 0.05, GATES, 15, line
+        rest = 0.05, GATES, 15, line, prior
         pairs = align(walls.points, walls.normals, points, kernel, *rest)
         again = align.plain(walls.points, walls.normals, points, plain, *rest)
         np.testing.assert_array_equal(again, pairs)
@@ -44,12 +46,25 @@ def test_both_find_the_same_partners_and_the_same_pose(line):
     assert np.median(found) > 25
 
 
+def test_a_prior_pulls_towards_the_guess():
+    walls, points, guess = next(court())
+    ends = []
+    for strength in (0.0, 10.0, 1e6):
+        pose, prior = guess.copy(), strength * np.eye(3)
+        align.plain(walls.points, walls.normals, points, pose, 0.05, GATES, 15, True, prior)
+        ends.append(np.abs(pose - guess).max())
+    assert ends[0] > ends[1] > ends[2]
+    assert ends[2] < 1e-4
+
+
 def test_one_round_less_is_another_pose():
     walls, points, guess = next(court())
     poses = []
     for rounds in (2, 3):
         poses.append(guess.copy())
-        align.plain(walls.points, walls.normals, points, poses[-1], 0.05, GATES, rounds, True)
+        align.plain(
+            walls.points, walls.normals, points, poses[-1], 0.05, GATES, rounds, True, FREE
+        )
     assert np.abs(poses[0] - poses[1]).max() > 1e-6
 
 
@@ -60,5 +75,5 @@ def test_both_find_no_partner_where_the_points_hold_no_pose(shift):
     some = points if shift else points[:2]
     for one in (align, align.plain):
         pose = np.array([shift, 0.0, 0.0])
-        pairs = one(walls.points, walls.normals, some, pose, 0.05, GATES, 15, True)
+        pairs = one(walls.points, walls.normals, some, pose, 0.05, GATES, 15, True, FREE)
         assert pairs.tolist() == [-1] * len(some)

@@ -5,7 +5,6 @@ import pytest
 
 from slamlab.geometry import compose, inverse, transform
 from slamlab.matching import LikelihoodGrid, match_field, voxel_downsample
-from slamlab.matching.field import refined
 from slamlab.sensors import Lidar
 from slamlab.worlds import rooms
 
@@ -190,14 +189,3 @@ def test_the_covariance_is_wide_along_a_wall():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-def test_the_climb_alone_is_that_of_the_match():
-    pose = np.array([2.0, 4.0, 0.3])
-    field, points = LikelihoodGrid.of_points(transform(pose, scan(pose))), scan(pose, 1)
-    for off in np.random.default_rng(4).uniform(-0.3, 0.3, (20, 3)):
-        match = match_field(field, points, pose + off)
-        found, residual = refined(field, points, pose + off)
-        np.testing.assert_array_equal(found, match.pose)
-        assert residual == match.rmse
-        assert residual != match_field(field, points, pose + off, n_iterations=1).rmse

@@ -169,6 +169,50 @@ def test_no_pairs_is_a_match_that_knows_nothing():
     assert match.pose.tolist() == [100.0, 0.0, 0.0]
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_with_a_prior_the_result_is_the_most_probable_pose(seed):
+    """The gradient of both terms is zero, and the covariance is the inverse of both together."""
+    a, b = pair_of_scans(seed)
+    walls = PointsWithNormals.estimate(a).on_lines()
+    guess, noise = MOTION + [0.05, -0.04, 0.03], 0.05
+    prior_cov = np.array([[4.0, 1.0, 0.2], [1.0, 3.0, 0.1], [0.2, 0.1, 1.0]]) * 1e-4
+    match = match_icp(walls, b, guess, prior_cov=prior_cov, noise=noise, n_iterations=50)
+    distance, j = cKDTree(walls.points).query(transform(match.pose, b))
+    pair = np.where(distance < 0.2, j, -1)
+    e, J, w = errors(walls.points, walls.normals, b, match.pose, pair, 0.05, True)
+    e, J, P = e[:, 0], J[:, 0], np.linalg.inv(prior_cov)
+    pairs_pull, prior_pulls = J.T @ (w * e) / noise**2, P @ (match.pose - guess)
+    assert np.abs(pairs_pull + prior_pulls).max() < 1e-2 < 0.1 * np.abs(prior_pulls).max()
+    together = np.linalg.inv(J.T @ (w[:, None] * J) / noise**2 + P)
+    np.testing.assert_allclose(match.cov, together, rtol=1e-9, atol=1e-12)
+    free = match_icp(walls, b, guess, n_iterations=50)  # the wrong form: no prior
+    assert np.abs(free.pose - match.pose).max() > 1e-4
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_no_wall_holds_the_pose_the_prior_does(seed):
+    rng, hall = np.random.default_rng(seed), rooms.corridor()
+    sight = Lidar(360, max_range=2.5, sigma_range=0.01)
+    here = np.array([6.0, 1.0, 0.0])
+    a, b = (scan(p, rng, sight, hall) for p in (here, compose(here, [0.3, 0.05, 0.1])))
+    guess, sigmas = np.array([0.4, 0.0, 0.05]), np.array([0.2, 0.2, 0.1])
+    match = match_icp(a, b, guess, width=0.1, prior_cov=np.diag(sigmas**2))
+    assert np.abs(match.pose[1:] - [0.05, 0.1]).max() < 0.01
+    claimed = np.sqrt(np.diag(match.cov))
+    assert abs(match.pose[0] - 0.4) < claimed[0]  # the guess's, although it is 0.1 m off
+    assert 0.08 < claimed[0] < 0.2  # the rest is what tilted normals pretend
+    assert claimed[1] < 0.02
+    assert claimed[2] < 0.02
+
+
+def test_without_pairs_the_prior_is_all_there_is():
+    a, b = pair_of_scans()
+    match = match_icp(a, b, [100.0, 0.0, 0.0], prior_cov=0.01 * np.eye(3))
+    assert match.score == 0.0
+    assert match.pose.tolist() == [100.0, 0.0, 0.0]
+    np.testing.assert_array_equal(match.cov, 0.01 * np.eye(3))
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -179,6 +223,9 @@ def test_no_pairs_is_a_match_that_knows_nothing():
         (lambda a: match_icp(a, a, np.zeros(3), width=0), "width"),
         (lambda a: match_icp(a, a, np.zeros(3), gate=-1), "gate"),
         (lambda a: match_icp(a, a, np.zeros(3), n_iterations=0), "n_iterations"),
+        (lambda a: match_icp(a, a, np.zeros(3), prior_cov=np.zeros((3, 3))), "prior_cov.*regular"),
+        (lambda a: match_icp(a, a, np.zeros(3), prior_cov=np.eye(2)), "prior_cov"),
+        (lambda a: match_icp(a, a, np.zeros(3), noise=0.0), "noise"),
         (lambda a: estimate_normals([[np.nan, 0.0]]), "points"),
         (lambda a: voxel_downsample(a, 0.0), "spacing"),
     ],

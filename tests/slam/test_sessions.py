@@ -62,7 +62,7 @@ def test_a_drive_through_another_building_is_kept_beside_the_map(seed):
     alignment = found.add(*other)
     assert alignment.frame is None
     assert alignment.places > 10
-    assert alone.startswith("Sessions(1 drive of 152 nodes, ")
+    assert alone.startswith("Sessions(1 drive of 145 nodes, ")
     assert "0 waiting" in alone
     assert repr(found) == alone.replace("0 waiting", "1 waiting")
     np.testing.assert_array_equal(paths(found), before)
@@ -117,7 +117,7 @@ def test_systems_are_not_changed_and_two_calls_agree():
     np.testing.assert_array_equal(paths(one), paths(two))
     assert [c.state for c in before[0]] == [c.state for c in second[0].closures]
     np.testing.assert_array_equal(before[1], second[0].trajectory)
-    assert len(first[0].nodes) == 152
+    assert len(first[0].nodes) == 145
 
 
 def test_what_is_saved_is_loaded_and_goes_on_alike(tmp_path):
