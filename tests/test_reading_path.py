@@ -477,7 +477,7 @@ SYSTEMS = {
     "path memory, a point": (path_point, ("navigation/path_memory.py",), OWN),
     "path memory, a segment": (path_segment, ("navigation/path_memory.py",), OWN),
     "signatures": (signatures, ("localization/signature.py",), OWN + 8),
-    "ICP": (icp, ("matching/icp.py",), OWN + 20),  # 50 of them: normals, covariance after Censi
+    "ICP": (icp, ("matching/icp.py",), OWN + 12),  # 48 of them: normals, covariance after Censi
     "Hector": (hector, ("slam/hector.py",), OWN),
     "scan graph": (scan_graph, ("slam/scan_graph.py", "slam/_tracking.py"), OWN),
     "scan graph, a closure": (closure, ("slam/_closures.py",), OWN),

@@ -143,12 +143,8 @@ class PointsWithNormals:
     def on_lines(self) -> PointsWithNormals:
         """Return the outline without the points whose neighbours draw no line."""
         on_wall = np.isfinite(self.normals[:, 0])
-        if on_wall.all():
-            return self
-        rows = np.flatnonzero(on_wall)
-        return PointsWithNormals(
-            *(one.take(rows, 0) for one in (self.points, self.normals, self.normal_variances))
-        )
+        parts = self.points, self.normals, self.normal_variances
+        return PointsWithNormals(*(part[on_wall] for part in parts))
 
     @classmethod
     def concatenated(cls, outlines: Iterable[PointsWithNormals]) -> PointsWithNormals:
@@ -326,9 +322,7 @@ def turned_by(angle: float, points: Array) -> Array:
 
 def information(w: Array, J: Array) -> Array:
     """Sum of w J^T J (3, 3) over Jacobians (n, d, 3)."""
-    rows = (w[:, None, None] * J).reshape(-1, 3)
-    H: Array = rows.T @ J.reshape(-1, 3)
-    return H
+    return np.asarray((w[:, None, None] * J).reshape(-1, 3).T @ J.reshape(-1, 3))
 
 
 def covariance(
