@@ -213,7 +213,8 @@ class Check:
     returns : str
         Names of the results, separated by commas.
     properties : mapping
-        From a sentence to a tuple of arguments, or to ``draw(rng) -> arguments``.
+        From a sentence to a tuple of arguments, or to ``draw(rng) -> arguments``; a function of
+        nothing gives one tuple, which takes a while to compute, when it is asked for.
     mistakes : mapping
         From what to tell the student to a wrong function, or to an edit ``"old => new"`` of the
         reference's source (every old piece gives way to the new one), or to a tuple of edits.
@@ -334,8 +335,13 @@ class Check:
         for name, given in self._properties.items():
             own = zlib.crc32(name.encode())
             rngs = [np.random.default_rng((own, *seed)) for seed in self._seeds]
-            for arguments in [given(rng) for rng in rngs] if callable(given) else [given]:
-                pairs.append((name, self._typed(arguments)))
+            if not callable(given):
+                each = [given]
+            elif not inspect.signature(given).parameters:
+                each = [given()]
+            else:
+                each = [given(rng) for rng in rngs]
+            pairs += [(name, self._typed(arguments)) for arguments in each]
         return pairs
 
     @cached_property
