@@ -1,7 +1,7 @@
 """Least squares on a graph of poses: the error of an edge, Gauss-Newton, robust kernels.
 
 Grisetti et al. 2010, "A tutorial on graph-based SLAM": error (30) to (33), algorithm 1; as g2o.
-`PoseGraph.optimize` is the door; chapter 13 derives it: (A) to (F) are its formulas.
+`PoseGraph.optimize` is the door; chapter 13 derives it: (A) to (C) and (F) are its formulas.
 """
 
 from __future__ import annotations
@@ -295,7 +295,7 @@ class NormalEquations:
         return self.factors.solve(b)
 
     def moved(self, x: Array, dx: Array) -> Array:
-        """Vertices x (n, 3) with their free coordinates moved by dx (N,); angles wrapped."""
+        """Vertices x (n, 3), the free moved by dx (N,); angles wrapped, an infinite one is NaN."""
         x = x.copy()
         x[self.free] += dx
         x[:, 2] = wrap_angle(np.where(np.isinf(x[:, 2]), np.nan, x[:, 2]))
