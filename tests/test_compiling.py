@@ -132,9 +132,11 @@ def test_without_numba_plain_code_serves_and_says_so_once():
 
 def test_numba_is_imported_by_the_first_call_of_a_kernel_and_not_before():
     code = (
-        "import sys\n"
-        "import slamlab.exercises.labs, slamlab.navigation, slamlab.plots, slamlab.slam\n"
+        "import pkgutil, sys\n"
+        "import slamlab.exercises, slamlab.navigation, slamlab.plots, slamlab.slam\n"
         "import slamlab.simulation, slamlab.widgets\n"
+        "for one in pkgutil.iter_modules(slamlab.exercises.__path__, 'slamlab.exercises.'):\n"
+        "    __import__(one.name)\n"
         "before = 'numba' in sys.modules\n"
         "from slamlab.mapping import OccupancyGrid\n"
         "from slamlab.sensors import Lidar\n"

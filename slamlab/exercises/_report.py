@@ -213,7 +213,8 @@ class Check:
     returns : str
         Names of the results, separated by commas.
     properties : mapping
-        From a sentence to a tuple of arguments, or to ``draw(rng) -> arguments``.
+        From a sentence to a tuple of arguments, or to ``draw(rng) -> arguments``; a function of
+        nothing gives one tuple, which takes a while to compute, when it is asked for.
     mistakes : mapping
         From what to tell the student to a wrong function, or to an edit ``"old => new"`` of the
         reference's source (every old piece gives way to the new one), or to a tuple of edits.
@@ -250,15 +251,13 @@ class Check:
     ) -> None:
         self.reference, self.mistakes, self.tolerance = reference, mistakes, tolerance
         self.returns = tuple(part.strip() for part in returns.split(","))
-        self._use, self._properties, self._draws = use, properties, draws
+        self._use, self._properties = use, properties
+        self._seeds: list[tuple[int, ...]] = [(k,) for k in range(draws)]  # of drawn inputs
         self._edges = frozenset(edges)
         self._picture, self._hunt = picture, hunt
-        self._years: tuple[int, ...] = ()
         # What a mistake gives on an input: asked of many wrong answers, worked out once.
         self._told: dict[tuple[int, int], Observation] = {}
-        signature = inspect.signature(reference, eval_str=True)
-        self._parameters = list(signature.parameters.values())
-        names = ", ".join(p.name for p in self._parameters)
+        names = ", ".join(p.name for p in self.parameters)
         self.__doc__ = f"Check ``{self.name}({names}) -> {returns}``; returns a `Report`."
 
     def __repr__(self) -> str:
@@ -305,7 +304,8 @@ class Check:
         other = copy.copy(self)
         for known in ("inputs", "due", "_suspects"):
             other.__dict__.pop(known, None)
-        other._years, other._told = (as_count("year", year),), {}
+        own, year = dict.fromkeys(seed[:1] for seed in self._seeds), as_count("year", year)
+        other._seeds, other._told = [*own, *((*seed, year) for seed in own)], {}
         return other
 
     @property
@@ -323,22 +323,25 @@ class Check:
         """Say whether a program with a bug is handed out."""
         return self._hunt
 
-    @property
+    @cached_property
     def parameters(self) -> list[inspect.Parameter]:
         """Parameters of the function that is checked."""
-        return list(self._parameters)
+        return list(inspect.signature(self.reference, eval_str=True).parameters.values())
 
     @cached_property
     def inputs(self) -> list[tuple[str, tuple[Any, ...]]]:
         """Pairs of a property's name and typed arguments."""
         pairs = []
         for name, given in self._properties.items():
-            seed = zlib.crc32(name.encode())
-            seeds: list[tuple[int, ...]] = [(seed, k) for k in range(self._draws)]
-            seeds += [(seed, k, year) for year in self._years for k in range(self._draws)]
-            rngs = [np.random.default_rng(one) for one in seeds]
-            for arguments in [given(rng) for rng in rngs] if callable(given) else [given]:
-                pairs.append((name, self._typed(arguments)))
+            own = zlib.crc32(name.encode())
+            rngs = [np.random.default_rng((own, *seed)) for seed in self._seeds]
+            if not callable(given):
+                each = [given]
+            elif not inspect.signature(given).parameters:
+                each = [given()]
+            else:
+                each = [given(rng) for rng in rngs]
+            pairs += [(name, self._typed(arguments)) for arguments in each]
         return pairs
 
     @cached_property
@@ -392,14 +395,14 @@ class Check:
         return Report(self.name, tuple(rows), self._named(observations, held), right, self._hunt)
 
     def _typed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-        if len(self._parameters) != len(arguments):
+        if len(self.parameters) != len(arguments):
             return tuple(arguments)
-        pairs = zip(self._parameters, arguments, strict=True)
+        pairs = zip(self.parameters, arguments, strict=True)
         return tuple(_TYPES.get(p.annotation, lambda v: v)(value) for p, value in pairs)
 
     def _names(self, arguments: tuple[Any, ...]) -> list[str]:
-        if len(arguments) == len(self._parameters):
-            return [p.name for p in self._parameters]
+        if len(arguments) == len(self.parameters):
+            return [p.name for p in self.parameters]
         own = list(inspect.signature(self._use).parameters)[1:] if self._use else []
         if len(own) == len(arguments):
             return own
@@ -439,7 +442,7 @@ class Check:
     def _lines(self, k: int, seen: Observation) -> tuple[str, ...]:
         arguments = self.inputs[k][1]
         pairs = zip(self._names(arguments), arguments, strict=True)
-        tried = "tried " if len(arguments) == len(self._parameters) else "the check's own inputs: "
+        tried = "tried " if len(arguments) == len(self.parameters) else "the check's own inputs: "
         tried += ", ".join(f"{n} = {show(a)}" for n, a in pairs) or "no argument"
         if seen.raised:
             return (tried, f"your function raised {seen.raised}")

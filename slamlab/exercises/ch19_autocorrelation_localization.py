@@ -1487,7 +1487,7 @@ check_locate = Check(
         ),
         "a mirror image has the same amplitudes": _with_ring(lambda scan: scan[::-1], 4),
         "the same shape, a metre farther all round": _with_ring(lambda scan: scan + 1.0, 1),
-        "forty robots in the hall": (*square_hall()[:4], 30, 0.5, 0.03),
+        "forty robots in the hall": lambda: (*square_hall()[:4], 30, 0.5, 0.03),
     },
     tolerance=1e-8,
     use=_located,

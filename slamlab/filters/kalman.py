@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_count, as_covariance, as_shaped
+from slamlab._checks import Array, as_array, as_batch, as_count, as_covariance, as_shaped
 from slamlab.gaussian import Gaussian, as_belief
 
 __all__ = [
@@ -312,7 +313,7 @@ def filter(
     (length, m), n = z.shape[-2:], as_belief("initial", initial).dim
     if length == 0:
         raise ValueError(f"z: expected at least one step, got shape {z.shape}")
-    batch = _batch_shape(z, initial, F, H, Q, R, B, u)
+    batch = _batch_shape(z, initial, u, F=F, H=H, Q=Q, R=R, B=B)
     F, H = _model("F", F, (n, n), length), _model("H", H, (m, n), length)
     Q, R = as_covariance("Q", Q, n), as_covariance("R", R, m)
     Q, R = _model("Q", Q, (n, n), length), _model("R", R, (m, m), length)
@@ -472,15 +473,13 @@ def _unchanged(P: Array, before: Array) -> bool:
     return bool((np.abs(P - before) <= limit).all())
 
 
-def _batch_shape(z: Array, initial: Gaussian, *others: ArrayLike | None) -> tuple[int, ...]:
-    *matrices, u = others
-    shapes = [z.shape[:-2], initial.mean.shape[:-1], initial.cov.shape[:-2]]
-    shapes += [np.shape(matrix)[:-3] for matrix in matrices if matrix is not None]
-    shapes += [np.shape(u)[:-2]] if u is not None else []
-    try:
-        return np.broadcast_shapes(*shapes)
-    except ValueError as error:
-        raise ValueError(f"z: expected batch axes that broadcast, got {shapes}") from error
+def _batch_shape(z: Array, initial: Gaussian, u: Any, **matrices: Any) -> tuple[int, ...]:
+    """Leading axes of all arguments together; a matrix has time, too, before its own two."""
+    batch = as_batch("initial", initial.mean.shape[:-1], z.shape[:-2])
+    batch = as_batch("initial", initial.cov.shape[:-2], batch)
+    for name, matrix in matrices.items():
+        batch = as_batch(name, np.shape(matrix)[:-3], batch)
+    return as_batch("u", np.shape(u)[:-2], batch)
 
 
 def _model(name: str, matrix: ArrayLike, shape: tuple[int, int], length: int) -> Array:

@@ -26,7 +26,7 @@ from slamlab._checks import (
 )
 from slamlab._files import read_npz
 from slamlab._optional import with_bar
-from slamlab.geometry import wrap_angle
+from slamlab.geometry import compose, wrap_angle
 from slamlab.models import World, as_scan_sensor
 from slamlab.sensors.lidar import Lidar
 from slamlab.worlds import BitmapWorld
@@ -464,7 +464,7 @@ class SignatureMap:
         if n_candidates > 1:  # otherwise the nearest signature comes first, however it fits
             order = rows[:, None], residual.argsort(1, kind="stable")
             poses, residual = poses[order], residual[order]
-        return _body(poses, self.offset), residual
+        return compose(poses, [-self.offset, 0.0, 0.0]), residual
 
     def _misfits(self, ranges: Array, known: Bools, candidates: NDArray[np.intp]) -> Array:
         """Squared misfits (M, k, n_beams) of scans at candidates, for every turn by whole beams.
@@ -549,13 +549,6 @@ def _least(misfits: Array, excluded: Array | None = None) -> Array:
     return np.asarray(best + np.clip(fraction, -0.5, 0.5))
 
 
-def _body(poses: Array, offset: float) -> Array:
-    """Poses of the body from those of a lidar mounted `offset` ahead."""
-    heading = poses[..., 2]
-    lever = np.stack([np.cos(heading), np.sin(heading), np.zeros_like(heading)], -1)
-    return poses - offset * lever
-
-
 def _as_scan(scan: ArrayLike, name: str = "scan") -> Array:
     scan = as_array(name, scan, ("...", "n_beams")).astype(float, copy=False)
     if scan.shape[-1] == 0:
@@ -567,12 +560,8 @@ def _bridged(ranges: Array, known: Bools) -> Array:
     """Missed returns filled in between their neighbours on the circle."""
     if known.all():
         return ranges
-    filled = ranges.copy()
-    beams = np.arange(ranges.shape[1])
-    for row in np.flatnonzero(~known.all(1)):
-        there = known[row]
-        filled[row] = np.interp(beams, beams[there], ranges[row, there], period=len(beams))
-    return filled
+    beams, rows = np.arange(ranges.shape[1]), zip(ranges, known, strict=True)
+    return np.array([np.interp(beams, beams[k], row[k], period=len(beams)) for row, k in rows])
 
 
 def _full_circle(lidar: Lidar) -> Array:

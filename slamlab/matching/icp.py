@@ -1,7 +1,7 @@
 """Points laid upon points, or upon the lines through them: ICP.
 
 Besl and McKay 1992; point to line: Censi, ICRA 2008; gate and weights: Vizzo et al., RA-L 2023
-(KISS-ICP); covariance after Censi, ICRA 2007. Chapter 14.
+(KISS-ICP); covariance after Censi, ICRA 2007. Chapter 14 derives it: (A) to (C) are its formulas.
 """
 
 from __future__ import annotations
@@ -150,12 +150,8 @@ class PointsWithNormals:
     def on_lines(self) -> PointsWithNormals:
         """Return the outline without the points whose neighbours draw no line."""
         on_wall = np.isfinite(self.normals[:, 0])
-        if on_wall.all():
-            return self
-        rows = np.flatnonzero(on_wall)
-        return PointsWithNormals(
-            *(one.take(rows, 0) for one in (self.points, self.normals, self.normal_variances))
-        )
+        parts = self.points, self.normals, self.normal_variances
+        return PointsWithNormals(*(part[on_wall] for part in parts))
 
     @classmethod
     def concatenated(cls, outlines: Iterable[PointsWithNormals]) -> PointsWithNormals:
@@ -309,12 +305,12 @@ def align(
     tree, guess = cKDTree(reference), pose.copy()
     for gate in gates:  # first wide, then narrow
         for _ in range(n_iterations):
-            pair = partners(tree, transform(pose, points), gate)
+            pair = partners(tree, transform(pose, points), gate)  # the nearest, within the gate
             e, J, w = errors(reference, normals, points, pose, pair, width, line)
             H = information(w, J) + prior
-            g = -((w[:, None] * e)[..., None] * J).sum((0, 1)) - prior @ (pose - guess)
+            g = -((w[:, None] * e)[..., None] * J).sum((0, 1)) - prior @ (pose - guess)  # (C)
             # Next to nothing on the diagonal keeps a direction that no wall holds where it is.
-            step = solved(H + 1e-9 * (H[0, 0] + H[1, 1]) * np.eye(3), g)
+            step = solved(H + 1e-9 * (H[0, 0] + H[1, 1]) * np.eye(3), g)  # (C): H^-1 g
             if len(w) < 3 or step is None:
                 return np.full(len(points), -1)
             pose += step
@@ -338,12 +334,12 @@ def errors(
     To points d is 2, to lines 1; in the order of the points that have a partner.
     """
     j, arm = pair[pair >= 0], turned_by(pose[2], points[pair >= 0])
-    e = arm + pose[:2] - reference[j]  # R p + t - q
+    e = arm + pose[:2] - reference[j]  # (A): R p + t - q
     (x, y), (ex, ey) = arm.T, e.T
     if line:
         nx, ny = normals[j].T
-        e = (nx * ex + ny * ey)[:, None]  # n . (R p + t - q)
-        J = np.array([nx, ny, ny * x - nx * y]).T[:, None]
+        e = (nx * ex + ny * ey)[:, None]  # (B): n . (R p + t - q)
+        J = np.array([nx, ny, ny * x - nx * y]).T[:, None]  # (B)
     else:
         one, zero = np.ones(len(j)), np.zeros(len(j))
         J = np.array([one, zero, -y, zero, one, x]).T.reshape(-1, 2, 3)
@@ -359,9 +355,7 @@ def turned_by(angle: float, points: Array) -> Array:
 
 def information(w: Array, J: Array) -> Array:
     """Sum of w J^T J (3, 3) over Jacobians (n, d, 3)."""
-    rows = (w[:, None, None] * J).reshape(-1, 3)
-    H: Array = rows.T @ J.reshape(-1, 3)
-    return H
+    return np.asarray((w[:, None, None] * J).reshape(-1, 3).T @ J.reshape(-1, 3))
 
 
 def covariance(

@@ -2,7 +2,7 @@
 
 The strategy chooses points, the pilot turns and drives there in strides, with a scan and a
 collision test before each. It knows where it believes to be, not where it is. P5, 3.2.5;
-chapter 18.
+chapter 18, whose formula is (A).
 """
 
 from __future__ import annotations
@@ -103,13 +103,13 @@ class _Guard:
         if callable(self._kind):
             go = wanted if self._kind(ranges, wanted) else 0.0
         elif self._kind == "swept":
-            free = min(left, float(self.robot.free_distance(self._points, self._margin)))
-            go = min(wanted, self._turnable(free))
+            free = float(self.robot.free_distance(self._points, self._margin))  # (A)
+            go = min(wanted, self._turnable(min(left, free)))  # figure 14: room to turn there
         return go if go >= 0.99 * min(wanted, 0.02) else None
 
     def _turnable(self, free: float) -> float:
         """Find the farthest end, up to `free` (m), at which figure 14's circle is empty."""
-        radius = self.robot.circumradius + self._margin
+        radius = self.robot.circumradius + self._margin  # of the circle, figure 14
         points = self._points[np.abs(self._points[:, 1]) < radius]
         chord = np.sqrt(radius**2 - points[:, 1] ** 2)
         low, high = points[:, 0] - chord, points[:, 0] + chord
@@ -267,7 +267,7 @@ class Explorer:
         seen = view.pose, view.measurement, self._lidar, self.floor
         body = robot.side, robot.circumradius + 0.02
         situation = Situation(*seen, *body, refused, self._plan.came_from)
-        points = self._strategy.choose(situation, self._rng)
+        points = self._strategy.choose(situation, self._rng)  # which way, and how far
         if points is None:
             self.mode = "finished"
             return
@@ -283,7 +283,7 @@ class Explorer:
             self._next_point(view)
             return None
         angle = float(np.arctan2(y, x))
-        if self._guard.turn_is_free(angle):
+        if self._guard.turn_is_free(angle):  # figure 14, but only what the corners sweep
             self.mode = "drive"
             return np.array([0.0, angle])
         # The new scan may show what the old one had between two beams: it will ask again.

@@ -119,8 +119,8 @@ class LongestBeam:
     def choose(self, now: Situation, rng: np.random.Generator) -> Array:
         """See `Strategy`; after a refusal a random direction is tried."""
         directions, lengths = now.beams
-        beam = _longest(now, lengths, rng)
-        return now.ahead(directions[beam], self.fraction * lengths[beam])
+        beam = _longest(now, lengths, rng)  # at the end of a diagonal: back, figure 15
+        return now.ahead(directions[beam], self.fraction * lengths[beam])  # half, or another part
 
 
 class RandomFraction:
@@ -149,7 +149,7 @@ class RandomFraction:
         """See `Strategy`; after a refusal a random direction is tried."""
         directions, lengths = now.beams
         beam = _longest(now, lengths, rng)
-        return now.ahead(directions[beam], _part(lengths[beam], self.as_printed, rng))
+        return now.ahead(directions[beam], _part(lengths[beam], self.as_printed, rng))  # at random
 
 
 class Quadrants:
@@ -188,9 +188,11 @@ class Quadrants:
         """See `Strategy`; after a refusal a random direction is tried."""
         directions, lengths = now.beams
         inside = self.quarters(now.lidar.beam_angles)
+        # The longest beam of each quarter, A to D of figure 16.
         best = np.argmax(np.where(inside, lengths, -1.0), axis=1)[inside.any(axis=1)]
         best = best[lengths[best] > now.body_length]
         if now.came_from is not None and len(best):
+            # Not back, figure 16: more than 45 degrees from where it came.
             onward = best[np.cos(directions[best] - now.came_from) < np.sqrt(0.5)]
             best = onward if len(onward) else best
         if now.refused or len(best) == 0:
@@ -298,7 +300,7 @@ class InformationGain:
         gain = floor.expected_gain(points, reach)
         gain[np.hypot(*(points - now.pose[:2]).T) < radius] = 0.0
         value = np.where(gain >= self.smallest, gain, 0.0)
-        value = value * np.exp(-self.decay * lengths[rows, columns])
+        value = value * np.exp(-self.decay * lengths[rows, columns])  # gain x exp(-decay x length)
         best = int(np.argmax(value))
         if value[best] <= 0.0:
             return None

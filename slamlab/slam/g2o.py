@@ -57,6 +57,13 @@ class Scans:
     lines: tuple[str, ...]
 
 
+class _Vertices(NamedTuple):
+    """Vertices of one kind: in which line of the file each id stands, and their numbers."""
+
+    lines: dict[int, int]
+    values: list[list[float]]
+
+
 class _Edges(NamedTuple):
     """Edges of one kind, by vertex id, and in which line of the file each stands."""
 
@@ -78,22 +85,17 @@ class _Parser:
     def __init__(self, name: str) -> None:
         self.name = name
         self.number = 0
-        # The line in which each vertex is defined, by its id, and the vertices themselves.
-        self.poses: dict[int, int] = {}
-        self.points: dict[int, int] = {}
-        self.pose_values: list[list[float]] = []
-        self.point_values: list[list[float]] = []
+        self.poses, self.points = _Vertices({}, []), _Vertices({}, [])
         self.edges, self.observations = _Edges([], [], [], []), _Edges([], [], [], [])
         self.fixed: list[tuple[int, int]] = []  # id, line
-        self.scan_rows: list[int] = []
-        self.scan_numbers: list[list[float]] = []
+        self.scan_numbers: dict[int, list[float]] = {}  # by the row of the pose
         self.scan_lines: list[str] = []
         self.tags: dict[str, Callable[[list[str]], None]] = {
-            "VERTEX_SE2": self.vertex,
-            "VERTEX2": self.vertex,
+            "VERTEX_SE2": lambda words: self.vertex(words, self.poses, 3),
+            "VERTEX2": lambda words: self.vertex(words, self.poses, 3),
             "EDGE_SE2": lambda words: self.edge(words, self.edges, _G2O_ORDER),
             "EDGE2": lambda words: self.edge(words, self.edges, _TORO_ORDER),
-            "VERTEX_XY": self.point,
+            "VERTEX_XY": lambda words: self.vertex(words, self.points, 2),
             "EDGE_SE2_XY": lambda words: self.edge(words, self.observations, _POINT_ORDER),
             "FIX": self.fix,
             "ROBOTLASER1": self.scan,
@@ -138,22 +140,15 @@ class _Parser:
                 f"{words[0]}: expected {count - 1} fields, got {len(words) - 1} (truncated line?)"
             )
 
-    def vertex(self, words: list[str]) -> None:
-        self.words_expected(words, 5)
-        self.new_vertex(words[1], self.poses)
-        self.pose_values.append(self.floats(words[2:]))
-
-    def new_vertex(self, word: str, lines: dict[int, int]) -> None:
-        identity = self.whole(word)
-        first = self.poses.get(identity, self.points.get(identity))
-        if first is not None:
-            raise self.error(f"vertex {identity} was already defined in line {first}")
-        lines[identity] = self.number
-
-    def point(self, words: list[str]) -> None:
-        self.words_expected(words, 4)
-        self.new_vertex(words[1], self.points)
-        self.point_values.append(self.floats(words[2:]))
+    def vertex(self, words: list[str], vertices: _Vertices, size: int) -> None:
+        self.words_expected(words, 2 + size)
+        identity = self.whole(words[1])
+        for kind in (self.poses, self.points):
+            if identity in kind.lines:
+                first = kind.lines[identity]
+                raise self.error(f"vertex {identity} was already defined in line {first}")
+        vertices.lines[identity] = self.number
+        vertices.values.append(self.floats(words[2:]))
 
     def edge(self, words: list[str], edges: _Edges, order: tuple[tuple[int, int], ...]) -> None:
         size = 1 + max(order)[0]
@@ -177,7 +172,7 @@ class _Parser:
             self.fixed.append((self.whole(word), self.number))
 
     def scan(self, words: list[str]) -> None:
-        if not self.poses:
+        if not self.poses.lines:
             raise self.error("ROBOTLASER1: expected a vertex before the first scan")
         if len(words) < 1 + _LASER_HEADER:
             raise self.error("ROBOTLASER1: truncated header")
@@ -189,49 +184,50 @@ class _Parser:
         # Then lidar pose (3), body pose (3), five settings, time, host name, logger time.
         self.words_expected(words, after + 14)
         numbers = self.floats([*words[1 : after + 12], words[after + 13]])
-        if self.scan_numbers and numbers[:_LASER_HEADER] != self.scan_numbers[0][:_LASER_HEADER]:
+        first = next(iter(self.scan_numbers.values()), numbers)
+        if numbers[:_LASER_HEADER] != first[:_LASER_HEADER]:
             raise self.error("ROBOTLASER1: expected the same lidar as in the scans before")
-        row = len(self.poses) - 1
-        if self.scan_rows and self.scan_rows[-1] == row:
-            raise self.error(f"ROBOTLASER1: second scan of vertex {list(self.poses)[row]}")
-        self.scan_rows.append(row)
+        row = len(self.poses.lines) - 1
+        if row in self.scan_numbers:
+            raise self.error(f"ROBOTLASER1: second scan of vertex {list(self.poses.lines)[row]}")
         tail = after - 1
-        self.scan_numbers.append(
+        self.scan_numbers[row] = (
             numbers[: _LASER_HEADER + n_beams] + numbers[tail : tail + 3] + [numbers[tail + 11]]
         )
 
     def finish(self) -> dict[str, Any]:
         """Check what only the whole file tells; return the arguments of `PoseGraph`."""
         edges, observations = self.edges, self.observations
-        if not self.poses:
+        poses, points = self.poses.lines, self.points.lines
+        if not poses:
             raise self.error("the file ends without a vertex")
         if not edges.pairs and not observations.pairs:
             raise self.error("the file ends without an edge")
         for (i, j), number in zip(edges.pairs, edges.lines, strict=True):
-            self.defined(i, self.poses, number)
-            self.defined(j, self.poses, number)
+            self.defined(i, poses, number)
+            self.defined(j, poses, number)
         for (i, j), number in zip(observations.pairs, observations.lines, strict=True):
-            self.defined(i, self.poses, number)
-            self.defined(j, self.points, number, "landmark")
+            self.defined(i, poses, number)
+            self.defined(j, points, number, "landmark")
         for identity, number in self.fixed:
-            if identity not in self.poses:
+            if identity not in poses:
                 raise self.error(f"FIX {identity}: the vertex is not defined", number)
         reached = {identity for pair in edges.pairs + observations.pairs for identity in pair}
-        for identity, number in (self.poses | self.points).items():
+        for identity, number in (poses | points).items():
             if identity not in reached:
                 raise self.error(f"no edge reaches vertex {identity} (truncated file?)", number)
         self.check_information(edges)
         self.check_information(observations)
-        row = {identity: k for k, identity in enumerate(self.poses)}
-        spot = {identity: k for k, identity in enumerate(self.points)}
+        row = {identity: k for k, identity in enumerate(poses)}
+        spot = {identity: k for k, identity in enumerate(points)}
         names = ("edges", "measurements", "information")
         return {
-            "poses": self.pose_values,
-            "ids": list(self.poses),
+            "poses": self.poses.values,
+            "ids": list(poses),
             "fixed": [row[identity] for identity, _ in self.fixed] or (0,),
             "scans": self.scans(),
-            "landmarks": np.reshape(self.point_values, (-1, 2)),
-            "landmark_ids": list(self.points),
+            "landmarks": np.reshape(self.points.values, (-1, 2)),
+            "landmark_ids": list(points),
             **dict(zip(names, edges.arguments(3, row, row), strict=True)),
             **{
                 f"landmark_{name}": value
@@ -244,7 +240,7 @@ class _Parser:
     ) -> None:
         if identity in where:
             return
-        if identity in self.poses or identity in self.points:
+        if identity in self.poses.lines or identity in self.points.lines:
             raise self.error(f"vertex {identity} is no {kind}, as this edge needs", number)
         kind = "vertex" if kind == "pose" else kind
         raise self.error(f"edge to {kind} {identity}, which is not defined", number)
@@ -264,13 +260,13 @@ class _Parser:
             )
 
     def scans(self) -> Scans | None:
-        if not self.scan_rows:
+        if not self.scan_numbers:
             return None
-        numbers = np.array(self.scan_numbers)
+        numbers = np.array(list(self.scan_numbers.values()))
         _, start, _, resolution, max_range = numbers[0, :5]
         n_beams = numbers.shape[1] - _LASER_HEADER - 4
         return Scans(
-            rows=np.array(self.scan_rows),
+            rows=np.array(list(self.scan_numbers)),
             ranges=numbers[:, _LASER_HEADER:-4],
             angles=start + resolution * np.arange(n_beams),
             max_range=float(max_range),

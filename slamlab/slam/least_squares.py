@@ -1,7 +1,7 @@
 """Least squares on a graph of poses: the error of an edge, Gauss-Newton, robust kernels.
 
 Grisetti et al. 2010, "A tutorial on graph-based SLAM": error (30) to (33), algorithm 1; as g2o.
-`PoseGraph.optimize` is the door; chapter 13 derives it.
+`PoseGraph.optimize` is the door; chapter 13 derives it: (A) to (C) and (F) are its formulas.
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ def _components(pose_i: ArrayLike, pose_j: ArrayLike, measurement: ArrayLike) ->
 
 def errors(x_i: Array, x_j: Array, z: Array) -> Array:
     """Error z^-1 (+) (x_i^-1 (+) x_j), shape (3, ...): Grisetti 2010 (30)."""
-    dx, dy = turned_back(x_i[2], x_j[0] - x_i[0], x_j[1] - x_i[1])  # R_i^T (t_j - t_i)
-    ex, ey = turned_back(z[2], dx - z[0], dy - z[1])  # R_z^T (... - t_z)
+    dx, dy = turned_back(x_i[2], x_j[0] - x_i[0], x_j[1] - x_i[1])  # (A): R_i^T (t_j - t_i)
+    ex, ey = turned_back(z[2], dx - z[0], dy - z[1])  # (A): R_z^T (... - t_z)
     return np.stack([ex, ey, wrap_angle(x_j[2] - x_i[2] - z[2])])
 
 
@@ -128,13 +128,18 @@ def jacobians(x_i: Array, x_j: Array, z: Array) -> Array:
     phi, dx, dy = x_i[2] + z[2], x_j[0] - x_i[0], x_j[1] - x_i[1]
     c, s = np.cos(phi), np.sin(phi)
     J = np.zeros((3, 6, *np.broadcast_shapes(phi.shape, dx.shape)))
-    J[0, 3], J[0, 4], J[1, 3], J[1, 4], J[2, 5] = c, s, -s, c, 1.0  # B: R_z^T R_i^T, 1
-    J[:, :3] = -J[:, 3:]  # A is -B but for R_z^T (d R_i / d theta)^T (t_j - t_i)
+    J[0, 3], J[0, 4], J[1, 3], J[1, 4], J[2, 5] = c, s, -s, c, 1.0  # (B): B = R_z^T R_i^T, 1
+    J[:, :3] = -J[:, 3:]  # (B): A is -B but for R_z^T (d R_i / d theta)^T (t_j - t_i)
     J[0, 2], J[1, 2] = c * dy - s * dx, -c * dx - s * dy
     return J
 
 
-# Robust kernels: cost and weight of an edge as functions of its x = e^T Omega e
+# Kernels: cost and weight of an edge as functions of its x = e^T Omega e
+
+
+def quadratic(x: Array) -> tuple[Array, Array]:
+    """Least squares as they are: rho = x, of weight 1."""
+    return x.copy(), np.ones(len(x))
 
 
 def huber(x: Array, width: float) -> tuple[Array, Array]:
@@ -148,7 +153,7 @@ def huber(x: Array, width: float) -> tuple[Array, Array]:
 def dcs(x: Array, width: float) -> tuple[Array, Array]:
     """Agarwal et al. 2013: weight s^2, s = min(1, 2 Phi / (Phi + x)); rho is its integral."""
     phi = width**2
-    weight = np.minimum(1.0, 2 * phi / (phi + x)) ** 2
+    weight = np.minimum(1.0, 2 * phi / (phi + x)) ** 2  # (F)
     return np.where(x > phi, phi * (3 * x - phi) / (phi + x), x), weight
 
 
@@ -184,8 +189,8 @@ class Edges:
     edges : ndarray of int, shape (m, 2)
     measurements : ndarray, shape (m, 3)
     information : ndarray, shape (m, 3, 3)
-    robust : callable, optional
-        Robust cost and weight of each e^T Omega e.
+    kernel : callable
+        Cost and weight of each e^T Omega e.
     groups : list of ndarray of int
         Edges of which one each is true.
     """
@@ -195,23 +200,20 @@ class Edges:
         edges: np.ndarray,
         measurements: Array,
         information: Array,
-        robust: Callable[[Array], tuple[Array, Array]] | None = None,
+        kernel: Callable[[Array], tuple[Array, Array]] = quadratic,
         groups: Sequence[np.ndarray] = (),
     ) -> None:
         (self.i, self.j), self.z = edges.T, measurements.T.copy()
         self.information = np.moveaxis(information, 0, -1).copy()  # (3, 3, m)
-        self.robust, self.groups = robust, groups
+        self.kernel, self.groups = kernel, groups
         self.log_information = np.linalg.slogdet(information)[1] if groups else None
 
     def at(self, x: Array) -> Estimate:
         """Errors, cost and weights of the edges where the vertices are at x (n, 3)."""
-        finite = np.isfinite(x).all()
-        e = errors(x[self.i].T, x[self.j].T, self.z) if finite else np.nan * self.z
+        e = errors(x[self.i].T, x[self.j].T, self.z)
         # Rounding may leave an edge of singular information a hair below zero.
         squared = np.einsum("am,abm,bm->m", e, self.information, e).clip(0.0)
-        rho, weights = squared.copy(), np.ones(len(squared))
-        if self.robust is not None:
-            rho, weights = self.robust(squared)
+        rho, weights = self.kernel(squared)
         for group in self.groups:  # the likeliest counts
             others = np.delete(group, np.argmin((squared - self.log_information)[group]))
             weights[others] = rho[others] = 0.0
@@ -280,29 +282,23 @@ class NormalEquations:
         # return it to 1e-5, singular ones miss it by its own size.
         try:
             self.factors = factorised(H, self.factors)
-            sound = np.abs(self.solve(times(H, probe)) - probe).max() < 1e-3
-            if not sound and not first:
+            if not np.abs(self.solve(times(H, probe)) - probe).max() < 1e-3:
+                if first:
+                    raise self.singular()
                 # A kernel may leave next to nothing; but an update passes over a zero in silence.
-                self.factors, sound = factorised(H), True
+                self.factors = factorised(H)
         except RuntimeError as error:
             raise self.singular() from error
-        if not sound:
-            raise self.singular()
 
     def solve(self, b: Array) -> Array:
         """H^-1 b by the factors, b (N,)."""
         return self.factors.solve(b)
 
-    def step(self) -> Array:
-        """Return -H^-1 g."""
-        return self.solve(-self.g)
-
     def moved(self, x: Array, dx: Array) -> Array:
-        """Vertices x (n, 3) with their free coordinates moved by dx (N,); angles wrapped."""
+        """Vertices x (n, 3), the free moved by dx (N,); angles wrapped, an infinite one is NaN."""
         x = x.copy()
         x[self.free] += dx
-        if np.isfinite(x).all():
-            x[:, 2] = wrap_angle(x[:, 2])
+        x[:, 2] = wrap_angle(np.where(np.isinf(x[:, 2]), np.nan, x[:, 2]))
         return x
 
     def singular(self) -> ValueError:
@@ -351,10 +347,10 @@ def gauss_newton(
     here, rounding = edges.at(x), edges.rounding(x)
     history = [here.cost]
     for _ in range(most):
-        equations.fill(*edges.linearise(here))
+        equations.fill(*edges.linearise(here))  # (C): H = J^T Omega J, g = J^T Omega e
         equations.factorise()
-        dx = equations.step()
-        there = edges.at(equations.moved(here.x, dx))
+        dx = equations.solve(-equations.g)  # (C): H dx = -g
+        there = edges.at(equations.moved(here.x, dx))  # (A): e at x + dx, angles wrapped
         if not np.isfinite(there.cost):
             return Outcome(here, history, False, "diverged: the next step has no finite cost")
         promised, change = -float(equations.g @ dx), abs(here.cost - there.cost)
@@ -375,13 +371,13 @@ def levenberg_marquardt(
     here, rounding, damping = edges.at(x), edges.rounding(x), 1e-6
     history = [here.cost]
     for _ in range(most):
-        equations.fill(*edges.linearise(here))
+        equations.fill(*edges.linearise(here))  # (C)
         if equations.factors is None:
             equations.factorise()  # damping would hide a singular graph
         while True:
             equations.factorise(damping)
-            dx = equations.step()
-            there = edges.at(equations.moved(here.x, dx))
+            dx = equations.solve(-equations.g)  # (C), H + damping diag H in the place of H
+            there = edges.at(equations.moved(here.x, dx))  # (A)
             if there.cost <= here.cost * (1 + 1e-12) + rounding:
                 break
             damping *= 10

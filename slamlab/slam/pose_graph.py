@@ -51,6 +51,7 @@ from slamlab.slam.least_squares import (
     Outcome,
     edge_error,
     gauss_newton,
+    quadratic,
 )
 
 __all__ = ["PoseGraph", "Result"]
@@ -482,7 +483,7 @@ class PoseGraph:
         # Poses of astronomic size overflow; they end in a message, not in a warning.
         with np.errstate(over="ignore", invalid="ignore"):
             for width in widths if robust else widths[:1]:
-                rho = None if robust is None else partial(robust, width=width)
+                rho = quadratic if robust is None else partial(robust, width=width)
                 own = Edges(edges, measurements, information, rho, groups)
                 if equations.N == 0:
                     here = own.at(x)

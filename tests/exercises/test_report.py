@@ -260,3 +260,17 @@ def test_a_number_in_place_of_an_argument_is_named():
 def test_a_number_just_below_one_is_not_shown_as_one():
     below = Check(_turned, "heading", {"just below": (1 - 1e-12, 0.0, 1.0)})
     assert "tried heading = 0.999999999999, rate = 0.0, dt = 1.0" in below(lambda *_: 5.0).text
+
+
+def test_a_function_of_nothing_gives_one_input_when_it_is_asked_for():
+    asked = []
+
+    def slow():
+        asked.append(1)
+        return [1.0, 2.0], [3.0, 5.0]
+
+    late = Check(_add, "total", {"slow": slow, "any": lambda rng: rng.normal(size=(2, 3))})
+    assert asked == []
+    assert late(lambda a, b: a + b).passed
+    assert asked == [1]
+    assert [name for name, _ in late.inputs] == ["slow"] + 6 * ["any"]
