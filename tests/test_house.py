@@ -27,7 +27,6 @@ ATTRIBUTES = {
     "localization/global_localization.py GlobalLocalization": (17, "a search, then a tracker"),
     "localization/monte_carlo.py MonteCarloLocalization": (14, "two kinds of map, two averages"),
     "logs.py Log": (13, "the columns of a log"),
-    "slam/fast.py FastSlam": (16, "a cloud, its maps, and the two kinds of association"),
     "slam/g2o.py _Parser": (13, "one for each kind of line"),
     "slam/scan_graph.py ScanGraphSlam": (20, "a front end, a graph and the search for closures"),
 }

@@ -455,7 +455,7 @@ SYSTEMS = {
     "compressed EKF-SLAM": (compressed_ekf_slam, ("slam/compressed.py",), OWN),
     "EKF-SLAM, side by side": (ekf_slam_batch, ("slam/batch.py", "slam/linearisation.py"), OWN),
     "FastSLAM 1": (partial(fast_slam, 1), ("slam/fast.py",), OWN),
-    "FastSLAM 2": (partial(fast_slam, 2), ("slam/fast.py",), OWN + 10),
+    "FastSLAM 2": (partial(fast_slam, 2), ("slam/fast.py",), OWN),
     "particle filter": (particle_filter, ("filters/particle.py",), OWN),
     "Monte Carlo": (partial(monte_carlo, None), ("localization/monte_carlo.py",), OWN),
     "Monte Carlo, injection": (
