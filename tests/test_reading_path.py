@@ -463,7 +463,7 @@ SYSTEMS = {
         ("localization/monte_carlo.py",),
         OWN,
     ),
-    "grid FastSLAM": (partial(grid_fast_slam, "matching"), ("slam/grid_fast.py",), OWN + 10),
+    "grid FastSLAM": (partial(grid_fast_slam, "matching"), ("slam/grid_fast.py",), OWN),
     "DP-SLAM": (partial(grid_fast_slam, "penetration"), ("slam/grid_fast.py",), OWN),
     "Gamma-SLAM": (gamma_slam, ("slam/gamma.py",), OWN),
     "pose graph": (partial(pose_graph, "gauss-newton"), ("slam/least_squares.py",), OWN),
