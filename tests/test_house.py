@@ -224,22 +224,30 @@ def test_these_files_and_no_others_import_kernels():
 
 
 # A step is the paper's algorithm box: the numbers of its formulas stand at the ends of its lines.
+# (A) to (F) are formulas of chapter 15.
 
 BOXES = {
     "slam/ekf.py predict": "8 11 12 13 14",
     "slam/ekf.py update": "18 19 22 32 33 34 35 36 37 42 43",
     "slam/batch.py update": "18 19 22 32 33 34 35 36 37 42 43",
     "slam/fast.py update": "14 15 16 18",
+    "slam/grid_fast.py update": "A",
+    "slam/grid_fast.py penetrate": "B C",
+    "slam/gamma.py update": "D F",
+    "slam/gamma.py _log_density": "E F",
+    "mapping/variance.py unchecked_log_density": "E F",
     "filters/kalman.py filter": "3 4 5 6 7 8 9",
     "localization/monte_carlo.py update": "14",
     "matching/field.py gauss_newton": "7 8 12 13 14",
     "navigation/path_memory.py add": "1.1 1.2 1.4 1.5",
     "navigation/path_memory.py _fitted": "1.3",
 }
+# A formula without a number stands there itself.
+FORMULAS = {"mapping/occupancy.py insert_scan": "l_k = l_{k-1} + l(z_k)"}
 
 
-@pytest.mark.parametrize("box", BOXES)
-def test_the_formulas_of_a_step_bear_their_numbers(box):
+def said(box: str) -> str:
+    """Comments of a function, named by its file and itself."""
     path, name = box.split()
     (function,) = (
         node
@@ -247,5 +255,22 @@ def test_the_formulas_of_a_step_bear_their_numbers(box):
         if isinstance(node, ast.FunctionDef) and node.name == name
     )
     lines = SOURCES[path].splitlines()[function.lineno - 1 : function.end_lineno]
-    said = " ".join(line.partition("# ")[2] for line in lines)
-    assert set(BOXES[box].split()) <= set(re.findall(r"(?<=\()\d+(?=\))|\d\.\d", said))
+    return " ".join(line.partition("# ")[2] for line in lines)
+
+
+@pytest.mark.parametrize("box", BOXES)
+def test_the_formulas_of_a_step_bear_their_numbers(box):
+    numbers = re.findall(r"(?<=\()(?:\d+|[A-F])(?=\))|\d\.\d", said(box))
+    assert set(BOXES[box].split()) <= set(numbers)
+
+
+@pytest.mark.parametrize("box", FORMULAS)
+def test_a_formula_without_a_number_stands_beside_its_step(box):
+    assert FORMULAS[box] in said(box)
+
+
+def test_letters_are_those_of_chapter_15():
+    pages = [path.read_text() for path in (ROOT / "notebooks").glob("15*.ipynb")]
+    tags = re.findall(r"\\tag\{([A-Z])\}", "".join(pages))
+    assert sorted(tags) == list("ABCDEF")
+    assert {letter for box in BOXES.values() for letter in re.findall("[A-Z]", box)} == set(tags)
