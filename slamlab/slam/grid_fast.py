@@ -31,7 +31,7 @@ from slamlab.slam._grid_maps import (
 
 __all__ = ["GridFastSlam"]
 
-# Fewer points than this say nothing; of more, so many are evenly chosen.
+# Fewer points of a scan say too little; of more than the second number each n-th counts.
 _LEAST_POINTS, _MOST_POINTS = 10, 180
 # Matching: more hits a metre than this make a wall; share of points that belong to the map.
 _RATE, _HIT = 1.0, 0.9
