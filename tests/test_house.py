@@ -30,7 +30,6 @@ ATTRIBUTES = {
     "slam/compressed.py CompressedEKFSlam": (14, "the filter, and three accounts of a region"),
     "slam/fast.py FastSlam": (16, "a cloud, its maps, and the two kinds of association"),
     "slam/g2o.py _Parser": (13, "one for each kind of line"),
-    "slam/scan_graph.py ScanGraphSlam": (20, "a front end, a graph and the search for closures"),
 }
 
 
@@ -237,19 +236,42 @@ BOXES = {
     "filters/kalman.py filter": "3 4 5 6 7 8 9",
     "localization/monte_carlo.py update": "14",
     "matching/field.py gauss_newton": "7 8 12 13 14",
+    "slam/_tracking.py fused": "5 6 7 8 9",
     "navigation/path_memory.py add": "1.1 1.2 1.4 1.5",
     "navigation/path_memory.py _fitted": "1.3",
 }
 
 
-@pytest.mark.parametrize("box", BOXES)
-def test_the_formulas_of_a_step_bear_their_numbers(box):
-    path, name = box.split()
-    (function,) = (
+def comments(function):
+    """Comments of a function that is called "file name"."""
+    path, name = function.split()
+    (found,) = (
         node
         for node in ast.walk(ast.parse(SOURCES[path]))
         if isinstance(node, ast.FunctionDef) and node.name == name
     )
-    lines = SOURCES[path].splitlines()[function.lineno - 1 : function.end_lineno]
-    said = " ".join(line.partition("# ")[2] for line in lines)
-    assert set(BOXES[box].split()) <= set(re.findall(r"(?<=\()\d+(?=\))|\d\.\d", said))
+    lines = SOURCES[path].splitlines()[found.lineno - 1 : found.end_lineno]
+    return " ".join(line.partition("# ")[2] for line in lines)
+
+
+@pytest.mark.parametrize("box", BOXES)
+def test_the_formulas_of_a_step_bear_their_numbers(box):
+    numbers = re.findall(r"(?<=\()\d+(?=\))|\d\.\d", comments(box))
+    assert set(BOXES[box].split()) <= set(numbers)
+
+
+# Formulas that a page of ours derives bear its letter.
+
+LETTERS = {
+    "slam/_closures.py verify": "14b (E)",
+    "slam/_closures.py chain_chi2": "13 (A)",
+    "slam/_closures.py pairwise_consistent": "13b (I)",
+}
+
+
+@pytest.mark.parametrize("function", LETTERS)
+def test_a_formula_of_a_page_bears_its_letter_and_the_page_has_it(function):
+    page, letter = re.fullmatch(r"(\w+) \((\w)\)", LETTERS[function]).groups()
+    (notebook,) = (ROOT / "notebooks").glob(f"{page}_*.ipynb")
+    assert LETTERS[function] in comments(function)
+    assert rf"\\tag{{{letter}}}" in notebook.read_text(encoding="utf-8")

@@ -18,7 +18,6 @@ from slamlab import _checks
 from slamlab.filters import kalman
 from slamlab.filters.particle import ParticleFilter
 from slamlab.gaussian import Gaussian
-from slamlab.geometry import between
 from slamlab.localization import MonteCarloLocalization, SignatureMap
 from slamlab.mapping import OccupancyGrid
 from slamlab.matching import (
@@ -45,6 +44,8 @@ from slamlab.slam import (
     PoseGraph,
     ScanGraphSlam,
 )
+from slamlab.slam._chain import PoseChain
+from slamlab.slam._closures import ClosureSearch
 from slamlab.slam._landmark_maps import LandmarkMaps
 from slamlab.worlds import Terrain, rooms
 
@@ -357,17 +358,16 @@ def scan_graph():
 
 def closure():
     """A second pass of a room, two nodes of which are found on the first: they agree."""
-    slam, x = ScanGraphSlam(ROOM, [2.0, 4.0, 0.0]), np.arange(2.0, 6.5, 0.5)
-    for pose in np.column_stack([np.tile(x, 2), np.full(18, 4.0), np.zeros(18)]):
-        z, slam._pose = between(slam._pose, pose), pose
-        slam._moved_cov = np.diag([1e-3, 1e-3, 1e-4])
+    chain, closures, cov = PoseChain(), ClosureSearch(inflate=False), np.diag([1e-3, 1e-3, 1e-4])
+    x = np.tile(np.arange(2.0, 6.5, 0.5), 2)
+    for pose in np.column_stack([x, np.full(18, 4.0), np.zeros(18)]):
         scan = ROOM.points(ROOM.scan(rooms.office(), pose))
-        slam._add_node(PointsWithNormals.estimate(scan), z)
-    slam._travel[9:] += 20.0  # what lies between both passes is not asked
-    assert not slam._close_loops(12)
+        chain.append(PointsWithNormals.estimate(scan), pose, chain.from_last(pose), cov)
+    chain.travel[9:] += 20.0  # what lies between both passes is not asked
+    assert not closures.try_node(12, chain)
 
     def step():
-        assert slam._close_loops(15)
+        assert closures.try_node(15, chain)
 
     return step
 
@@ -479,7 +479,11 @@ SYSTEMS = {
     "signatures": (signatures, ("localization/signature.py",), OWN + 16),
     "ICP": (icp, ("matching/icp.py",), OWN + 20),  # 50 of them: normals, covariance after Censi
     "Hector": (hector, ("slam/hector.py",), OWN),
-    "scan graph": (scan_graph, ("slam/scan_graph.py", "slam/_tracking.py"), OWN),
+    "scan graph": (
+        scan_graph,
+        ("slam/scan_graph.py", "slam/_tracking.py", "slam/_chain.py"),
+        OWN,
+    ),
     "scan graph, a closure": (closure, ("slam/_closures.py",), OWN),
     "scan on a field": (field, ("matching/field.py",), OWN),
     "correlative search": (correlative, ("matching/correlative.py",), OWN),
