@@ -24,8 +24,6 @@ PARAMETERS = {
 }
 ATTRIBUTES = {
     "exercises/_report.py Check": (14, "what one exercise is judged by"),
-    "localization/global_localization.py GlobalLocalization": (17, "a search, then a tracker"),
-    "localization/monte_carlo.py MonteCarloLocalization": (14, "two kinds of map, two averages"),
     "logs.py Log": (13, "the columns of a log"),
     "slam/compressed.py CompressedEKFSlam": (14, "the filter, and three accounts of a region"),
     "slam/fast.py FastSlam": (16, "a cloud, its maps, and the two kinds of association"),
@@ -237,6 +235,7 @@ BOXES = {
     "localization/monte_carlo.py update": "14",
     "matching/field.py gauss_newton": "7 8 12 13 14",
     "slam/_tracking.py fused": "5 6 7 8 9",
+    "localization/global_localization.py match": "5 6 7 8 9",
     "navigation/path_memory.py add": "1.1 1.2 1.4 1.5",
     "navigation/path_memory.py _fitted": "1.3",
 }
