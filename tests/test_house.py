@@ -21,10 +21,7 @@ SOURCES = {
 LIMIT = 12
 PARAMETERS: dict[str, tuple[int, str]] = {}
 ATTRIBUTES = {
-    "localization/global_localization.py GlobalLocalization": (17, "a search, then a tracker"),
-    "localization/monte_carlo.py MonteCarloLocalization": (14, "two kinds of map, two averages"),
     "logs.py Log": (13, "the columns of a log"),
-    "slam/scan_graph.py ScanGraphSlam": (20, "a front end, a graph and the search for closures"),
 }
 
 
@@ -248,6 +245,8 @@ BOXES = {
     "navigation/explore.py _turnable": "figure_14",
     "navigation/strategies.py LongestBeam.choose": "figure_15",
     "navigation/strategies.py Quadrants.choose": "figure_16",
+    "slam/_tracking.py fused": "5 6 7 8 9",
+    "localization/global_localization.py match": "5 6 7 8 9",
     "navigation/path_memory.py add": "1.1 1.2 1.4 1.5",
     "navigation/path_memory.py _fitted": "1.3",
 }
@@ -299,3 +298,20 @@ def lettered(path: str) -> set[str]:
     return {
         tag for page in pages for tag in re.findall(r"tag\{([A-Z])\}", page.read_text("utf-8"))
     }
+
+
+# Formulas that a page of ours derives bear its letter.
+
+LETTERS = {
+    "slam/_closures.py verify": "14b (E)",
+    "slam/_closures.py chain_chi2": "13 (A)",
+    "slam/_closures.py pairwise_consistent": "13b (I)",
+}
+
+
+@pytest.mark.parametrize("function", LETTERS)
+def test_a_formula_of_a_page_bears_its_letter_and_the_page_has_it(function):
+    page, letter = re.fullmatch(r"(\w+) \((\w)\)", LETTERS[function]).groups()
+    (notebook,) = (ROOT / "notebooks").glob(f"{page}_*.ipynb")
+    assert LETTERS[function] in said(function)
+    assert rf"\\tag{{{letter}}}" in notebook.read_text(encoding="utf-8")

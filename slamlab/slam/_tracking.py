@@ -9,7 +9,7 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,12 +77,6 @@ def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     return voxel_downsample(points, SPACING)
 
 
-def outline_at(nodes: Sequence[PointsWithNormals], poses: Array) -> PointsWithNormals:
-    """Outline of several nodes in the world, each seen from its pose (n, 3)."""
-    sizes = [len(node.points) for node in nodes]
-    return PointsWithNormals.concatenated(nodes).transformed(np.repeat(poses, sizes, 0))
-
-
 class LocalMap:
     """Some nodes at their places, as a field to climb and walls to lie on."""
 
@@ -129,13 +123,13 @@ def edge_cov(cov: Array, heading: Array, floor: Array) -> Array:
 
 
 def fused(match: Match, guess: Array, cov: Array) -> tuple[Array, Array]:
-    """Match and guess as one pose and covariance.
+    """Match and guess as one pose and covariance: the Kalman filter of P5 with H = I.
 
     Where walls hold the scan the match decides; along a corridor, where its covariance is wide,
     the wheels do.
     """
     wide = cov + MIN_COV
-    gain = wide @ np.linalg.inv(wide + match.cov)
-    off = match.pose - guess
+    gain = wide @ np.linalg.inv(wide + match.cov)  # (6), (7)
+    off = match.pose - guess  # (5)
     off[2] = wrap_angle(off[2])
-    return guess + gain @ off, (np.eye(3) - gain) @ wide
+    return guess + gain @ off, (np.eye(3) - gain) @ wide  # (8), (9)
