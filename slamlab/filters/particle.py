@@ -68,6 +68,8 @@ class ParticleFilter:
     Attributes
     ----------
     particles : ndarray, shape (M, d)
+    rng : numpy.random.Generator
+        As given.
     log_weights : ndarray, shape (M,)
         Normalised: their exponentials sum to 1.
     ess : float
@@ -112,7 +114,7 @@ class ParticleFilter:
                 f"particles: expected shape (M, d) with M > 0, got {self.particles.shape}"
             )
         M = len(self.particles)
-        self._rng = as_rng("rng", rng)
+        self.rng = as_rng("rng", rng)
         self._threshold = as_scalar("threshold", threshold, 0.0, 1.0)
         self._resample = RESAMPLERS[as_choice("resample", resample, tuple(RESAMPLERS))]
         if adaptive is not None and not isinstance(adaptive, KLD):
@@ -147,8 +149,8 @@ class ParticleFilter:
             If the number of particles changes, a coordinate is not finite, or all corrections
             are minus infinity. The filter and its generator are then as they were.
         """
-        with rollback(self._rng):
-            drawn = as_function("propose", propose)(self.particles, self._rng)
+        with rollback(self.rng):
+            drawn = as_function("propose", propose)(self.particles, self.rng)
             moved, correction = drawn if isinstance(drawn, tuple) else (drawn, None)
             moved = as_array("propose(particles)", moved)
             if moved.shape != self.particles.shape:
@@ -210,8 +212,8 @@ class ParticleFilter:
         """Replace the set by a draw from itself; survivors keep no weight but their number."""
         n = len(weights)
         if self._adaptive is not None:
-            n = self._adaptive.size(self.particles, weights, self._rng)
-        chosen = self._resample(weights, self._rng, n)
+            n = self._adaptive.size(self.particles, weights, self.rng)
+        chosen = self._resample(weights, self.rng, n)
         # Two resamplings since the last update: parents of parents.
         self.ancestors = self.ancestors[chosen]
         self.particles = self.particles.take(chosen, axis=0)

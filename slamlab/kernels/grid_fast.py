@@ -19,6 +19,11 @@ INSIDE = TILE - 1
 HITS, METRES, SUM_X, SUM_Y = range(4)
 # Steps of a climb with a quarter of the points and a wider neighbourhood, and with all.
 COARSE, FINE = 5, 6
+# Matching: more hits a metre than this make a wall; share of points that belong to the map.
+RATE, HIT = 1.0, 0.9
+# Penetration: free way of a laser in unseen cells (m), sides of a cell that are added to the
+# metres of a seen one, floor of a beam's likelihood.
+FREE_WAY, PRIOR, FLOOR = 8.0, 4.0, 1e-3
 # A climb that is lost is tried from so many headings to either side, so far apart (rad). The turn
 # has Student's t distribution of 3 degrees of freedom and this scale (rad).
 FAN, APART, SCALE = 4, np.deg2rad(5.0), np.deg2rad(2.0)
@@ -34,10 +39,10 @@ def page_at(tiles, columns, column, row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def nearest_wall(pages, tiles, columns, frame, x, y, reach, rate):  # type: ignore[no-untyped-def]
+def nearest_wall(pages, tiles, columns, frame, x, y, reach):  # type: ignore[no-untyped-def]
     """Squared distance from (x, y) to the nearest wall within `reach` cells, and its place.
 
-    A cell is wall if more than `rate` hits came to a metre travelled in it; its place is the mean
+    A cell is wall if more than `RATE` hits came to a metre travelled in it; its place is the mean
     of its hits. The distance is inf if none is there.
     """
     column, row = (
@@ -57,7 +62,7 @@ def nearest_wall(pages, tiles, columns, frame, x, y, reach, rate):  # type: igno
             # Number by number: to make a view of the cell takes longer than to read it.
             y_in, x_in = r & INSIDE, c & INSIDE
             hits = pages[page, y_in, x_in, HITS]
-            if hits > 0.0 and hits > rate * pages[page, y_in, x_in, METRES]:
+            if hits > 0.0 and hits > RATE * pages[page, y_in, x_in, METRES]:
                 wx = pages[page, y_in, x_in, SUM_X] / hits
                 wy = pages[page, y_in, x_in, SUM_Y] / hits
                 d = (wx - x) ** 2 + (wy - y) ** 2
@@ -67,19 +72,18 @@ def nearest_wall(pages, tiles, columns, frame, x, y, reach, rate):  # type: igno
 
 
 @njit(cache=True)
-def normal_equations(pages, tiles, columns, frame, points, pose, reach, settings, H, g):  # type: ignore[no-untyped-def]
+def normal_equations(pages, tiles, columns, frame, points, pose, reach, sigma, H, g):  # type: ignore[no-untyped-def]
     """Fill the normal equations of sum 1 - exp(-d^2 / 2 sigma^2); return sum exp(...).
 
     d is the distance of a point (k, 2, in the body), seen from `pose`, to the nearest wall.
     """
-    sigma, rate = settings[0], settings[1]
     c, s = np.cos(pose[2]), np.sin(pose[2])
     H[:], g[:] = 0.0, 0.0
     total = 0.0
     for k in range(len(points)):
         px, py = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
         x, y = pose[0] + px, pose[1] + py
-        d, near_x, near_y = nearest_wall(pages, tiles, columns, frame, x, y, reach, rate)
+        d, near_x, near_y = nearest_wall(pages, tiles, columns, frame, x, y, reach)
         if d == np.inf:
             continue
         w = np.exp(-0.5 * d / sigma**2)
@@ -99,7 +103,7 @@ def normal_equations(pages, tiles, columns, frame, points, pose, reach, settings
 
 
 @njit(cache=True)
-def gauss_newton(pages, tiles, columns, frame, points, few, start, settings, H, g, top):  # type: ignore[no-untyped-def]
+def gauss_newton(pages, tiles, columns, frame, points, few, start, sigma, H, g, top):  # type: ignore[no-untyped-def]
     """Climb from `start` to `top` (3,), the best place met; return the share of points explained.
 
     Gauss-Newton, first with `few` points and a wider look round. H and g are room to work in.
@@ -108,7 +112,7 @@ def gauss_newton(pages, tiles, columns, frame, points, few, start, settings, H, 
     for n in range(COARSE + FINE):
         coarse = n < COARSE
         some, reach = (few, 2) if coarse else (points, 1)
-        total = normal_equations(pages, tiles, columns, frame, some, here, reach, settings, H, g)
+        total = normal_equations(pages, tiles, columns, frame, some, here, reach, sigma, H, g)
         if total > best or n == COARSE:
             best = total
             for a in range(3):  # number by number: a slice takes a second to compile
@@ -123,12 +127,11 @@ def gauss_newton(pages, tiles, columns, frame, points, few, start, settings, H, 
 
 
 @njit(cache=True)
-def refine(pages, table, columns, frame, points, poses, settings, score):  # type: ignore[no-untyped-def]
+def refine(pages, table, columns, frame, points, poses, sigma, lost, score):  # type: ignore[no-untyped-def]
     """Move each pose (M, 3) to where its own map explains the points (k, 2, in the body) best.
 
-    A climb that explains too little is lost: others begin from other headings, and the likeliest
-    counts. `settings`: sigma, hit rate of walls, share of points that belong to the map, share
-    below which a climb is lost. The log likelihood of the points goes to `score` (M,).
+    A climb that explains less than the share `lost` of them is lost: others begin from other
+    headings, and the likeliest counts. The log likelihood of the points goes to `score` (M,).
     """
     H, g, top, start = np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
     few = np.ascontiguousarray(points[::4])
@@ -140,30 +143,29 @@ def refine(pages, table, columns, frame, points, poses, settings, score):  # typ
             # None, then one step to the right, one to the left, two to the right, ...
             start[2] = heading + APART * ((turn + 1) // 2) * (1 - 2 * (turn % 2))
             share = gauss_newton(
-                pages, tiles, columns, frame, points, few, start, settings, H, g, top
+                pages, tiles, columns, frame, points, few, start, sigma, H, g, top
             )
-            fits = fit(pages, tiles, columns, frame, points, top, settings)
+            fits = fit(pages, tiles, columns, frame, points, top, sigma)
             # Wheels are off by a few degrees as a rule, and now and then by far more.
             worth = fits - 2.0 * np.log1p((top[2] - heading) ** 2 / (3 * SCALE**2))
             if worth > most:
                 most, score[i] = worth, fits
                 for a in range(3):
                     poses[i, a] = top[a]
-            if turn == 0 and share >= settings[3]:
+            if turn == 0 and share >= lost:
                 break
 
 
 @njit(cache=True)
-def fit(pages, tiles, columns, frame, points, pose, settings):  # type: ignore[no-untyped-def]
+def fit(pages, tiles, columns, frame, points, pose, sigma):  # type: ignore[no-untyped-def]
     """Log likelihood of points: near a wall of the map, or anywhere."""
-    sigma, rate, hit = settings[0], settings[1], settings[2]
     c, s = np.cos(pose[2]), np.sin(pose[2])
     total = 0.0
     for k in range(len(points)):
         x = pose[0] + c * points[k, 0] - s * points[k, 1]
         y = pose[1] + s * points[k, 0] + c * points[k, 1]
-        d, _, _ = nearest_wall(pages, tiles, columns, frame, x, y, 1, rate)
-        total += np.log(hit * np.exp(-0.5 * d / sigma**2) + 1 - hit)
+        d, _, _ = nearest_wall(pages, tiles, columns, frame, x, y, 1)
+        total += np.log(HIT * np.exp(-0.5 * d / sigma**2) + 1 - HIT)
     return total
 
 
@@ -249,14 +251,13 @@ def draw(pages, table, columns, frame, marked, starts, ends):  # type: ignore[no
 
 
 @njit(cache=True)
-def penetrate(pages, table, columns, frame, starts, ends, settings, score):  # type: ignore[no-untyped-def]
+def penetrate(pages, table, columns, frame, starts, ends, sigma, score):  # type: ignore[no-untyped-def]
     """Log likelihood of beams by DP-SLAM's model of a laser that may pass through any cell.
 
     A cell stops a beam of length l inside it with 1 - exp(-(h / d) l); P sums over the ray the
-    chance to come to a cell, to stop there, and exp(-(r - r_c)^2 / 2 var) for what was measured.
-    `settings`: variance (m^2), free way in unseen cells (m), evidence d0 of a cell (m), least P.
+    chance to come to a cell, to stop there, and exp(-(r - r_c)^2 / 2 sigma^2) for a measured r.
     """
-    variance, free_way, prior, floor = settings
+    prior = PRIOR * frame[0]
     for i in range(len(starts)):
         x, y = starts[i]
         score[i] = 0.0
@@ -269,15 +270,15 @@ def penetrate(pages, table, columns, frame, starts, ends, settings, score):  # t
                 frame[0], frame[1], frame[2], x, y, dx / length, dy / length
             )
             reached, total, t = 1.0, 0.0, 0.0
-            beyond = length + 4 * np.sqrt(variance)
+            beyond = length + 4 * sigma
             while t < beyond and reached > 1e-4:
                 after = min(next_c, next_r)
                 cell = pages[
                     page_at(table[i], columns, column, row), row & INSIDE, column & INSIDE
                 ]
-                stop = 1 - np.exp(-stop_rate(cell, prior, free_way) * (after - t))
+                stop = 1 - np.exp(-stop_rate(cell, prior) * (after - t))
                 off = length - 0.5 * (t + after)
-                total += reached * stop * np.exp(-0.5 * off * off / variance)
+                total += reached * stop * np.exp(-0.5 * off * off / sigma**2)
                 reached *= 1 - stop
                 t = after
                 if next_c < next_r:
@@ -286,12 +287,12 @@ def penetrate(pages, table, columns, frame, starts, ends, settings, score):  # t
                 else:
                     row += step_r
                     next_r += per_r
-            score[i] += np.log(total + floor)
+            score[i] += np.log(total + FLOOR)
 
 
 @njit(cache=True)
-def stop_rate(cell, prior, free_way):  # type: ignore[no-untyped-def]
-    """How often a metre of this cell stops a beam; of a cell never seen, 1 / free_way."""
+def stop_rate(cell, prior):  # type: ignore[no-untyped-def]
+    """How often a metre of this cell stops a beam; of a cell never seen, 1 / FREE_WAY."""
     if cell[METRES] == 0.0:
-        return 1.0 / free_way
+        return 1.0 / FREE_WAY
     return cell[HITS] / (cell[METRES] + prior)

@@ -6,6 +6,9 @@ chapter 8. Matching: Hector, P5 section 2.4. Chapters 04 and 14; `slamlab map --
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -55,7 +58,7 @@ class GlobalLocalization:
         Its free cells are where the robot may be, `walls` by default. A map of ROS gives both:
         ``BitmapWorld.from_file(path, unknown="free")`` and ``BitmapWorld.from_file(path)``.
     n_particles : int, optional
-        At first; 50 for each square metre of free floor by default, 60 000 at most.
+        At first; 200 for each square metre of free floor by default, from 1000 to 300 000.
 
     Attributes
     ----------
@@ -99,38 +102,32 @@ class GlobalLocalization:
         walls = as_instance("walls", walls, BitmapWorld)
         floor = walls if floor is None else as_instance("floor", floor, BitmapWorld)
         self._lidar = as_scan_sensor("lidar", lidar)
-        self._motion, self._rng = as_motion("motion", motion), as_rng("rng", rng)
+        self._motion, rng = as_motion("motion", motion), as_rng("rng", rng)
         if floor.occupied.all():
             raise ValueError("floor: expected free cells, found none")
-        sigma, hit, n_points = _SEARCH
-        self._walls = LikelihoodField(
-            walls.occupied, walls.resolution, walls.origin, sigma, hit, n_points
-        )
-        rows, columns = np.nonzero(walls.occupied)
-        points = walls.origin + walls.resolution * (np.column_stack([columns, rows]) + 0.5)
-        self._fields = [
-            LikelihoodGrid.of_points(points, width, max(walls.resolution, width / 2))
-            for width in _FIELDS
-        ]
+        self._walls = _WallMap(walls)
         area = float((~floor.occupied).sum()) * floor.resolution**2
         wished = int(np.clip(_PER_CELL * area, 1000, _MOST))
-        self._n_particles = wished if n_particles is None else as_count("n_particles", n_particles)
-        self._floor = floor
-        self._search = self._anywhere()
-        self._pose, self._cov = self._search.pose, self._search.pose_cov
+        M = wished if n_particles is None else as_count("n_particles", n_particles)
+        size = KLD(np.array([0.5, 0.5, 0.2]), minimum=min(1000, M), maximum=M)
+        bounds = np.reshape(floor.bounds, (2, 2)).T
+        anywhere = partial(
+            MonteCarloLocalization, self._walls.field, self._motion, self._lidar, M, bounds, rng,
+            adaptive=size, free=floor.is_free,
+        )  # fmt: skip
+        self._search = _Search(anywhere)
+        self._tracker: _Tracker | None = None  # when one place was found
+        self._pose, self._cov = self._search.particles.pose, self._search.particles.pose_cov
         self.localized_at: int | None = None
         self.fits: list[float] = []
-        # Motion since the last scan, its covariance in the frame of the body then.
+        # Motion since the last scan, and its covariance in the frame of the body then.
         self._step = np.zeros(3), np.zeros((3, 3))
-        self._since_weighed: Array | None = None  # motion since the particles were weighed
         self._records: list[tuple[tuple[Array, Array], Array, Array]] = []  # step, pose, points
-        self._misfits = 0
-        self._usual = 0.0  # share of points that fitted so far
 
     @property
     def localized(self) -> bool:
         """Whether one place was found, and the scans fit there."""
-        return self.localized_at is not None
+        return self._tracker is not None
 
     @property
     def pose(self) -> Array:
@@ -149,25 +146,23 @@ class GlobalLocalization:
         for k in range((self.localized_at or 0) - 1, -1, -1):
             (step, Q), _, _ = self._records[k + 1]
             guess = compose(path[k + 1], inverse(step))
-            path[k], _, _ = self._matched(self._records[k][2], guess, _step_cov(Q, guess))
+            path[k], _, _ = self._walls.match(self._records[k][2], guess, _step_cov(Q, guess))
         return path
 
     def __repr__(self) -> str:
         """Say whether the place is known."""
         x, y, theta = self._pose
         if not self.localized:
-            return f"GlobalLocalization(searching with {self._search.n_particles} particles)"
+            n = self._search.particles.n_particles
+            return f"GlobalLocalization(searching with {n} particles)"
         return f"GlobalLocalization(at ({x:.2f} m, {y:.2f} m, {np.rad2deg(theta):.1f} deg))"
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
         step, Q = moved(self._motion, self._step[0], u, dt, control_cov, self._step[1])
-        if self.localized:
-            pose, cov = moved(self._motion, self._pose, u, dt, control_cov, self._cov)
-        else:
-            self._search.predict(u, dt, control_cov)
-            pose, cov = self._search.pose, self._search.pose_cov
-        self._step, self._pose, self._cov = (step, Q), pose, cov
+        system = self._tracker or self._search.particles
+        system.predict(u, dt, control_cov)
+        self._step, self._pose, self._cov = (step, Q), system.pose, system.pose_cov
 
     def update(self, ranges: ArrayLike, ids: None = None) -> float:
         """Search with a scan, or match it.
@@ -193,11 +188,11 @@ class GlobalLocalization:
         ranges = np.where(ranges <= _REACH, ranges, np.nan)
         points = self._lidar.points(ranges)
         points = points[np.isfinite(points[:, 0])]
-        if self._since_weighed is not None:
-            self._since_weighed = compose(self._since_weighed, self._step[0])
+        self._search.add_motion(self._step[0])
         fit = 0.0
         if len(points) >= _LEAST_POINTS:
-            fit = self._track(points) if self.localized else self._seek(ranges, points)
+            tracker = self._tracker
+            fit = self._seek(ranges, points) if tracker is None else self._track(tracker, points)
         self._records.append((self._step, self._pose, points))
         self._step = np.zeros(3), np.zeros((3, 3))
         self.fits.append(fit)
@@ -205,71 +200,122 @@ class GlobalLocalization:
 
     def _seek(self, ranges: Array, points: Array) -> float:
         """Weigh the particles; if they are one place in which the scan fits, begin to track."""
-        cloud = self._search
-        if self._since_weighed is None or _is_new(self._since_weighed):
-            cloud.update(ranges)
-            self._since_weighed = np.zeros(3)
-        self._pose, self._cov = cloud.pose, cloud.pose_cov
+        self._search.weigh(ranges)
+        self._pose, self._cov = self._search.particles.pose, self._search.particles.pose_cov
         sigma = np.sqrt(np.diag(self._cov))
-        pose, cov, fit = self._matched(points, self._pose, self._cov)
+        pose, cov, fit = self._walls.match(points, self._pose, self._cov)
         if (sigma < _CONCENTRATED).all() and fit >= _FITS:
+            self._tracker = _Tracker(self._walls, self._motion, pose, cov, fit)
             self._pose, self._cov = pose, cov
-            self.localized_at, self._misfits, self._usual = len(self._records), 0, fit
+            self.localized_at = len(self._records)
         return fit
 
-    def _track(self, points: Array) -> float:
+    def _track(self, tracker: _Tracker, points: Array) -> float:
         """Match the scan from where the odometry led; search again if many do not fit."""
-        cov = self._cov + _step_cov(self._step[1], self._pose)
-        self._pose, self._cov, fit = self._matched(points, self._pose, cov)
-        if fit >= _MISFITS * self._usual:
-            self._usual += 0.05 * (fit - self._usual)
-            self._misfits = 0
-        else:
-            self._misfits += 1
-        if self._misfits >= _PATIENCE:
-            self._search, self._since_weighed, self.localized_at = self._anywhere(), None, None
+        fit = tracker.update(points, self._step[1])
+        self._pose, self._cov = tracker.pose, tracker.pose_cov
+        if tracker.misfits >= _PATIENCE:
+            self._tracker = self.localized_at = None
+            self._search.begin()
         return fit
 
-    def _matched(self, points: Array, guess: Array, cov: Array) -> tuple[Array, Array, float]:
+
+class _WallMap:
+    """The map, as scans are weighed in it and matched to it."""
+
+    def __init__(self, walls: BitmapWorld) -> None:
+        sigma, hit, n_points = _SEARCH
+        self.field = LikelihoodField(
+            walls.occupied, walls.resolution, walls.origin, sigma, hit, n_points
+        )
+        rows, columns = np.nonzero(walls.occupied)
+        points = walls.origin + walls.resolution * (np.column_stack([columns, rows]) + 0.5)
+        self._fields = [
+            LikelihoodGrid.of_points(points, width, max(walls.resolution, width / 2))
+            for width in _FIELDS
+        ]
+
+    def match(self, points: Array, guess: Array, cov: Array) -> tuple[Array, Array, float]:
         """Match and guess as one pose and covariance; and the share of points near walls there.
 
-        Along a corridor, where the covariance of the match is wide, the odometry decides.
+        The Kalman filter of P5 with H = I. Along a corridor, where the covariance of the match is
+        wide, the odometry decides.
         """
         if len(points) < _LEAST_POINTS:
             return guess, cov, 0.0
         match = match_field(self._fields, points, guess)
         if (fit := self._fit(points, match.pose)) < 0.5:
             return guess, cov, fit
-        gain = cov @ np.linalg.inv(cov + match.cov + _FLOOR)
-        off = match.pose - guess
+        gain = cov @ np.linalg.inv(cov + match.cov + _FLOOR)  # (6), (7)
+        off = match.pose - guess  # (5)
         off[2] = wrap_angle(off[2])
-        pose = guess + gain @ off
+        pose = guess + gain @ off  # (8)
         pose[2] = wrap_angle(pose[2])
-        return pose, (np.eye(3) - gain) @ cov, self._fit(points, pose)
+        return pose, (np.eye(3) - gain) @ cov, self._fit(points, pose)  # (9)
 
     def _fit(self, points: Array, pose: Array) -> float:
         """Share of the points near a wall (0.1 m, or two cells)."""
-        near = max(_NEAR_A_WALL, 2 * self._walls.resolution)
-        cells = self._walls.cells(transform(pose, points))
-        inside = self._walls.holds(cells)
+        near = max(_NEAR_A_WALL, 2 * self.field.resolution)
+        cells = self.field.cells(transform(pose, points))
+        inside = self.field.holds(cells)
         row, column = (cells * inside[:, None]).T
-        return float((inside & (self._walls.distance[row, column] <= near)).mean())
+        return float((inside & (self.field.distance[row, column] <= near)).mean())
 
-    def _anywhere(self) -> MonteCarloLocalization:
-        return MonteCarloLocalization(
-            self._walls,
-            self._motion,
-            self._lidar,
-            self._n_particles,
-            np.reshape(self._floor.bounds, (2, 2)).T,
-            self._rng,
-            adaptive=KLD(
-                np.array([0.5, 0.5, 0.2]),
-                minimum=min(1000, self._n_particles),
-                maximum=self._n_particles,
-            ),
-            free=self._floor.is_free,
+
+class _Search:
+    """Particles from anywhere, weighed by a scan if the robot has moved since the last."""
+
+    def __init__(self, anywhere: Callable[[], MonteCarloLocalization]) -> None:
+        self._anywhere = anywhere
+        self.begin()
+
+    def begin(self) -> None:
+        """Draw new particles."""
+        self.particles = self._anywhere()
+        self._moved: Array | None = None  # since they were weighed; None: they never were
+
+    def add_motion(self, step: Array) -> None:
+        """Add the motion (3,) from one scan to the next."""
+        if self._moved is not None:
+            self._moved = compose(self._moved, step)
+
+    def weigh(self, ranges: Array) -> None:
+        """Weigh the particles by a scan, if the robot has moved."""
+        if self._moved is None or _is_new(self._moved):
+            self.particles.update(ranges)
+            self._moved = np.zeros(3)
+
+
+class _Tracker:
+    """A pose, from which each scan is matched where the odometry has led it.
+
+    `misfits` counts the last scans in a row that fitted worse than usual.
+    """
+
+    def __init__(
+        self, walls: _WallMap, motion: MotionModel, pose: Array, cov: Array, fit: float
+    ) -> None:
+        self._walls, self._motion = walls, motion
+        self.pose, self.pose_cov = pose, cov
+        self._usual = fit  # share of points that fitted so far
+        self.misfits = 0
+
+    def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
+        """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
+        self.pose, self.pose_cov = moved(
+            self._motion, self.pose, u, dt, control_cov, self.pose_cov
         )
+
+    def update(self, points: Array, Q: Array) -> float:
+        """Match a scan; Q (3, 3) is the covariance of the step to it. Return how well it fits."""
+        cov = self.pose_cov + _step_cov(Q, self.pose)
+        self.pose, self.pose_cov, fit = self._walls.match(points, self.pose, cov)
+        if fit >= _MISFITS * self._usual:
+            self._usual += 0.05 * (fit - self._usual)
+            self.misfits = 0
+        else:
+            self.misfits += 1
+        return fit
 
 
 def _is_new(motion: Array) -> bool:

@@ -125,14 +125,13 @@ class MonteCarloLocalization(PoseParticles):
         free: Callable[[Array], NDArray[np.bool_]] | None = None,
     ) -> None:
         self.motion = as_motion("motion", motion)
-        self._field: LikelihoodField | None = None
-        self._landmarks = np.empty((0, 2))
+        self._map: LikelihoodField | Array  # walls, or landmarks
         if isinstance(world, LikelihoodField):
-            self._field, self.measures = world, "scan"
+            self._map, self.measures = world, "scan"
             self.sensor: Any = as_scan_sensor("sensor", sensor)
         else:
-            self._landmarks = as_array("world", world, ("n", 2)).copy()
-            if len(self._landmarks) == 0:
+            self._map = as_array("world", world, ("n", 2)).copy()
+            if len(self._map) == 0:
                 raise ValueError("world: expected at least one landmark, got none")
             self.sensor = as_instance("sensor", as_sensor("sensor", sensor), Scoring, "a sensor")
         self._bounds = as_array("bounds", bounds, (2, 2)).copy()
@@ -141,14 +140,8 @@ class MonteCarloLocalization(PoseParticles):
                 f"bounds: expected ((x_min, x_max), (y_min, y_max)), got {self._bounds.tolist()}"
             )
         self._rng = as_rng("rng", rng)
-        self._rates = injection
-        if injection is not None:
-            slow, fast = self._rates = as_array("injection", injection, (2,)).tolist()
-            if not 0 < slow < fast <= 1:
-                rates = f"{slow:g}, {fast:g}"
-                raise ValueError(f"injection: expected rates 0 < slow < fast <= 1, got {rates}")
+        self._averages = None if injection is None else _LikelihoodAverages(injection)
         self._free = _everywhere if free is None else as_function("free", free)
-        self._slow = self._fast = -1.0
         self.injected = 0.0
         start = self._anywhere(as_count("n_particles", n_particles, 1))
         self._cloud = ParticleFilter(start, rng, None, threshold, resample, adaptive)
@@ -227,7 +220,7 @@ class MonteCarloLocalization(PoseParticles):
         # 3. Resample, if the weights say so.
         evidence = self._cloud.update(log_likelihood)
         # 4. Inject: replace some by particles from anywhere, if measurements got unlikely.
-        share = self._share_to_inject(evidence / count)
+        share = 0.0 if self._averages is None else self._averages.share(evidence / count)
         n = int(self._rng.binomial(self.n_particles, share)) if share > 0 else 0
         if n and not self.resampled:  # those that are replaced must be of equal weight
             self._cloud.resample()
@@ -246,28 +239,17 @@ class MonteCarloLocalization(PoseParticles):
     ) -> tuple[Array, int]:
         """Log likelihood (M,) of the poses; and of how many beams or landmarks."""
         poses = self._cloud.particles
-        if self._field is not None:
+        if isinstance(self._map, LikelihoodField):
             if ids is not None or covs is not None:
                 raise ValueError("ids, covs: expected None beside ranges")
             points = self.sensor.points(as_shaped("ranges", measurement, (self.sensor.n_beams,)))
             count = int(np.isfinite(points[:, 0]).sum())
-            return self._field.log_likelihood(poses, points), count
+            return self._map.log_likelihood(poses, points), count
         z = as_array("z", measurement, ("k", 2))
         if ids is None:  # each pose takes the landmark that explains a measurement best
-            return self.sensor.best_log_likelihood(poses, z, self._landmarks, covs), len(z)
-        known = self._landmarks[_checked_ids(ids, len(z), len(self._landmarks))]
+            return self.sensor.best_log_likelihood(poses, z, self._map, covs), len(z)
+        known = self._map[_checked_ids(ids, len(z), len(self._map))]
         return self.sensor.log_likelihood(poses, z, known, covs), len(z)
-
-    def _share_to_inject(self, log_mean_likelihood: float) -> float:
-        """1 - fast/slow of the averages of the likelihood of one measurement, Gutmann and Fox."""
-        if self._rates is None:
-            return 0.0
-        likelihood = float(np.exp(min(log_mean_likelihood, 700.0)))
-        if self._slow < 0:  # the first one
-            self._slow = self._fast = likelihood
-        self._slow += self._rates[0] * (likelihood - self._slow)
-        self._fast += self._rates[1] * (likelihood - self._fast)
-        return 1 - self._fast / self._slow if self._slow > 0 else 0.0
 
     def _weighed(self) -> ParticleFilter:
         """Return the belief without the particles that no measurement has weighed yet."""
@@ -287,6 +269,30 @@ class MonteCarloLocalization(PoseParticles):
                 return np.concatenate([position, heading], 1)
             position[off] = self._rng.uniform(low, high, (int(off.sum()), 2))
         raise ValueError("free: expected free floor within bounds, found hardly any")
+
+
+class _LikelihoodAverages:
+    """Long-term and short-term average of the likelihood of one measurement.
+
+    Augmented MCL of Probabilistic Robotics (2005), section 8.3, after Gutmann and Fox (2002).
+    """
+
+    def __init__(self, rates: tuple[float, float]) -> None:
+        self._rates = slow, fast = as_array("injection", rates, (2,)).tolist()
+        if not 0 < slow < fast <= 1:
+            got = f"{slow:g}, {fast:g}"
+            raise ValueError(f"injection: expected rates 0 < slow < fast <= 1, got {got}")
+        self._slow = self._fast = -1.0  # before the first one
+
+    def share(self, log_mean_likelihood: float) -> float:
+        """Take a likelihood into both; return 1 - fast/slow, the share of particles to inject."""
+        likelihood = float(np.exp(min(log_mean_likelihood, 700.0)))
+        if self._slow < 0:
+            self._slow = self._fast = likelihood
+        slow, fast = self._rates
+        self._slow += slow * (likelihood - self._slow)
+        self._fast += fast * (likelihood - self._fast)
+        return 1 - self._fast / self._slow if self._slow > 0 else 0.0
 
 
 def _everywhere(points: Array) -> NDArray[np.bool_]:

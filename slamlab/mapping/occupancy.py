@@ -238,6 +238,7 @@ def insert_scan(
     occupied = _inside(np.floor(ends[hit]), size)
     for cells, evidence in ((occupied, gain), (np.setdiff1d(free, occupied), loss)):
         row, column = cells // columns, cells % columns
+        # l_k = l_{k-1} + l(z_k), chapter 08: the old log odds plus those of the reading.
         log_odds[row, column] = np.clip(log_odds[row, column] + evidence, -limit, limit)
 
 

@@ -1,7 +1,7 @@
 """Maps of rough ground: how far the heights in a cell scatter; and, to compare, how high it lies.
 
 Marks, Howard, Bajracharya, Cottrell and Matthies, ICRA 2008: a gamma distribution over the
-precision of the heights in each cell. P5 section 2.3; chapter 15.
+precision of the heights in each cell. P5 section 2.3; (D)-(F) are formulas of chapters 15 and 15b.
 """
 
 from __future__ import annotations
@@ -80,9 +80,9 @@ def unchecked_log_density(s2: Array, nu: Array, a: Array, b: Array, of: str) -> 
     # lnG(a + nu/2) - lnG(a) + a ln b - (a + nu/2) ln(b + nu s2/2)
     common = gammaln(a + half) - gammaln(a) + a * np.log(b) - (a + half) * np.log(b + half * s2)
     if of == "heights":
-        # - (nu/2) ln 2 pi - ln(n)/2
+        # (F): ... - (nu/2) ln 2 pi - ln(n)/2 - ln L, L = 1 m
         return np.asarray(common - half * np.log(2 * np.pi) - 0.5 * np.log(nu + 1))
-    # - lnG(nu/2) + (nu/2) ln(nu/2) + (nu/2 - 1) ln s2
+    # (E): ... - lnG(nu/2) + (nu/2) ln(nu/2) + (nu/2 - 1) ln s2
     return np.asarray(common - gammaln(half) + half * np.log(half) + (half - 1) * np.log(s2))
 
 
@@ -189,7 +189,7 @@ class VarianceGrid(_CellMap):
     def insert(self, pose: ArrayLike, points: ArrayLike, heights: ArrayLike) -> None:
         """Take a picture in; arguments as in `log_likelihood`."""
         where, s2, nu = self._variances(pose, points, heights)
-        # alpha += nu/2, beta += nu s2/2
+        # (D): alpha += nu/2, beta += nu s2/2
         self.alpha[where] += 0.5 * nu
         self.beta[where] += 0.5 * nu * s2
 

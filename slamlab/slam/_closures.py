@@ -1,7 +1,8 @@
 """Back end of `ScanGraphSlam`: has the robot been here before, and is that to be believed.
 
 Candidates, verification, the second-best match (Olson 2009), pairwise consistency
-(Mangelson et al. 2018). Page 14b shows what each of them is for.
+(Mangelson et al. 2018). Page 14b shows what each of them is for; a letter in a comment is a
+formula of the page before it.
 """
 
 from __future__ import annotations
@@ -15,14 +16,9 @@ from numpy.typing import NDArray
 
 from slamlab._checks import Array
 from slamlab.geometry import between, compose, rotation, transform
-from slamlab.matching import (
-    PointsWithNormals,
-    match_correlative,
-    match_field,
-    match_icp,
-    voxel_downsample,
-)
-from slamlab.slam._tracking import LocalMap, edge_cov, outline_at
+from slamlab.matching import match_correlative, match_field, match_icp, voxel_downsample
+from slamlab.slam._chain import Chain, PoseChain
+from slamlab.slam._tracking import LocalMap, edge_cov
 from slamlab.slam.least_squares import KERNEL_WIDTHS, edge_error
 from slamlab.slam.pose_graph import PoseGraph
 
@@ -74,14 +70,50 @@ class Closure:
     state: str = "waiting"
 
 
-def candidates(k: int, poses: Array, travel: Array, since: float) -> tuple[list[int], float]:
+class ClosureSearch:
+    """The search for closures of a chain while it grows.
+
+    Attributes
+    ----------
+    closures : list of Closure
+        All that were verified.
+    """
+
+    def __init__(self, inflate: bool) -> None:
+        self.closures: list[Closure] = []
+        self._inflate = inflate  # ambiguous ones, instead of rejecting them
+        self._last_tried = self._last_closed = 0.0  # travel at the last trial, the last closure
+
+    def try_node(self, k: int, chain: PoseChain) -> bool:
+        """Look for old places at node k; tell whether any closure is confirmed now."""
+        if k < 0 or chain.travel[k] - self._last_tried < CLOSURE_SPACING:
+            return False
+        travel = self._last_tried = chain.travel[k]
+        old, radius = candidates(k, chain, travel - self._last_closed)
+        tried = [verify(j, k, radius, chain, self._inflate) for j in old]
+        found = [one for one in tried if one is not None]
+        for one in found:  # what contradicts the chain must fit well
+            if one.fit < HIGH_SCORE and chain_chi2(one, chain) > MAX_CLOSURE_CHI2:
+                one.state = "rejected"
+        self.closures += found
+        if not (found and confirm(self.closures, self.closures, chain)):
+            return False
+        self._last_closed = travel
+        return True
+
+
+def candidates(
+    k: int, chain: Chain, since: float, before: int | None = None
+) -> tuple[list[int], float]:
     """Old nodes to try with node k, one of each of two passes at most, and how far to search (m).
 
     The nearest node of all, and the nearest of the oldest pass (of the newest, if these are the
-    same): whoever is tied only to the pass before is tied to nothing older.
+    same): whoever is tied only to the pass before is tied to nothing older. `since` is the travel
+    since the last closure (m); `before` leaves out that node and all after it.
     """
+    poses, travel = chain.poses, chain.travel
     radius = min(MIN_SEARCH_RADIUS + DRIFT * since, MAX_SEARCH_RADIUS)
-    old = np.searchsorted(travel, travel[k] - MIN_LOOP_LENGTH)
+    old = np.searchsorted(travel[:before], travel[k] - MIN_LOOP_LENGTH)
     distance = np.hypot(*(poses[:old, :2] - poses[k, :2]).T)
     near = np.flatnonzero(distance < radius)
     if len(near) == 0:
@@ -93,28 +125,24 @@ def candidates(k: int, poses: Array, travel: Array, since: float) -> tuple[list[
     return [best, *others[:1]], radius
 
 
-def verify(
-    j: int,
-    k: int,
-    radius: float,
-    nodes: list[PointsWithNormals],
-    poses: Array,
-    travel: Array,
-    inflate: bool,
-) -> Closure | None:
+def verify(j: int, k: int, radius: float, chain: Chain, inflate: bool) -> Closure | None:
     """Lay the scans round node k upon the place round node j; None if that convinces nobody."""
+    nodes, poses, travel = chain.nodes, chain.poses, chain.travel
+    # The place: walls of the nodes within some metres of travel. The query: the scans round k.
     first, last = np.searchsorted(travel, [travel[j] - SUBMAP_LENGTH, travel[j] + SUBMAP_LENGTH])
     last = min(max(int(last), j + 1), k - N_QUERY_SCANS)
     around = range(max(k - N_QUERY_SCANS, 0), min(k + N_QUERY_SCANS + 1, len(nodes)))
     seen = between(poses[k], poses[around])
     merged = [transform(pose, nodes[n].points) for pose, n in zip(seen, around, strict=True)]
     query = voxel_downsample(np.concatenate(merged), 0.15)
-    local_map = LocalMap([outline_at(nodes[first:last], poses[first:last])])
+    local_map = LocalMap([chain.outline(first, last)])
+    # Search (Olson 2009): is there a place that fits, and none elsewhere that fits nearly as well?
     found = match_correlative(
         local_map.field, query, poses[k], radius, TURN, TURN_STEP, 0.4, SECOND_PEAK_DISTANCE
     )
     if found is None or (found.second_peak > MAX_SECOND_PEAK and not inflate):
         return None
+    # Refine: climb, then scan k alone, point to line.
     refined = match_field(local_map.field, query, found.pose)
     fit = 1 - refined.rmse**2
     if fit < MIN_SCORE or len(local_map.walls.points) < 3:
@@ -124,7 +152,7 @@ def verify(
         return None
     cov = 4 * match.cov
     if found.second_peak > MAX_SECOND_PEAK:
-        cov = cov + _inflation(refined.cov, radius)
+        cov = cov + _inflation(refined.cov, radius)  # 14b (E)
     cov = edge_cov(cov, match.pose[2], MIN_COV)
     return Closure(j, k, between(poses[j], match.pose), cov, found.second_peak, fit)
 
@@ -137,27 +165,28 @@ def _inflation(cov: Array, radius: float) -> Array:
     return out
 
 
-def chain_chi2(one: Closure, poses: Array, covs: Array) -> float:
+def chain_chi2(one: Closure, chain: PoseChain) -> float:
     """Squared Mahalanobis distance of a closure from where the chain leads.
 
-    The covariances (n - 1, 3, 3) of the edges, each in the frame of its newer node, are
-    compounded (Smith, Self and Cheeseman 1990): an error of heading has a lever, the way that is
-    left to node k.
+    The covariances of the edges, each in the frame of its newer node, are compounded (Smith, Self
+    and Cheeseman 1990): an error of heading has a lever, the way that is left to node k.
     """
+    poses, covs = chain.poses, np.array([cov for _, cov in chain.edges[one.j : one.k]])
     x, y, turn = between(poses[one.k], poses[one.j + 1 : one.k + 1]).T
     jac = np.zeros((len(x), 3, 3))
     jac[:, :2, :2] = rotation(turn)
     jac[:, :, 2] = np.stack([y, -x, np.ones_like(x)], axis=-1)
-    cov = one.cov + (jac @ covs[one.j : one.k] @ jac.mT).sum(axis=0)
-    e = edge_error(poses[one.j], poses[one.k], one.z)
+    cov = one.cov + (jac @ covs @ jac.mT).sum(axis=0)
+    e = edge_error(poses[one.j], poses[one.k], one.z)  # 13 (A)
     return float(e @ np.linalg.solve(cov, e))
 
 
-def pairwise_consistent(one: Closure, others: list[Closure], poses: Array, travel: Array) -> bool:
+def pairwise_consistent(one: Closure, others: list[Closure], chain: Chain) -> bool:
     """Whether two others near both ends, and half of all there, tell the same story.
 
     One is enough for a closure that fits well; and who fits worse does not speak against it.
     """
+    poses, travel = chain.poses, chain.travel
     agree = near = 0
     for other in others:
         if other is one or other.state == "rejected":
@@ -165,7 +194,7 @@ def pairwise_consistent(one: Closure, others: list[Closure], poses: Array, trave
         there, here = (abs(travel[a] - travel[b]) for a, b in ((other.j, one.j), (other.k, one.k)))
         if there > CONSISTENCY_WINDOW or here > CONSISTENCY_WINDOW:
             continue
-        # z_a (+) x_ka,kb = x_ja,jb (+) z_b
+        # 13b (I): z_a (+) x_ka,kb = x_ja,jb (+) z_b
         by_one = compose(one.z, between(poses[one.k], poses[other.k]))
         by_other = compose(between(poses[one.j], poses[other.j]), other.z)
         dx, dy, turn = between(by_one, by_other)
@@ -176,12 +205,10 @@ def pairwise_consistent(one: Closure, others: list[Closure], poses: Array, trave
     return agree >= (1 if one.fit >= HIGH_SCORE else 2) and 2 * agree >= near
 
 
-def confirm(some: Iterable[Closure], closures: list[Closure], poses: Array, travel: Array) -> bool:
+def confirm(some: Iterable[Closure], closures: list[Closure], chain: Chain) -> bool:
     """Confirm those that wait and are consistent with all others; tell whether there are any."""
     newly_confirmed = [
-        one
-        for one in some
-        if one.state == "waiting" and pairwise_consistent(one, closures, poses, travel)
+        one for one in some if one.state == "waiting" and pairwise_consistent(one, closures, chain)
     ]
     for one in newly_confirmed:
         one.state = "confirmed"

@@ -15,7 +15,6 @@ from slamlab.slam._closures import Closure
 from slamlab.slam.scan_graph import ScanGraphSlam
 
 LONGEST = 200  # letters of a log's name
-_SAME_POSE = 1e-9  # the scan that is a node lies at the node (m, rad)
 
 
 @dataclass(eq=False)
@@ -79,21 +78,17 @@ def lidar_of(log: Log) -> ScanGeometry:
 
 
 def drive_of(system: ScanGraphSlam, log: Log, name: str) -> Drive:
-    """Keep what a drive left; which scans are nodes is found again in the trajectory."""
+    """Keep what a drive left."""
     as_instance("system", system, ScanGraphSlam)
     lidar_of(log)
     if not system.nodes:
         raise ValueError("system: expected scans that see walls, got none with ten points")
     path, graph = system.trajectory, system.graph()
-    rows = [0]
-    for pose in graph.poses:
-        same = np.abs(between(pose, path[rows[-1] :])).max(-1) < _SAME_POSE
-        rows.append(rows[-1] + int(same.argmax()) if same.any() else len(path))
-    scan_of_node = np.array(rows[1:])
-    if len(path) != len(log) or (np.diff(scan_of_node) < 1).any() or rows[-1] >= len(path):
+    if len(path) != len(log):
         raise ValueError(f"log: expected the {len(path)} scans that the system was fed")
+    n, last_node = len(graph.poses), [node for node, _ in system._chain.steps]
+    scan_of_node = np.searchsorted(last_node, np.arange(n))
     node = _node_of_scan(scan_of_node, len(path))
-    n = len(graph.poses)
     return Drive(
         str(name)[:LONGEST],
         np.array(log.times, dtype=float),

@@ -8,18 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from slamlab._checks import Array
 from slamlab.geometry import between, compose, inverse, transform
-from slamlab.matching import (
-    LikelihoodGrid,
-    PointsWithNormals,
-    match_correlative,
-    voxel_downsample,
-)
+from slamlab.matching import LikelihoodGrid, match_correlative, voxel_downsample
+from slamlab.slam._chain import Chain
 from slamlab.slam._closures import (
     CLOSURE_SPACING,
     MAX_SECOND_PEAK,
@@ -44,14 +39,6 @@ MIN_AGREEING = 4  # closures that agree on the frame: the search in all of the m
 FRAME_TOLERANCE = (2.0, np.deg2rad(15))  # two closures agree on the frame of a drive (m, rad)
 
 Progress = Callable[[int, int], object]
-
-
-class Chain(NamedTuple):
-    """Nodes in one frame: keyframes, poses (n, 3) and the metres driven to each (n,)."""
-
-    nodes: list[PointsWithNormals]
-    poses: Array
-    travel: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +82,7 @@ def recognised(old: Chain, new: Chain, progress: Progress) -> Alignment:
             continue
         both = together(old, new, _frame(match.pose, new.poses[k]))
         j = int(np.hypot(*(old.poses[:, :2] - match.pose[:2]).T).argmin())
-        one = verify(j, len(old.nodes) + k, MIN_SEARCH_RADIUS, *both, False)
+        one = verify(j, len(old.nodes) + k, MIN_SEARCH_RADIUS, both, False)
         if one is None:
             continue
         found.append(one)
@@ -127,14 +114,14 @@ def _frame(there: Array, here: Array) -> Array:
 def _agreed(old: Chain, new: Chain, found: list[Closure]) -> Array | None:
     """Confirm what is consistent; the frame on which twice as many agree as speak against it."""
     n = len(old.nodes)
-    poses, travel = together(old, new, np.zeros(3))[1:]
+    both = together(old, new, np.zeros(3))
     for one in found:
-        agrees = pairwise_consistent(one, found, poses, travel)
+        agrees = pairwise_consistent(one, found, both)
         one.state = "confirmed" if agrees else "waiting"
     sure = [one for one in found if one.state == "confirmed"]
     if not sure:
         return None
-    frames = np.array([_frame(compose(poses[c.j], c.z), new.poses[c.k - n]) for c in sure])
+    frames = np.array([_frame(compose(old.poses[c.j], c.z), new.poses[c.k - n]) for c in sure])
     off = between(frames[:, None], frames)
     distance, angle = FRAME_TOLERANCE
     alike = (np.hypot(off[..., 0], off[..., 1]) < distance) & (abs(off[..., 2]) < angle)
@@ -146,9 +133,8 @@ def _agreed(old: Chain, new: Chain, found: list[Closure]) -> Array | None:
     return frames[best]
 
 
-def more(k: int, n: int, nodes: Chain, since: float) -> list[Closure]:
+def more(k: int, n: int, chain: Chain, since: float) -> list[Closure]:
     """Closures of node k with the first n, those of other drives, near where it is believed."""
-    poses = np.vstack([nodes.poses[:n], nodes.poses[k]])
-    near, radius = candidates(n, poses, np.append(nodes.travel[:n], nodes.travel[k]), since)
-    tried = [verify(j, k, radius, *nodes, False) for j in near]
+    near, radius = candidates(k, chain, since, before=n)
+    tried = [verify(j, k, radius, chain, False) for j in near]
     return [one for one in tried if one is not None]

@@ -9,7 +9,7 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -79,12 +79,6 @@ def scan_points(ranges: Array, lidar: ScanSensor) -> Array:
     """Thinned end points (k, 2) of a scan within `REACH`, in the frame of the body."""
     points = lidar.points(np.where(ranges <= REACH, ranges, np.nan))
     return voxel_downsample(points, SPACING)
-
-
-def outline_at(nodes: Sequence[PointsWithNormals], poses: Array) -> PointsWithNormals:
-    """Outline of several nodes in the world, each seen from its pose (n, 3)."""
-    sizes = [len(node.points) for node in nodes]
-    return PointsWithNormals.concatenated(nodes).transformed(np.repeat(poses, sizes, 0))
 
 
 class LocalMap:

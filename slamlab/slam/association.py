@@ -333,14 +333,10 @@ def joint_search(
     """Search as `joint_compatibility`, and tell how far it went; same parameters, no warning."""
     margin, max_nodes = _as_margin(margin), as_count("max_nodes", max_nodes, 1)
     c = _candidates(slam, z, probability, new_probability, covs)
-    i = np.flatnonzero(c.inside)
-    if not len(i):
+    if not c.inside.any():
         return JointSearch(_answer(c.k, c.j, c.row, c.inside), 0, 0.0, 0, True)
-    pairs = c.j[i], c.row[i], c.v[i], c.R[c.j[i]]
-    search = _Search(slam, *pairs, float(probability), margin, max_nodes)
-    chosen = np.zeros(len(c.j), bool)
-    chosen[i[search.agreed()]] = True
-    rows = _answer(c.k, c.j, c.row, chosen)
+    search = _Search(slam, c, float(probability), margin, max_nodes)
+    rows = _answer(c.k, c.j, c.row, search.pairs[search.agreed()])
     return JointSearch(rows, *search.best, search.nodes, search.complete)
 
 
@@ -354,17 +350,11 @@ class _Search:
     """
 
     def __init__(
-        self,
-        slam: Surface,
-        j: Rows,
-        row: Rows,
-        v: Array,
-        R: Array,
-        probability: float,
-        margin: float,
-        max_nodes: int,
+        self, slam: Surface, c: _Candidates, probability: float, margin: float, max_nodes: int
     ) -> None:
-        self.v, self.R, self.margin = v, R, margin
+        self.pairs = np.flatnonzero(c.inside)
+        j, row = c.j[self.pairs], c.row[self.pairs]
+        self.v, self.R, self.margin = c.v[self.pairs], c.R[j], margin
         rows, self.column = np.unique(row, return_inverse=True)
         # The least ambiguous measurement first: it pins the pose down for the others.
         _, place, counts = np.unique(j, return_inverse=True, return_counts=True)
@@ -624,8 +614,11 @@ def _ambiguous(j: Rows, row: Rows, score: Array, margin: float) -> Bools:
     return np.asarray((shared & (score < score[:, None] + margin)).any(1))
 
 
-def _answer(k: int, j: Rows, row: Rows, chosen: Bools) -> Rows:
-    """Rows (k,) of the chosen pairs; without one a measurement is new, or near to something."""
+def _answer(k: int, j: Rows, row: Rows, chosen: Bools | Rows) -> Rows:
+    """Rows (k,) of the pairs `chosen`, by a mask or by number.
+
+    A measurement without one is new, or near to something.
+    """
     rows = np.full(k, NEW, dtype=np.intp)
     rows[j] = IGNORED
     rows[j[chosen]] = row[chosen]

@@ -98,19 +98,18 @@ class CompressedEKFSlam:
 
     def _open(self, names: Sequence[Hashable]) -> None:
         """Start a region at what the full filter says now."""
-        full = self._full
-        self._rows = full.rows_of(names)
-        a = entries(self._rows)
+        full, rows = self._full, self._full.rows_of(names)
+        a = entries(rows)
         self.local = EKFSlam(
             full.motion, full.sensor, full._x[a], ids=names, associate=full.associate
         )
         self.local._P = full._P[np.ix_(a, a)]
         self.local.next_id = full.next_id  # new landmarks must not take names used elsewhere
-        self.local.n_observations = full.n_observations[self._rows]
-        self.local.steps_since_observed = full.steps_since_observed[self._rows]
+        self.local.n_observations = full.n_observations[rows]
+        self.local.steps_since_observed = full.steps_since_observed[rows]
         self._Phi, self._Psi = np.eye(len(a)), np.zeros((len(a), len(a)))
         self._theta = np.zeros(len(a))
-        self._predictions, self._is_settled = 0, True
+        self._is_settled = True
 
     @property
     def reach(self) -> float:
@@ -151,15 +150,17 @@ class CompressedEKFSlam:
         O(n^2 k) for k numbers measured in the region. Read the returned filter, which is the same
         object each time; change it through this one only. The region stays the same.
         """
-        local, full, a = self.local, self._full, entries(self._rows)
+        local, full = self.local, self._full
         if self._is_settled:
             return full
+        known = [name for name in local.ids if name in full._row_of]
+        a = entries(full.rows_of(known))
         P_ab = full._P[a]
         P_ab[:, a] = 0.0  # b alone: a is as the region says
         full._x = full._x + self._theta @ P_ab  # x_b + P_ba theta
         downdate(full._P, matrix_sqrt(self._Psi).T @ P_ab)  # P_bb - P_ba Psi P_ab
         # New landmarks of the region come in behind b.
-        N, new = len(full._x), local.ids[len(self._rows) :]
+        N, new = len(full._x), local.ids[len(known) :]
         m = 2 * len(new)
         full._append(new, local._x[len(a) :], np.zeros((m, 3)), np.zeros((m, m)))
         a = np.append(a, np.arange(N, len(full._x)))
@@ -168,7 +169,6 @@ class CompressedEKFSlam:
         full._P[np.ix_(a, a)], full._x[a] = local._P, local._x
         full._first = full._x
         rows = (a[3::2] - 3) // 2
-        full.steps_since_observed += self._predictions
         full.n_observations[rows] = local.n_observations
         full.steps_since_observed[rows] = local.steps_since_observed
         full.next_id = local.next_id
@@ -179,11 +179,11 @@ class CompressedEKFSlam:
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move the pose, as `EKFSlam.predict`: Phi <- F Phi."""
-        before = self.local._x[:3].copy()
+        F, _ = self.motion.jacobians(self.local._x[:3], u, dt)  # at the old estimate
         self.local.predict(u, dt, control_cov)
-        F, _ = self.motion.jacobians(before, u, dt)
         self._Phi[:3] = F @ self._Phi[:3]
-        self._predictions, self._is_settled = self._predictions + 1, False
+        self._full.steps_since_observed += 1
+        self._is_settled = False
 
     def update(
         self, z: ArrayLike, ids: Names | None = None, covs: ArrayLike | None = None

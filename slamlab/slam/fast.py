@@ -17,9 +17,8 @@ from slamlab._checks import (
     all_finite,
     as_array,
     as_count,
-    as_covariance,
+    as_landmarks,
     as_names,
-    as_rng,
     as_scalar,
 )
 from slamlab.filters.particle import ParticleFilter, PoseParticles, rollback
@@ -40,12 +39,12 @@ MAX_NOISE = 1e6  # sigmas of odometry: a proposal farther off is not followed
 
 
 class OdometryStep(NamedTuple):
-    """One prediction, x' = f(x, u + A n) with n ~ N(0, I), and the noise (M, p) that was drawn."""
+    """One prediction, x' = f(x, u + A n) with n ~ N(0, I), from poses (M, 3) `before` it."""
 
+    before: Array
     u: Array
     dt: float
     A: Array
-    noise: Array
 
 
 class FastSlam(PoseParticles):
@@ -143,15 +142,13 @@ class FastSlam(PoseParticles):
         if version not in (1, 2):
             raise ValueError(f"version: expected 1 or 2, got {version!r}")
         self.version = int(version)
-        self._rng = as_rng("rng", rng)
         self._gate = float(chi2_quantile(as_scalar("gate", gate, 0.0, 1 - 1e-12), 2))
-        self._hit, self._miss = _log_odds(detection_probabilities)
-        self._cloud = ParticleFilter(np.broadcast_to(pose, (M, 3)), self._rng, None, threshold)
-        self._before = self._cloud.particles  # poses before the steps since the last update
-        self._steps: list[OdometryStep] = []
+        self._evidence = _log_odds(detection_probabilities)
+        self._cloud = ParticleFilter(np.broadcast_to(pose, (M, 3)), rng, None, threshold)
+        self._steps: list[OdometryStep] = []  # since the last update
         self._maps = LandmarkMaps(M)
-        self._names: dict[Hashable, int] = {}
-        self._unknown = False
+        # Columns of the names; None once each particle numbers its landmarks for itself.
+        self._names: dict[Hashable, int] | None = {}
         self.associations, self.is_new = np.empty((M, 0), np.intp), np.empty((M, 0), bool)
 
     # The algorithm.
@@ -176,14 +173,11 @@ class FastSlam(PoseParticles):
         """
         u = as_array("u", u, ("p",)).copy()
         A = cached_sqrt("control_cov", control_cov, len(u))
-        with rollback(self._rng):
-            noise = self._rng.standard_normal((self.n_particles, len(u)))
-            before, steps = self._before, [*self._steps, OdometryStep(u, dt, A, noise)]
-            if len(steps) > LOOK_BACK:
-                old = steps.pop(0)
-                before = self.motion.step(before, old.u + old.noise @ old.A.T, old.dt)
+        with rollback(self._cloud.rng):
+            noise = self._cloud.rng.standard_normal((self.n_particles, len(u)))
+            step = OdometryStep(self._cloud.particles, u, dt, A)
             self._cloud.predict(lambda poses, _: self.motion.step(poses, u + noise @ A.T, dt))
-        self._before, self._steps = before, steps
+        self._steps = [*self._steps, step][-LOOK_BACK:]
 
     def update(
         self, z: ArrayLike, ids: Sequence[Hashable] | None = None, covs: ArrayLike | None = None
@@ -197,8 +191,8 @@ class FastSlam(PoseParticles):
         ids : sequence of k hashables, optional
             Names of the landmarks, each once. A name never met starts a landmark. Without them
             each particle decides for itself.
-        covs : array_like, shape (k, 2, 2), optional
-            Covariance of each measurement; the sensor's by default.
+        covs : array_like, shape (2, 2) or (k, 2, 2), optional
+            Covariances R of the measurements, if they are not the sensor's `cov`.
 
         Returns
         -------
@@ -214,9 +208,9 @@ class FastSlam(PoseParticles):
             `associate` answers something else than rows, or no particle explains the measurements
             (all weights are zero). The filter is then as it was before.
         """
-        z = as_array("z", z, ("k", 2))
-        R, names = self._noise(covs, len(z)), self._checked_ids(ids, len(z))
-        with rollback(self._rng):
+        z, R = as_landmarks(z, covs, self.sensor.cov)
+        names = self._checked_ids(ids, len(z))
+        with rollback(self._cloud.rng):
             if names is None:
                 columns = self._associated(z, R, covs is not None)
             else:
@@ -247,18 +241,21 @@ class FastSlam(PoseParticles):
             if not (all_finite(means[columns >= 0]) and all_finite(P[columns >= 0])):
                 raise ValueError(f"z: expected measurements of finite landmarks, got {z.tolist()}")
         # Nothing can fail any more: change the filter.
-        self._names |= {name: c for name, c in zip(names or (), columns[0], strict=False)}
-        self._unknown = self._unknown or (names is None and len(z) > 0)
+        if names:
+            self._names = (self._names or {}) | dict(zip(names, columns[0], strict=True))
+        elif names is None and len(z):
+            self._names = None
         self.associations, self.is_new = columns, is_new
         self._cloud.particles = poses
-        self._maps.write(columns, means, P, np.where(is_new, 0.0, log_odds) + self._hit)
-        if names is None and self._miss < 0:
-            self._lower_odds_of_unobserved(columns)
+        hit, miss = self._evidence
+        self._maps.write(columns, means, P, np.where(is_new, 0.0, log_odds) + hit)
+        if names is None and miss < 0:
+            self._lower_odds_of_unobserved(columns, miss)
         # 3. Resample particles with their maps if the weights say so.
         evidence = self._cloud.update(log_likelihood)
         if self.resampled:
             self._maps.shared.resample(self._cloud.ancestors)
-        self._before, self._steps = self._cloud.particles, []
+        self._steps = []
         return evidence
 
     def _compared(
@@ -304,15 +301,15 @@ class FastSlam(PoseParticles):
             noise = np.linalg.solve(precision, right)[..., 0]
             noise[~(np.abs(noise) < MAX_NOISE).all(1)] = 0.0
         L = np.linalg.cholesky(precision)
-        white = self._rng.standard_normal(noise.shape)
+        white = self._cloud.rng.standard_normal(noise.shape)
         noise = noise + np.linalg.solve(L.mT, white[..., None])[..., 0]  # precision^-1 = L^-T L^-1
         log_det = np.log(np.diagonal(L, axis1=1, axis2=2)).sum(1)
         return self._propagate(noise)[0], 0.5 * (white**2 - noise**2).sum(1) - log_det
 
     def _propagate(self, noise: Array) -> tuple[Array, Array]:
         """Poses (M, 3) after all steps with noise (M, q), and their derivative by it (M, 3, q)."""
-        poses, J, first = self._before, np.zeros((len(noise), 3, 0)), 0
-        for u, dt, A, _ in self._steps:
+        poses, J, first = self._steps[0].before, np.zeros((len(noise), 3, 0)), 0
+        for _, u, dt, A in self._steps:
             executed = u + noise[:, first : first + len(u)] @ A.T
             F, G = self.motion.jacobians(poses, executed, dt)
             poses, J = self.motion.step(poses, executed, dt), np.concatenate([F @ J, G @ A], 2)
@@ -321,22 +318,13 @@ class FastSlam(PoseParticles):
 
     # Which column of the maps does a measurement belong to?
 
-    def _noise(self, covs: ArrayLike | None, k: int) -> Array:
-        """Covariances (k, 2, 2) of k measurements: the sensor's own unless others are given."""
-        if covs is None:
-            return np.broadcast_to(self.sensor.cov, (k, 2, 2))
-        R = as_covariance("covs", covs, 2)
-        if R.shape != (k, 2, 2):
-            raise ValueError(f"covs: expected shape ({k}, 2, 2), got {R.shape}")
-        return R
-
     def _checked_ids(self, ids: Sequence[Hashable] | None, k: int) -> tuple[Hashable, ...] | None:
         """Names without repetition, or None if association is unknown."""
         if ids is None:
             if self._names and k:
                 raise ValueError("ids: expected names as in earlier updates, got None")
             return () if self._names else None
-        if self._unknown and k:
+        if self._names is None and k:
             raise ValueError("ids: expected None as in earlier updates, got names")
         names = as_names("ids", ids, k)
         if None in names:
@@ -345,8 +333,9 @@ class FastSlam(PoseParticles):
 
     def _columns_of(self, names: Sequence[Hashable]) -> Indices:
         """Column (M, k) of each name, the same in all maps; new names take the next ones."""
-        new = [name for name in names if name not in self._names]
-        column = self._names | {name: i for i, name in enumerate(new, len(self._names))}
+        known = self._names or {}
+        new = [name for name in names if name not in known]
+        column = known | {name: i for i, name in enumerate(new, len(known))}
         row = np.array([column[name] for name in names], np.intp)
         return np.tile(row, (self.n_particles, 1))
 
@@ -372,7 +361,7 @@ class FastSlam(PoseParticles):
         free = self._maps.free_columns(len(z))
         return np.where(new, np.take_along_axis(free, rank, 1), columns)
 
-    def _lower_odds_of_unobserved(self, columns: Indices) -> None:
+    def _lower_odds_of_unobserved(self, columns: Indices, miss: float) -> None:
         """Lower the odds of landmarks in view that were not measured; drop the unlikely."""
         poses = self._cloud.particles
         observed = np.zeros((len(poses), self._maps.n_columns), bool)
@@ -383,7 +372,7 @@ class FastSlam(PoseParticles):
             n = log_odds.shape[1]
             missed = (log_odds > ABSENT) & ~observed[:, first : first + n]
             missed &= self.sensor.visible(poses[:, None], means)
-            log_odds = log_odds + self._miss
+            log_odds = log_odds + miss
             log_odds[log_odds < 0] = ABSENT
             block = np.where(missed, np.arange(first, first + n), -1)
             self._maps.write(block, means, P, log_odds)
@@ -393,12 +382,12 @@ class FastSlam(PoseParticles):
     @property
     def ids(self) -> tuple[Hashable, ...]:
         """Names of the landmarks (known association), in the order of `landmarks`."""
-        return tuple(self._names)
+        return tuple(self._names or ())
 
     @property
     def n_landmarks(self) -> int:
         """Number of rows of `landmarks`."""
-        return len(self.landmarks) if self._unknown else len(self._names)
+        return len(self.landmarks) if self._names is None else len(self._names)
 
     @property
     def stored_landmarks(self) -> int:
@@ -424,7 +413,7 @@ class FastSlam(PoseParticles):
         return self._landmarks_and_covs()[1]
 
     def _landmarks_and_covs(self) -> tuple[Array, Array]:
-        if self._unknown:
+        if self._names is None:
             view = self.particle(int(self._cloud.log_weights.argmax()))
             return view.landmarks, view.landmark_covs
         return self._maps.mixture(self.weights, len(self._names))
@@ -437,9 +426,10 @@ class FastSlam(PoseParticles):
         ValueError
             If no landmark has this name.
         """
-        if as_names("id", [id])[0] not in self._names:
+        names = self._names or {}
+        if as_names("id", [id])[0] not in names:
             raise ValueError(f"id: expected the name of a landmark, got {id!r}")
-        return self.landmark_covs[self._names[id]]
+        return self.landmark_covs[names[id]]
 
     @property
     def mean(self) -> Array:
@@ -465,7 +455,7 @@ class FastSlam(PoseParticles):
     @property
     def landmark_estimates(self) -> tuple[Array, Array]:
         """Means (M, n, 2) and covariances (M, n, 2, 2) of every particle (known association)."""
-        return self._named()._maps.estimates(len(self._names))
+        return self._named()._maps.estimates(self.n_landmarks)
 
     def particle(self, i: int) -> ParticleView:
         """Return one particle: its pose and its own map.
@@ -490,7 +480,7 @@ class FastSlam(PoseParticles):
         return ParticleView.of(i, self._maps, pose, np.zeros((3, 3)), self.sensor, self.ids)
 
     def _named(self) -> FastSlam:
-        if self._unknown:
+        if self._names is None:
             raise ValueError("ids: particles that associate for themselves share no numbering")
         return self
 

@@ -2,7 +2,7 @@
 
 Marks, Howard, Bajracharya, Cottrell and Matthies, ICRA 2008: a stereo rig sees the heights of the
 ground, visual odometry proposes, each particle keeps its own variance grid. P5 section 2.3;
-chapter 15.
+(D)-(F) are formulas of chapters 15 and 15b.
 """
 
 from __future__ import annotations
@@ -133,10 +133,10 @@ class GammaSlam(MapParticles):
         particle, cells, nu, squares = gather(points, heights, poses, maps.frame)
         # 2. Weigh by the map that each particle made so far.
         freedom, before = maps.values(particle, cells).T
-        alpha, beta = alpha + 0.5 * freedom, beta + 0.5 * before
-        fits = self._log_density(squares / nu, nu, alpha, beta)
+        alpha, beta = alpha + 0.5 * freedom, beta + 0.5 * before  # (D), of all that was added
+        fits = self._log_density(squares / nu, nu, alpha, beta)  # (F)
         log_likelihood = np.bincount(particle, fits, len(poses)).astype(float)
-        # 3. alpha += nu/2, beta += nu s^2/2 in every map, before resampling: then copies share.
+        # 3. Add nu and S = nu s^2 to every map, before resampling: then copies share.
         maps.add(particle, cells, np.stack([nu, squares], -1))
         # 4. Resample particles with their maps if the weights say so.
         return self._weighed_by(log_likelihood)
@@ -144,8 +144,8 @@ class GammaSlam(MapParticles):
     def _log_density(self, s2: Array, nu: Array, alpha: Array, beta: Array) -> Array:
         """Log density of what each cell shows; 0 where that is too little to have a variance."""
         if self.density == "heights":
-            return unchecked_log_density(s2, nu, alpha, beta, "heights")
-        log_density = unchecked_log_density(s2 + FLOOR, nu, alpha, beta, "variances")
+            return unchecked_log_density(s2, nu, alpha, beta, "heights")  # (F)
+        log_density = unchecked_log_density(s2 + FLOOR, nu, alpha, beta, "variances")  # (E)
         return np.where(nu >= FEWEST, log_density, 0.0)
 
     def map(self, particle: int | None = None) -> VarianceGrid:

@@ -2,7 +2,7 @@
 
 Grisetti, Stachniss and Burgard, IEEE T-RO 23(1) 2007: each particle lays the scan upon its own map
 before it is weighed. Eliazar and Parr, IJCAI 2003, ICRA 2004: many blind particles, a laser
-that may pass through any cell. P5 section 2.4; chapter 15.
+that may pass through any cell. P5 section 2.4; (A)-(C) are formulas of chapter 15c.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_choice, as_count, as_scalar, as_shaped
+from slamlab._checks import Array, as_choice, as_scalar, as_shaped
 from slamlab.geometry import transform, wrap_angle
 from slamlab.kernels import compiled
 from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
@@ -31,16 +31,19 @@ from slamlab.slam._grid_maps import (
 
 __all__ = ["GridFastSlam"]
 
-_LEAST_POINTS = 10
+# Fewer points of a scan say too little; of more than the second number each n-th counts.
+_LEAST_POINTS, _MOST_POINTS = 10, 180
 # Matching: more hits a metre than this make a wall; share of points that belong to the map.
 _RATE, _HIT = 1.0, 0.9
-# Penetration: free way of a laser in unseen cells (m), floor of a beam's likelihood.
-_FREE_WAY, _FLOOR = 8.0, 1e-3
+# Penetration: free way of a laser in unseen cells (m), sides of a cell that are added to the
+# metres of a seen one, floor of a beam's likelihood.
+_FREE_WAY, _PRIOR, _FLOOR = 8.0, 4.0, 1e-3
 # Steps of a climb with a quarter of the points and a wider neighbourhood, and with all.
 _COARSE, _FINE = 5, 6
-# A climb that is lost is tried from so many headings to either side, so far apart (rad). The turn
-# has Student's t distribution of 3 degrees of freedom and this scale (rad).
-_FAN, _APART, _SCALE = 4, np.deg2rad(5.0), np.deg2rad(2.0)
+# Turns (rad) from which a climb is tried: none, and if that is lost, to the right and to the left.
+# A turn has Student's t distribution of 3 degrees of freedom and this scale (rad).
+_TURNS = np.deg2rad(5.0) * np.array([0, -1, 1, -2, 2, -3, 3, -4, 4])
+_SCALE = np.deg2rad(2.0)
 _HITS, _METRES, _SUMS = 0, 1, slice(2, 4)
 
 # Pages, tiles of a particle, tiles a row, (resolution, x, y) of the corner.
@@ -69,8 +72,6 @@ class GridFastSlam(MapParticles):
         by the distances of the end points to the nearest walls. "penetration" leaves particles
         where the odometry put them, and weighs every beam along its whole way: DP-SLAM, which
         needs many times the particles.
-    n_points : int, default 180
-        Beams of a scan that count, at most; evenly chosen.
     sigma : float, default 0.1
         How far (m) an end point strays from its wall, or where a beam ends.
     temper : float, default 0.3
@@ -119,7 +120,6 @@ class GridFastSlam(MapParticles):
         motion: MotionModel = RelativePose(),  # noqa: B008
         resolution: float = 0.1,
         model: str = "matching",
-        n_points: int = 180,
         sigma: float = 0.1,
         temper: float = 0.3,
         threshold: float = 0.5,
@@ -130,7 +130,6 @@ class GridFastSlam(MapParticles):
         self.lidar = as_scan_sensor("lidar", lidar)
         resolution = as_scalar("resolution", resolution, 1e-3, 1e3)
         self.model = as_choice("model", model, ("matching", "penetration"))
-        self._n_points = as_count("n_points", n_points, _LEAST_POINTS)
         self._sigma = as_scalar("sigma", sigma, 1e-6, 1e6)
         self._lost = as_scalar("lost", lost, 0.0, 1.0)
         storage = as_choice("storage", storage, ("tiles", "tree", "copies"))
@@ -147,7 +146,7 @@ class GridFastSlam(MapParticles):
         ----------
         ranges : array_like, shape (n_beams,)
             (m); NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing. Only beams
-            that met something count.
+            that met something count, 180 of them at most, evenly chosen.
         ids : None
             Scans have no names.
 
@@ -164,10 +163,11 @@ class GridFastSlam(MapParticles):
         """
         points = self.lidar.points(as_shaped("ranges", ranges, (self.lidar.n_beams,)))
         points = points[np.isfinite(points[:, 0])]
-        points = np.ascontiguousarray(points[:: max(1, -(-len(points) // self._n_points))])
+        points = np.ascontiguousarray(points[:: max(1, -(-len(points) // _MOST_POINTS))])
         if len(points) < _LEAST_POINTS:
             return 0.0
         poses, log_likelihood = self._cloud.particles.copy(), np.zeros(self.n_particles)
+        # (A): the particles carry the path; given its path, each knows its map.
         # 1. Propose and 2. weigh, by the map that each particle drew so far.
         if self._maps.size.any():
             self._weigh(points, poses, log_likelihood)
@@ -185,11 +185,10 @@ class GridFastSlam(MapParticles):
         """Log likelihood of the scan into `score` (M,); matching moves `poses` first."""
         where = (*self._maps.read(), self._maps.columns, self._maps.frame)
         if self.model == "matching":
-            refine(*where, points, poses, (self._sigma, _RATE, _HIT, self._lost), score)
+            refine(*where, points, poses, self._sigma, self._lost, score)
             poses[:, 2] = wrap_angle(poses[:, 2])
         else:
-            settings = (self._sigma**2, _FREE_WAY, 4 * self._maps.resolution, _FLOOR)
-            penetrate(*where, *self._beams(points, poses), settings, score)
+            penetrate(*where, *self._beams(points, poses), self._sigma, score)
 
     def _draw(self, points: Array, poses: Array) -> None:
         """Add the beams to every map."""
@@ -229,21 +228,20 @@ class GridFastSlam(MapParticles):
 # `frame` is (resolution, x, y) of the corner, `columns` the tiles of a row.
 
 
-def nearest_walls(
-    pages: Pages, tiles: Table, columns: int, frame: Array, world: Array, reach: int, rate: float
-) -> tuple[Array, Array]:
+def nearest_walls(where: Where, world: Array, reach: int) -> tuple[Array, Array]:
     """Squared distance (k,) of points (k, 2) to the nearest wall within `reach` cells; its place.
 
-    A cell is wall if more than `rate` hits came to a metre travelled in it; its place is the mean
+    A cell is wall if more than `_RATE` hits came to a metre travelled in it; its place is the mean
     of its hits. The distance is inf if none is there.
     """
+    pages, tiles, columns, frame = where
     around = np.arange(-reach, reach + 1)
     neighbours = np.stack(np.meshgrid(around, around), -1).reshape(-1, 2)
     cells = np.floor((world - frame[1:]) / frame[0]).astype(np.intp)[:, None] + neighbours
     kept = cells_at(pages, tiles, columns, cells)
     hits = kept[..., _HITS]
     walls = kept[..., _SUMS] / np.maximum(hits, 1)[..., None]
-    wall = (hits > 0) & (hits > rate * kept[..., _METRES])
+    wall = hits > _RATE * kept[..., _METRES]
     squared = np.where(wall, ((walls - world[:, None]) ** 2).sum(-1), np.inf)
     each, best = np.arange(len(world)), squared.argmin(1)
     return squared[each, best], walls[each, best]
@@ -253,14 +251,14 @@ def nearest_walls(
 
 
 def normal_equations(
-    where: Where, points: Array, pose: Array, reach: int, sigma: float, rate: float
+    where: Where, points: Array, pose: Array, reach: int, sigma: float
 ) -> tuple[Array, Array, float]:
     """H (3, 3) and g (3,) of sum 1 - exp(-d^2 / 2 sigma^2) at `pose`, and sum exp(...).
 
     d is the distance of a point (k, 2, in the body), seen from `pose`, to the nearest wall.
     """
     world = transform(pose, points)
-    squared, wall = nearest_walls(*where, world, reach, rate)
+    squared, wall = nearest_walls(where, world, reach)
     w = np.exp(-0.5 * squared / sigma**2)
     J = np.zeros((len(points), 2, 3))
     J[:, 0, 0] = J[:, 1, 1] = 1.0
@@ -270,14 +268,12 @@ def normal_equations(
     return H, np.tensordot(weighted, wall - world, ([0, 1], [0, 1])), float(w.sum())
 
 
-def gauss_newton(
-    where: Where, points: Array, start: Array, sigma: float, rate: float
-) -> tuple[Array, float]:
+def gauss_newton(where: Where, points: Array, start: Array, sigma: float) -> tuple[Array, float]:
     """Gauss-Newton from `start`: the best pose (3,) met, and the share of points it explains."""
     most, here, top = -1.0, start, start
     for n in range(_COARSE + _FINE):
         some, reach = (points[::4], 2) if n < _COARSE else (points, 1)
-        H, g, explained = normal_equations(where, some, here, reach, sigma, rate)
+        H, g, explained = normal_equations(where, some, here, reach, sigma)
         if explained > most or n == _COARSE:
             most, top = explained, here
         step = np.linalg.solve(H, g)
@@ -290,26 +286,22 @@ def gauss_newton(
 @compiled("grid_fast.refine")
 def refine(
     pages: Pages, table: Table, columns: int, frame: Array, points: Array, poses: Array,
-    settings: tuple[float, float, float, float], score: Array,
+    sigma: float, lost: float, score: Array,
 ) -> None:  # fmt: skip
     """Move each pose (M, 3) to where its own map explains the points (k, 2, in the body) best.
 
-    A climb that explains too little is lost: others begin from other headings, and the likeliest
-    counts. `settings`: sigma, hit rate of walls, share of points that belong to the map, share
-    below which a climb is lost. The log likelihood of the points goes to `score` (M,).
+    A climb that explains less than the share `lost` of them is lost: others begin from other
+    headings, and the likeliest counts. The log likelihood of the points goes to `score` (M,).
     """
-    sigma, rate, hit, lost = settings
     for i in range(len(poses)):
         where, most = (pages, table[i], columns, frame), -np.inf
-        start, heading = poses[i].copy(), poses[i, 2]
-        for turn in range(2 * _FAN + 1):
-            # None, then one step to the right, one to the left, two to the right, ...
-            start[2] = heading + _APART * ((turn + 1) // 2) * (1 - 2 * (turn % 2))
-            top, share = gauss_newton(where, points, start, sigma, rate)
-            squared, _ = nearest_walls(*where, transform(top, points), 1, rate)
-            fits = np.log(hit * np.exp(-0.5 * squared / sigma**2) + 1 - hit).sum()
+        before = poses[i].copy()
+        for turn in _TURNS:
+            top, share = gauss_newton(where, points, before + [0.0, 0.0, turn], sigma)
+            squared, _ = nearest_walls(where, transform(top, points), 1)
+            fits = np.log(_HIT * np.exp(-0.5 * squared / sigma**2) + 1 - _HIT).sum()
             # Wheels are off by a few degrees as a rule, and now and then by far more.
-            worth = fits - 2.0 * np.log1p((top[2] - heading) ** 2 / (3 * _SCALE**2))
+            worth = fits - 2.0 * np.log1p((top[2] - before[2]) ** 2 / (3 * _SCALE**2))
             if worth > most:
                 most, score[i], poses[i] = worth, fits, top
             if turn == 0 and share >= lost:
@@ -328,9 +320,8 @@ def crossed(start: Array, ends: Array, side: float, corner: Array) -> tuple[Cell
     cuts = [np.zeros((len(ends), 1)), np.ones((len(ends), 1))]
     for a in range(2):  # where they cross grid lines, as parts of their length
         low, high = min(start[a], ends[:, a].min()), max(start[a], ends[:, a].max())
-        lines = np.arange(
-            np.floor((low - corner[a]) / side), np.ceil((high - corner[a]) / side) + 1
-        )
+        first, last = np.floor((low - corner[a]) / side), np.ceil((high - corner[a]) / side)
+        lines = np.arange(first, last + 1)
         along = np.where(way[:, a] == 0.0, np.inf, way[:, a])[:, None]
         cuts.append(np.clip((corner[a] + side * lines - start[a]) / along, 0.0, 1.0))
     t = np.sort(np.concatenate(cuts, 1), 1)
@@ -359,32 +350,29 @@ def draw(
         some = ends[i][(ends[i] != starts[i]).any(-1)]
         cells, t = crossed(starts[i], some, frame[0], frame[1:])
         last = np.floor((some - frame[1:]) / frame[0]).astype(np.intp)
-        hit = np.concatenate([np.ones((len(some), 1)), some], 1)
-        for some, channels, more in (
-            (cells.reshape(-1, 2), [_METRES], np.diff(t).reshape(-1, 1)),
-            (last, [_HITS, 2, 3], hit),
+        hit = np.concatenate([np.ones((len(some), 1)), np.zeros((len(some), 1)), some], 1)
+        for found, into, more in (
+            (cells, pages[..., _METRES], np.diff(t)),
+            (last, pages, hit),
         ):
-            slot, row, column = place(some, columns)
+            slot, row, column = place(found, columns)
             # Rounding may lead past a corner into a tile that nobody marked: leave it.
             there = marked[i, slot]
             at = table[i, slot[there]], row[there], column[there]
-            at = tuple(index[:, None] for index in at)
-            np.add.at(pages, (*at, np.array(channels)), more[there].astype(np.float32))
+            np.add.at(into, at, more[there].astype(np.float32))
 
 
 @compiled("grid_fast.penetrate")
 def penetrate(
     pages: Pages, table: Table, columns: int, frame: Array, starts: Array, ends: Array,
-    settings: tuple[float, float, float, float], score: Array,
+    sigma: float, score: Array,
 ) -> None:  # fmt: skip
     """Log likelihood of beams by DP-SLAM's model of a laser that may pass through any cell.
 
     A cell stops a beam of length l inside it with 1 - exp(-(h / d) l); P sums over the ray the
-    chance to come to a cell, to stop there, and exp(-(r - r_c)^2 / 2 var) for what was measured.
-    `settings`: variance (m^2), free way in unseen cells (m), evidence d0 of a cell (m), least P.
+    chance to come to a cell, to stop there, and exp(-(r - r_c)^2 / 2 sigma^2) for a measured r.
     """
-    variance, free_way, prior, floor = settings
-    beyond = 4 * np.sqrt(variance)
+    beyond, prior = 4 * sigma, _PRIOR * frame[0]
     for i in range(len(starts)):
         way = ends[i][(ends[i] != starts[i]).any(-1)] - starts[i]
         length = np.hypot(*way.T)[:, None]
@@ -393,11 +381,11 @@ def penetrate(
         cells, t = crossed(starts[i], far, frame[0], frame[1:])
         kept = cells_at(pages, table[i], columns, cells).astype(float)
         hits, metres = kept[..., _HITS], kept[..., _METRES]
-        stops = np.where(metres == 0.0, 1 / free_way, hits / (metres + prior))  # per metre
-        stop = 1 - np.exp(-stops * np.diff(t))
+        stops = np.where(metres == 0.0, 1 / _FREE_WAY, hits / (metres + prior))  # per metre
+        stop = 1 - np.exp(-stops * np.diff(t))  # (B)
         passed = np.cumprod(1 - stop, 1)
         reached = np.concatenate([np.ones_like(length), passed[:, :-1]], 1)
         counts = (t[:, :-1] < length + beyond) & (reached > 1e-4)
         off = length - 0.5 * (t[:, :-1] + t[:, 1:])
-        P = (reached * stop * np.exp(-0.5 * off**2 / variance) * counts).sum(1)
-        score[i] = np.log(P + floor).sum()
+        P = (reached * stop * np.exp(-0.5 * off**2 / sigma**2) * counts).sum(1)  # (C)
+        score[i] = np.log(P + _FLOOR).sum()

@@ -12,25 +12,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slamlab._checks import Array, as_array, as_choice, as_count
-from slamlab.geometry import between, compose
+from slamlab.geometry import compose
 from slamlab.matching import PointsWithNormals
 from slamlab.matching.match import Match
 from slamlab.models import MotionModel, ScanSensor, as_motion
 from slamlab.robots import RelativePose
 from slamlab.robots.encoders import moved
+from slamlab.slam._chain import PoseChain
 from slamlab.slam._closures import (
-    CLOSURE_SPACING,
-    HIGH_SCORE,
-    MAX_CLOSURE_CHI2,
     N_QUERY_SCANS,
     Closure,
-    candidates,
-    chain_chi2,
+    ClosureSearch,
     chain_graph,
-    confirm,
     inverses,
     optimized,
-    verify,
 )
 from slamlab.slam._tracking import (
     LEAST_POINTS,
@@ -108,22 +103,16 @@ class ScanGraphSlam(ScanSystem):
     ) -> None:
         super().__init__(lidar, pose)
         self._motion = as_motion("motion", motion)
-        self._n_keyframes = as_count("n_keyframes", n_keyframes, 1)
+        n_keyframes = as_count("n_keyframes", n_keyframes, 1)
         self._loops = bool(loops)
-        self._inflate = as_choice("ambiguous", ambiguous, ["reject", "inflate"]) == "inflate"
-        self.nodes: list[PointsWithNormals] = []
-        self.closures: list[Closure] = []
+        inflate = as_choice("ambiguous", ambiguous, ["reject", "inflate"]) == "inflate"
         self.lost = False
         self.unmatched_scans: list[int] = []
-        self._poses = np.zeros((0, 3))  # of the nodes
-        self._travel = np.zeros(0)  # metres driven to each node
-        self._chain: list[tuple[Array, Array]] = []  # (z, cov in the next one's frame)
-        self._steps: list[tuple[int, Array]] = []  # of each scan: its node, and where from there
-        self._placed = np.zeros((0, 3))  # poses of the scans that the trajectory was asked for
-        self._recent = deque[PointsWithNormals](maxlen=self._n_keyframes)  # nodes, in the world
+        self._keyframes = deque[PointsWithNormals](maxlen=n_keyframes)  # last nodes, in the world
         self._local_map: LocalMap | None = None  # made of them, until there is a new one
-        self._moved_cov = np.zeros((3, 3))  # of the motion since the last match
-        self._last_tried = self._last_closed = 0.0  # travel of the last trial, of the last closure
+        self._moved_cov = np.zeros((3, 3))  # of the motion since the last node
+        self._chain = PoseChain()
+        self._search = ClosureSearch(inflate)
 
     def __repr__(self) -> str:
         count = sum(one.state == "confirmed" for one in self.closures)
@@ -131,15 +120,19 @@ class ScanGraphSlam(ScanSystem):
         return f"ScanGraphSlam({len(self.nodes)} nodes, {count} closures{state})"
 
     @property
+    def nodes(self) -> list[PointsWithNormals]:
+        """Scans of the graph, thinned, in the frame of the body."""
+        return self._chain.nodes
+
+    @property
+    def closures(self) -> list[Closure]:
+        """All closures that were verified; `state` tells which of them count."""
+        return self._search.closures
+
+    @property
     def trajectory(self) -> Array:
         """Best poses (T, 3) of all scans so far, as the closures have bent them."""
-        # Only a closure moves what was placed; row -1, before there was a node, is the world.
-        new = self._steps[len(self._placed) :]
-        if new:
-            frames = np.vstack([self._poses, np.zeros(3)])
-            added = compose(frames[[row for row, _ in new]], [off for _, off in new])
-            self._placed = np.concatenate([self._placed, added])
-        return self._placed.copy()
+        return self._chain.trajectory
 
     def predict(self, u: ArrayLike, dt: float, control_cov: ArrayLike) -> None:
         """Move by control u (p,) during dt (s), executed with covariance (p, p)."""
@@ -169,60 +162,34 @@ class ScanGraphSlam(ScanSystem):
             If the shape is wrong or a range negative.
         """
         points = scan_points(self._taken(ranges), self._lidar)
-        enough, nothing = len(points) >= LEAST_POINTS, Match(self.pose, self.pose_cov, 0.0, 0)
-        match = None
-        if enough and self.nodes:
-            self._local_map = self._local_map or LocalMap(self._recent)
+        chain, enough = self._chain, len(points) >= LEAST_POINTS
+        match: Match | None = None
+        nothing = Match(self.pose, self.pose_cov, 0.0, 0)
+        # 1. Match the scan to the last nodes.
+        if enough and chain.nodes:
+            self._local_map = self._local_map or LocalMap(self._keyframes)
             match = track(self._local_map, points, self._pose, self._moved_cov)
             self.lost = match is None
-        if match is not None:  # the wheels and the walls as one
-            before = self._cov - self._moved_cov
-            self._pose, self._moved_cov = match.pose, match.cov
-            self._cov = before + self._moved_cov
-        elif enough and self.nodes:  # the wheels alone
-            self.unmatched_scans.append(len(self._steps))
-        off = between(self._poses[-1], self._pose) if self.nodes else self._pose.copy()
-        if enough and (not self.nodes or has_moved(off, *_NEW_NODE)):
-            self._add_node(PointsWithNormals.estimate(points), off)
-            if self._loops and self._close_loops(len(self.nodes) - 1 - N_QUERY_SCANS):
+            # 2. Wheels and walls are one in it already; or the wheels alone.
+            if match is None:
+                self.unmatched_scans.append(len(chain.steps))
+            else:
+                before = self._cov - self._moved_cov
+                self._pose, self._moved_cov = match.pose, match.cov
+                self._cov = before + self._moved_cov
+        # 3. Make it a node if the robot has moved.
+        z = chain.from_last(self._pose)
+        if enough and (not chain.nodes or has_moved(z, *_NEW_NODE)):
+            node = PointsWithNormals.estimate(points)
+            chain.append(node, self._pose, z, edge_cov(self._moved_cov, self._pose[2], MIN_COV))
+            self._keyframes.append(node.transformed(self._pose))
+            self._local_map, self._moved_cov = None, np.zeros((3, 3))
+            # 4. Look for closures, where there are scans on both sides; solve.
+            if self._loops and self._search.try_node(len(chain.nodes) - 1 - N_QUERY_SCANS, chain):
                 self._solve()
-            off = np.zeros(3)
-        self._steps.append((len(self.nodes) - 1, off))
+            z = np.zeros(3)
+        chain.steps.append((len(chain.nodes) - 1, z))
         return match or nothing
-
-    def _add_node(self, node: PointsWithNormals, z: Array) -> None:
-        """Append a node at the present pose, and the edge z of the chain that leads to it."""
-        length = 0.0
-        if self.nodes:
-            self._chain.append((z, edge_cov(self._moved_cov, self._pose[2], MIN_COV)))
-            length = self._travel[-1] + float(np.hypot(*z[:2]))
-        self.nodes.append(node)
-        self._recent.append(node.transformed(self._pose))
-        self._poses = np.vstack([self._poses, self._pose])
-        self._travel = np.append(self._travel, length)
-        self._local_map = None
-        self._moved_cov = np.zeros((3, 3))
-
-    # Closures.
-
-    def _close_loops(self, k: int) -> bool:
-        """Look for old places at node k; tell whether any is confirmed now."""
-        if k < 0 or self._travel[k] - self._last_tried < CLOSURE_SPACING:
-            return False
-        self._last_tried = self._travel[k]
-        old, radius = candidates(k, self._poses, self._travel, self._travel[k] - self._last_closed)
-        chain = self.nodes, self._poses, self._travel
-        tried = [verify(j, k, radius, *chain, self._inflate) for j in old]
-        found = [one for one in tried if one is not None]
-        covs = np.array([cov for _, cov in self._chain])
-        for one in found:  # what contradicts the chain must fit well
-            if one.fit < HIGH_SCORE and chain_chi2(one, self._poses, covs) > MAX_CLOSURE_CHI2:
-                one.state = "rejected"
-        self.closures += found
-        if not (found and confirm(self.closures, self.closures, self._poses, self._travel)):
-            return False
-        self._last_closed = self._travel[k]
-        return True
 
     def graph(self) -> PoseGraph:
         """Return the pose graph: the chain, and the closures that count.
@@ -234,18 +201,19 @@ class ScanGraphSlam(ScanSystem):
         """
         if not self.nodes:
             raise ValueError("graph: expected at least one scan, got none")
-        k = np.arange(len(self._chain))
-        z = np.reshape([z for z, _ in self._chain], (-1, 3))
-        information = inverses([cov for _, cov in self._chain])
-        return chain_graph(self._poses, k, z, information, self.closures)
+        edges = self._chain.edges
+        z = np.reshape([z for z, _ in edges], (-1, 3))
+        information = inverses([cov for _, cov in edges])
+        k = np.arange(len(edges))
+        return chain_graph(self._chain.poses, k, z, information, self.closures)
 
     def _solve(self) -> None:
         """Bend the chain; closures that still do not fit are dropped, and it is bent again."""
-        last = between(self._poses[-1], self._pose)
+        seen = self._chain.from_last(self._pose)
         graph, poses = optimized(self.graph, self.closures)
-        self._poses, self._local_map, self._placed = poses, None, np.zeros((0, 3))
-        recent = slice(-self._n_keyframes, None)
-        placed = map(PointsWithNormals.transformed, self.nodes[recent], self._poses[recent])
-        self._recent.extend(placed)
-        self._pose = compose(self._poses[-1], last)
-        self._cov = graph.marginal_cov(len(self._poses) - 1, poses) + self._moved_cov
+        self._chain.bend(poses)
+        n = len(self._keyframes)
+        self._keyframes.extend(map(PointsWithNormals.transformed, self.nodes[-n:], poses[-n:]))
+        self._local_map = None
+        self._pose = compose(poses[-1], seen)
+        self._cov = graph.marginal_cov(len(poses) - 1, poses) + self._moved_cov

@@ -16,9 +16,10 @@ import numpy as np
 from slamlab._files import read_npz
 from slamlab.geometry import compose, inverse
 from slamlab.logs import Log, ScanGeometry
+from slamlab.slam._chain import Chain
 from slamlab.slam._closures import CLOSURE_SPACING, N_QUERY_SCANS, chain_graph, confirm, optimized
 from slamlab.slam._drive import Drive, drive_of, lidar_of
-from slamlab.slam._joining import GAP, Alignment, Chain, more, recognised
+from slamlab.slam._joining import GAP, Alignment, more, recognised
 from slamlab.slam._sessions_file import arrays_of, contents_of
 from slamlab.slam.pose_graph import PoseGraph
 from slamlab.slam.scan_graph import ScanGraphSlam
@@ -190,13 +191,13 @@ class Sessions:
             for k in way:
                 if abs(travel[k] - last_tried) < CLOSURE_SPACING:
                     continue
-                last_tried, nodes = travel[k], self._chain()
+                last_tried, chain = travel[k], self._chain()
                 # Found in all of the map before, it would be consistent with itself.
                 known = {(one.j, one.k) for one in self.closures}
-                found = more(k, n, nodes, float(abs(last_tried - last_closed)))
+                found = more(k, n, chain, float(abs(last_tried - last_closed)))
                 self.closures += [one for one in found if (one.j, one.k) not in known]
                 across = [one for one in self.closures if one.j < n <= one.k]
-                if confirm(across, self.closures, nodes.poses, nodes.travel):
+                if confirm(across, self.closures, chain):
                     last_closed = last_tried
                     self._solve()
 

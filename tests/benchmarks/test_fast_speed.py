@@ -237,7 +237,7 @@ def test_the_loop_and_the_arrays_do_the_same(version):
         def standard_normal(self, size=None, dtype=np.float64, out=None):
             return self.draws if np.ndim(size) else self.draws.pop(0)
 
-    slam._rng = Scripted(same)
+    slam._cloud.rng = Scripted(same)
     before = slam.log_weights
     step(slam, z, ids)
     gain = slam.log_weights - before

@@ -58,7 +58,7 @@ def test_the_kernel_climbs_to_the_same_poses(lost, every, off):
         start = start + off * np.array([[0, 0, 1], [0, 0, -1], [0, 0, 0.5]])
         for refine in (grid_fast.refine, grid_fast.refine.plain):
             poses, score = start.copy(), np.zeros(len(start))
-            refine(*where(), points, poses, (0.1, 1.0, 0.9, lost), score)
+            refine(*where(), points, poses, 0.1, lost, score)
             found.append((poses, score))
         np.testing.assert_allclose(found[0][0], found[1][0], atol=1e-6)
         np.testing.assert_allclose(found[0][1], found[1][1], atol=1e-5)
@@ -73,7 +73,7 @@ def test_the_kernel_weighs_the_same_beams_alike():
         for penetrate, row in zip(
             (grid_fast.penetrate, grid_fast.penetrate.plain), score, strict=True
         ):
-            penetrate(*where(), *beams, (0.01, 8.0, 0.4, 1e-3), row)
+            penetrate(*where(), *beams, 0.1, row)
         np.testing.assert_allclose(score[0], score[1], rtol=1e-6)
         assert (score < 0).all()
 

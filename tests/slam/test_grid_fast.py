@@ -180,7 +180,7 @@ def test_a_scan_is_laid_back_upon_its_own_map():
     where, points = one_scan_and_its_map()
     for off in ([0.1, -0.08, 0.04], [-0.06, 0.1, -0.03]):
         poses, score = (START + off)[None], np.zeros(1)
-        refine(*where, points, poses, (0.1, 1.0, 0.9, 0.0), score)
+        refine(*where, points, poses, 0.1, 0.0, score)
         np.testing.assert_allclose(poses[0], START, atol=2e-3)
         assert -0.5 < score[0] <= 0
 
@@ -191,7 +191,7 @@ def test_a_lost_match_is_tried_from_other_headings(turn):
     off, score = {}, {}
     for lost in (0.0, 0.6):
         poses, score[lost] = START[None] + [0.0, 0.0, np.deg2rad(turn)], np.zeros(1)
-        refine(*where, points, poses, (0.1, 1.0, 0.9, lost), score[lost])
+        refine(*where, points, poses, 0.1, lost, score[lost])
         off[lost] = abs(np.rad2deg(poses[0, 2]))
     assert off[0.6] < 0.1
     assert score[0.6] > -0.5
@@ -244,17 +244,16 @@ def test_a_beam_may_stop_in_every_cell_it_passes():
         if tile < table.shape[1] and c < maps.columns * TILE:
             pages[table[0, tile], row % TILE, c % TILE, :2] = hits[k], metres[k]
     starts, ends, score = np.array([[1e-9, 0.05]]), np.array([[[0.73, 0.05]]]), np.zeros(1)
-    settings = (0.017, 8.0, 0.4, 1e-3)
-    penetrate(pages, table, maps.columns, maps.frame, starts, ends, settings, score)
+    penetrate(pages, table, maps.columns, maps.frame, starts, ends, np.sqrt(0.017), score)
     cells = [np.array([h, m, 0, 0]) for h, m in zip(hits, metres, strict=True)]
-    rates = [stop_rate(cell, 0.4, 8.0) for cell in cells]
+    rates = [stop_rate(cell, 0.4) for cell in cells]
     n = int(np.ceil((0.73 + 4 * np.sqrt(0.017)) / 0.1))
     due = np.log(by_hand(0.73, rates[:n], 0.1, 0.017) + 1e-3)
     assert score[0] == pytest.approx(due, abs=1e-3)
     # Wrong: the cell of the end point alone, as if nothing stood before it.
     alone = np.log((1 - np.exp(-rates[7] * 0.1)) * np.exp(-0.5 * 0.02**2 / 0.017) + 1e-3)
     assert abs(alone - due) > 0.05
-    assert stop_rate(np.zeros(4), 0.4, 8.0) == 1 / 8.0
+    assert stop_rate(np.zeros(4), 0.4) == 1 / 8.0
 
 
 # Runs.
@@ -321,7 +320,6 @@ def test_a_scan_that_says_nothing_changes_nothing():
         ("threshold", dict(threshold=2.0)),
         ("lost: expected", dict(lost=1.5)),
         ("resolution", dict(resolution=0.0)),
-        ("n_points", dict(n_points=3)),
     ],
 )
 def test_bad_construction_is_named(message, options):

@@ -19,6 +19,7 @@ from slamlab.robots import YOUBOT
 from slamlab.sensors import Lidar
 from slamlab.simulation import drifted
 from slamlab.slam import PoseGraph, ScanGraphSlam
+from slamlab.slam._chain import Chain, PoseChain
 from slamlab.slam._closures import Closure, candidates, chain_chi2, pairwise_consistent, verify
 from slamlab.slam.least_squares import edge_error
 from slamlab.worlds import rooms
@@ -42,7 +43,7 @@ def closed(loops=True):
 
 def false_closures(slam, log, limit=1.0):
     """Closures that count and are off by more than `limit` (m) or 15 degrees."""
-    rows = np.array([row for row, _ in slam._steps])
+    rows = np.array([row for row, _ in slam._chain.steps])
     step = np.searchsorted(rows, np.arange(len(slam.nodes)))
     out = []
     for one in slam.closures:
@@ -66,7 +67,7 @@ def test_a_ring_is_closed_and_the_map_is_good_to_centimetres():
 def test_three_closures_that_agree_on_the_wrong_alcove_contradict_the_chain(gated, monkeypatch):
     """Without the chain's word they would bend the ring by metres (the wrong form)."""
     if not gated:
-        monkeypatch.setattr("slamlab.slam.scan_graph.MAX_CLOSURE_CHI2", np.inf)
+        monkeypatch.setattr("slamlab.slam._closures.chain_chi2", lambda one, chain: 0.0)
     log = toured("ring", 8, max_time=230.0)  # 105 m; the start is met again at 90
     slam = ScanGraphSlam(log.scan, log.truth[0], motion=YOUBOT)
     run(slam, log)
@@ -89,10 +90,11 @@ def test_the_chain_says_what_a_graph_of_it_says():
     z = np.column_stack([rng.uniform(0.2, 0.6, n), rng.normal(0, 0.1, n), rng.normal(0, 0.4, n)])
     root = rng.normal(size=(n, 3, 3)) * [0.02, 0.02, 0.01]
     covs = root @ np.swapaxes(root, 1, 2) + 1e-5 * np.eye(3)
-    poses = [np.zeros(3)]
-    for step in z:
-        poses.append(compose(poses[-1], step))
-    poses = np.array(poses)
+    chain = PoseChain()
+    chain.append(None, np.zeros(3), np.zeros(3), np.zeros((3, 3)))
+    for step, edge_cov in zip(z, covs, strict=True):
+        chain.append(None, compose(chain.poses[-1], step), step, edge_cov)
+    poses = chain.poses
     edges = np.column_stack([np.arange(n), np.arange(1, n + 1)])
     cov = PoseGraph(poses, edges, z, np.linalg.inv(covs)).marginal_cov(n)
     turn = np.eye(3)
@@ -101,10 +103,11 @@ def test_the_chain_says_what_a_graph_of_it_says():
     one = Closure(0, n, poses[n] + [0.3, -0.2, 0.1], own, 0.0, 1.0)
     e = edge_error(poses[0], poses[n], one.z)
     expected = e @ np.linalg.solve(turn @ cov @ turn.T + own, e)
-    assert chain_chi2(one, poses, covs) == pytest.approx(expected)
-    moved = compose([3.0, -1.0, 2.5], poses)  # another world, and not from its first node
+    assert chain_chi2(one, chain) == pytest.approx(expected)
     later = Closure(4, n, between(poses[4], poses[n]) + [0.3, -0.2, 0.1], own, 0.0, 1.0)
-    assert chain_chi2(later, moved, covs) == pytest.approx(chain_chi2(later, poses, covs))
+    here = chain_chi2(later, chain)
+    chain.bend(compose([3.0, -1.0, 2.5], poses))  # another world, and not from its first node
+    assert chain_chi2(later, chain) == pytest.approx(here)
     turns = rotation(poses[1:, 2] - poses[n, 2])
     bare = own.copy()
     bare[:2, :2] += (turns @ covs[:, :2, :2] @ np.swapaxes(turns, 1, 2)).sum(axis=0)
@@ -144,31 +147,31 @@ def test_an_edge_of_the_chain_has_its_covariance_in_the_frame_of_the_newer_node(
     log = Log(dt * np.arange(n), u, steps, cov, ranges=ranges, scan=lidar, truth=truth)
     slam = ScanGraphSlam(lidar, truth[0], motion=YOUBOT, loops=False)
     run(slam, log)
-    assert len(slam._chain) >= 15
+    assert len(slam._chain.edges) >= 15
 
     def off_the_walls(headings):
         """Angles (rad) between the corridor and the direction of the widest spread."""
         turn = rotation(headings)
-        cov = np.array([cov[:2, :2] for _, cov in slam._chain])
+        cov = np.array([cov[:2, :2] for _, cov in slam._chain.edges])
         world = turn @ cov @ np.swapaxes(turn, 1, 2)
         widest = np.linalg.eigh(world).eigenvectors[:, :, 1]
         return np.arcsin(np.abs(widest[:, 1]))
 
-    assert off_the_walls(slam._poses[1:, 2]).max() < np.deg2rad(2)
-    assert off_the_walls(slam._poses[:-1, 2]).min() > np.deg2rad(10)  # that of the older one
+    assert off_the_walls(slam._chain.poses[1:, 2]).max() < np.deg2rad(2)
+    assert off_the_walls(slam._chain.poses[:-1, 2]).min() > np.deg2rad(10)  # that of the older one
 
 
 def test_a_closure_has_its_covariance_in_the_frame_that_an_edge_of_the_graph_expects():
     """The frame of the newer node: a body mounted a quarter turn round changes nothing."""
     slam = closed().system
-    nodes, poses = list(slam.nodes), slam._poses.copy()
+    nodes, poses = list(slam.nodes), slam._chain.poses.copy()
     middle = len(nodes) // 2
     covs = []
     for mounted in (0.0, np.pi / 2):
         for n in range(middle, len(nodes)):
             nodes[n] = slam.nodes[n].transformed([0.0, 0.0, -mounted])
-        poses[middle:, 2] = slam._poses[middle:, 2] + mounted
-        one = verify(40, 157, 4.0, nodes, poses, slam._travel, inflate=True)
+        poses[middle:, 2] = slam._chain.poses[middle:, 2] + mounted
+        one = verify(40, 157, 4.0, Chain(nodes, poses, slam._chain.travel), inflate=True)
         assert one is not None
         turn = rotation(poses[157, 2])
         covs.append((turn @ one.cov[:2, :2] @ turn.T, one.z[2]))
@@ -285,27 +288,30 @@ def test_a_plain_corridor_is_left_to_the_wheels(lidar, monkeypatch):
 def straight(n=60):
     poses = np.zeros((n, 3))
     poses[:, 0] = np.arange(n)
-    return poses, np.arange(n) * 1.0
+    return Chain([], poses, np.arange(n) * 1.0)
 
 
 def test_candidates_are_near_in_space_and_far_along_the_path():
-    poses, travel = straight()
-    assert candidates(59, poses, travel, 0.0) == ([], 2.5)
-    poses[30:, 0] = 59 - np.arange(30, 60)
-    poses[30:, 1] = 1.0
-    assert candidates(59, poses, travel, 0.0) == ([0], 2.5)
-    assert candidates(35, poses, travel, 0.0)[0] == []  # it was there 11 metres ago only
-    assert candidates(59, poses, travel, 1000.0)[1] == 12.0
+    chain = straight()
+    assert candidates(59, chain, 0.0) == ([], 2.5)
+    chain.poses[30:, 0] = 59 - np.arange(30, 60)
+    chain.poses[30:, 1] = 1.0
+    assert candidates(59, chain, 0.0) == ([0], 2.5)
+    assert candidates(35, chain, 0.0)[0] == []  # it was there 11 metres ago only
+    assert candidates(59, chain, 1000.0)[1] == 12.0
+    assert candidates(59, chain, 1000.0, before=20)[0] == [0]
+    assert candidates(59, chain, 0.0, before=0)[0] == []
 
 
 def test_a_node_is_tried_with_the_nearest_pass_and_with_the_oldest():
-    poses, travel = straight(200)
+    chain = straight(200)
+    poses = chain.poses
     poses[:, 0] = np.abs((np.arange(200) + 40) % 80 - 40)  # five times up or down a corridor
     poses[:, 1] = np.array([0.6, 1.8, 0.9, 0.1, 0.0]).repeat(40)
     for k, due in ((50, [29]), (100, [60, 20]), (140, [100, 20]), (180, [140, 20])):
-        assert sorted(candidates(k, poses, travel, 0.0)[0]) == sorted(due), k
+        assert sorted(candidates(k, chain, 0.0)[0]) == sorted(due), k
     poses[:40, 1] = 0.0  # the oldest is the nearest: then the newest too
-    assert candidates(190, poses, travel, 0.0)[0] == [30, 130]
+    assert candidates(190, chain, 0.0)[0] == [30, 130]
 
 
 def closure(j, k, z, fit=0.7, state="waiting"):
@@ -313,33 +319,33 @@ def closure(j, k, z, fit=0.7, state="waiting"):
 
 
 def drifted_again():
-    """Poses and travel of a path driven twice: the same places, believed 2 m apart."""
-    poses, travel = straight()
-    poses[30:] = poses[:30] + [0.0, 2.0, 0.0]
-    return poses, travel
+    """A path driven twice: the same places, believed 2 m apart."""
+    chain = straight()
+    chain.poses[30:] = chain.poses[:30] + [0.0, 2.0, 0.0]
+    return chain
 
 
 def test_a_closure_counts_when_two_others_tell_the_same_story():
-    poses, travel = drifted_again()
+    chain = drifted_again()
     same = [closure(j, j + 30, [0, 0, 0]) for j in (3, 6, 9)]
     outlier = closure(7, 37, [4.0, 0, 0])
     everyone = [*same, outlier]
-    assert all(pairwise_consistent(one, everyone, poses, travel) for one in same)
-    assert not pairwise_consistent(outlier, everyone, poses, travel)
-    assert not pairwise_consistent(same[0], same[:2], poses, travel)
+    assert all(pairwise_consistent(one, everyone, chain) for one in same)
+    assert not pairwise_consistent(outlier, everyone, chain)
+    assert not pairwise_consistent(same[0], same[:2], chain)
 
 
 def test_a_good_fit_needs_one_consistent_closure_and_two_worse_ones_do_not_outvote_it():
-    poses, travel = drifted_again()
+    chain = drifted_again()
     good = [closure(j, j + 30, [0, 0, 0], fit=0.9) for j in (3, 6)]
     outliers = [closure(j, j + 30, [4.0, 0, 0], fit=0.65) for j in (4, 5)]
     everyone = [*good, *outliers]
-    assert all(pairwise_consistent(one, everyone, poses, travel) for one in good)
-    assert not any(pairwise_consistent(one, everyone, poses, travel) for one in outliers)
-    assert not pairwise_consistent(good[0], [good[0], *outliers], poses, travel)
+    assert all(pairwise_consistent(one, everyone, chain) for one in good)
+    assert not any(pairwise_consistent(one, everyone, chain) for one in outliers)
+    assert not pairwise_consistent(good[0], [good[0], *outliers], chain)
     for one in outliers:
         one.fit = 0.95
-    assert not any(pairwise_consistent(one, everyone, poses, travel) for one in good)
+    assert not any(pairwise_consistent(one, everyone, chain) for one in good)
 
 
 # The front end alone slips once on Freiburg (seed 2, 0.34 m; else 0.05): closing mends it.

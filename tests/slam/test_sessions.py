@@ -158,6 +158,22 @@ def test_scans_before_the_first_node_have_a_place_too():
     assert np.abs(np.column_stack([off[:, :2], wrap_angle(off[:, 2])])).max() < 1e-9
 
 
+def test_a_blind_scan_at_the_place_of_a_node_is_not_taken_for_the_node(tmp_path):
+    """It was, when the scan of a node was looked for by its pose: the file could not be read."""
+    log = drive(0, 0, 1)[:12]
+    ranges, u = np.array(log.ranges), np.array(log.u)
+    u[10:] = [[0.4, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    ranges[10] = np.nan  # far enough for a node, but nothing is seen
+    ranges[11] = np.random.default_rng(0).uniform(0.3, 4.0, LIDAR.n_beams)  # nothing that fits
+    log = Log(log.times, u, log.dt, log.control_cov, ranges=ranges, scan=log.scan)
+    system = run(ScanGraphSlam(log.scan), log).system
+    np.testing.assert_array_equal(system.trajectory[10], system.trajectory[11])
+    found = Sessions(system, log)
+    assert found.drives[0].scan_of_node[-1] == 11
+    found.save(tmp_path / "map.npz")
+    assert len(Sessions.load(tmp_path / "map.npz").drives[0].nodes) == len(system.nodes)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
