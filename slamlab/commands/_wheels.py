@@ -1,7 +1,8 @@
 """Do scans and wheels tell of the same drive? Scans of another field of view may fit each other.
 
 A wrong field of view or unit changes every angle or every range alike: scans then lie well on
-each other, but on a path of other lengths and turns than what the wheels counted.
+each other, but on a path of other lengths and turns than what the wheels counted, or to which the
+wheels have to hold them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from slamlab.geometry import between
 _PIECE = 1.0, 0.5  # a piece of the drive ends when the wheels went so far or turned so much
 _COUNTS = 0.5, 0.25  # the length, or the turn, of a piece that is compared is at least this
 _LEAST = 5  # pieces from which on the median is believed
-_APART = 1.2  # wheels and scans that differ by this factor do not tell of the same drive
+_APART = 1.2  # wheels and scans that differ by this factor do not tell of the same drive,
+_ASIDE = 0.15  # nor do those whose pieces end so far apart (m)
 
 
 def disagreement(wheels: Array, scans: Array) -> str:
@@ -36,6 +38,9 @@ def disagreement(wheels: Array, scans: Array) -> str:
         apart.append(f"1 m of the wheels is {length:.2f} m of the scans")
     if not 1 / _APART <= turn <= _APART:
         apart.append(f"a turn of 10 degrees by the wheels is {10 * turn:.1f} by the scans")
+    aside = float(np.median(np.hypot(*(theirs - ours)[:, :2].T))) if len(ours) >= _LEAST else 0.0
+    if not apart and aside > _ASIDE:
+        apart.append(f"after 1 m the scans are {aside:.2f} m beside the wheels")
     return ", ".join(apart)
 
 
