@@ -622,7 +622,11 @@ SYSTEMS = {
     "path memory, a point": (path_point, ("navigation/path_memory.py",), OWN),
     "path memory, a segment": (path_segment, ("navigation/path_memory.py",), OWN),
     "signatures": (signatures, ("localization/signature.py",), OWN + 8),
-    "ICP": (icp, ("matching/icp.py",), OWN + 12),  # 48 of them: normals, covariance after Censi
+    "ICP": (
+        icp,
+        ("matching/icp.py",),
+        OWN + 24,
+    ),  # 48: normals, covariance after Censi; 12: a prior
     "Hector": (hector, ("slam/hector.py",), OWN),
     "scan graph": (
         scan_graph,

@@ -223,7 +223,9 @@ def match_field(
     points = finite_points("points", points, 3)
     pose = as_array("guess", guess, (3,)).astype(np.float64)
     rounds = as_count("n_iterations", n_iterations, 1)
-    prior = prior_information("prior_cov", prior_cov)
+    prior = np.zeros((3, 3))
+    if prior_cov is not None:
+        prior = prior_information("prior_cov", prior_cov)
     for one in fields:
         H, total, left = gauss_newton(
             one.values, one._frame, one.log_odds, points, pose, prior, rounds

@@ -272,7 +272,9 @@ def match_icp(
     gates = np.array([gate, min(as_scalar("fine_gate", fine_gate, 1e-6, 1e6), gate)])
     rounds = as_count("n_iterations", n_iterations, 1)
     noise = as_scalar("noise", noise, 1e-6, 1e6)
-    prior = noise**2 * prior_information("prior_cov", prior_cov)
+    prior = np.zeros((3, 3))
+    if prior_cov is not None:
+        prior = noise**2 * prior_information("prior_cov", prior_cov)
     pose = guess.copy()
     pair = align(base.points, base.normals, points, pose, width, gates, rounds, line, prior)
     arm = float(np.sqrt((points**2).sum(1).mean()))

@@ -68,10 +68,8 @@ def capped_inverse(H: Array, arm: float) -> Array:
     return scale[:, None] * inverse * scale
 
 
-def prior_information(name: str, cov: ArrayLike | None) -> Array:
-    """Information (3, 3) of a guess with this covariance, none at all if there is none given."""
-    if cov is None:
-        return np.zeros((3, 3))
+def prior_information(name: str, cov: ArrayLike) -> Array:
+    """Information (3, 3) of a guess with this covariance; ValueError if that is singular."""
     try:
         return np.linalg.inv(as_one_covariance(name, cov, 3)).astype(np.float64)
     except np.linalg.LinAlgError as error:
