@@ -1316,7 +1316,7 @@ check_come_home.mistakes = {
 # pass through a hedge. What wheels do wrong by wear cancels on the way back, and noise does not:
 # then `"wheels"` loses all 20, as `"mixed"` does.
 #
-# In the lesson's table the path by wheels, driven by SLAM, brings home 5 of 20, and here
+# In the lesson's table the path by wheels, driven by SLAM, brings home 7 of 20, and here
 # `"counted"` brings home 20 of 20. There that path leads through walls, and the guard holds the
 # robot in front of them.
 #
