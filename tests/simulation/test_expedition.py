@@ -168,21 +168,26 @@ def test_every_belief_went_out_thirty_times_into_every_building_and_touched_noth
             assert not cell["touched"].any()
 
 
+def near(building, radius):
+    """How many of thirty end within `radius` (m) of their marker by map, for each belief."""
+    k = RETURN_METHODS.index("map")
+    cells = results()[building].items()
+    return {name: int((cell["error"][:, k] <= radius).sum()) for name, cell in cells}
+
+
 def test_in_the_corridor_walls_as_landmarks_come_home_and_scan_on_scan_comes_near():
-    hall, k = results()["corridor"], RETURN_METHODS.index("map")
-    home = {name: int((cell["error"][:, k] <= HOME_RADIUS).sum()) for name, cell in hall.items()}
-    assert home["EKF-SLAM, walls"] >= 29
+    home, very_near = near("corridor", HOME_RADIUS), near("corridor", 0.05)
     assert home["grid FastSLAM"] >= 20
-    assert 8 < home["scan graph"] == home["scan matching"] < 15
     assert home["dead reckoning"] == 0
-    assert np.median(hall["scan matching"]["error"][:, k]) < 0.3
+    assert 20 < home["scan graph"] == home["scan matching"]
+    assert very_near["EKF-SLAM, walls"] >= 29
+    assert very_near["scan matching"] < 15
 
 
-def test_closures_bring_the_robot_home_and_scan_on_scan_alone_does_not():
-    """Of thirty in the ring: with closures at least 29, by wheels at most 5, matching between."""
-    ring, k = results()["ring"], RETURN_METHODS.index("map")
-    home = {name: int((ring[name]["error"][:, k] <= HOME_RADIUS).sum()) for name in
-            ("scan graph", "dead reckoning", "scan matching")}  # fmt: skip
-    assert home["scan graph"] >= 29
-    assert home["dead reckoning"] <= 5
-    assert home["dead reckoning"] < home["scan matching"] < 18
+def test_closures_bring_the_robot_within_5_cm_and_scan_on_scan_alone_does_not():
+    """Of thirty in the ring: with closures at least 29, by wheels none, matching between."""
+    very_near = near("ring", 0.05)
+    assert very_near["scan graph"] >= 29
+    assert very_near["dead reckoning"] == 0
+    assert 0 < very_near["scan matching"] < 18
+    assert near("ring", HOME_RADIUS)["scan matching"] >= 25
