@@ -148,8 +148,8 @@ def stored_runs(trial: str) -> dict[str, dict[str, dict[str, Array]]]:
 
     Examples
     --------
-    >>> float(stored_runs("matching")["CSAIL"]["20 scans and closures"]["error"][0])
-    0.088
+    >>> float(stored_runs("matching")["CSAIL"]["20 keyframes and closures"]["error"][0])
+    0.089
     """
     if trial not in TRIALS:
         raise ValueError(f"trial: expected one of {', '.join(TRIALS)}, got {trial!r}")
