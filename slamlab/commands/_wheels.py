@@ -1,8 +1,8 @@
 """Do scans and wheels tell of the same drive? Scans of another field of view may fit each other.
 
 A wrong field of view or unit changes every angle or every range alike: scans then lie well on
-each other, but on a path of other lengths and turns than what the wheels counted, or to which the
-wheels have to hold them.
+each other, but on a path of other lengths and turns than what the wheels counted. Where the wheels
+are a prior of each match, the path may keep their lengths and turns and still run beside theirs.
 """
 
 from __future__ import annotations

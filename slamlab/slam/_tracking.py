@@ -1,7 +1,7 @@
 """Front end of `ScanGraphSlam`: where is this scan among the last few keyframes.
 
 Point to line, with the wheels' guess as a measurement beside the pairs; if that fits badly, the
-same from where a search leads. Chapter 14 measures what each step gains.
+same from where a search leads. Page 14b measures what prior, search and memory gain.
 
 Along a plain corridor the wheels decide. The covariance that comes out is too small there: their
 errors from scan to scan are taken for independent, and a slipping wheel errs the same way again.
@@ -31,10 +31,8 @@ REACH = 30.0  # points farther away than this (m) are not matched
 SPACING = 0.1  # one point in every square of this side (m)
 FIELD = (0.1, 0.1)  # width and cell of the fields (m)
 LEAST_POINTS = 10
-WIDTH, NOISE = (
-    0.1,
-    0.05,
-)  # of a pair: the error from which on it counts less, its standard deviation
+WIDTH = 0.1  # error of a pair from which on it counts less (m)
+NOISE = 0.05  # standard deviation of a pair's error (m)
 # Below the first score a search helps, if it gains so much; below the last no match is believed.
 GOOD_SCORE, MIN_GAIN, MIN_SCORE = 0.5, 0.1, 0.25
 WINDOW, TURN = 1.0, np.deg2rad(15)  # of the search (m, rad)

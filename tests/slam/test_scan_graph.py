@@ -348,13 +348,12 @@ def test_a_good_fit_needs_one_consistent_closure_and_two_worse_ones_do_not_outvo
     assert not any(pairwise_consistent(one, everyone, chain) for one in good)
 
 
-# The front end alone slips once on Freiburg (seed 2, 0.34 m; else 0.05): closing mends it.
 @needs_data
 @pytest.mark.slow
 @pytest.mark.needs_numba(reason="each of six drives is matched twice and takes more than 20 s")
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(
-    ("name", "front", "most"), [("csail", 0.35, 0.12), ("freiburg-101", 0.40, 0.06)]
+    ("name", "front", "most"), [("csail", 0.35, 0.12), ("freiburg-101", 0.06, 0.06)]
 )
 def test_real_logs_from_drifted_wheels(name, front, most, seed):
     log = read_carmen(Path(DATA) / f"{name}-corrected.log.gz", corrected=True)
