@@ -10,7 +10,7 @@ errors from scan to scan are taken for independent, and a slipping wheel errs th
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,18 +97,12 @@ def track(local_map: LocalMap, points: Array, guess: Array, cov: Array) -> Match
     if len(local_map.walls.points) < 3:
         return None
     cov = cov + MIN_COV
-    match = match_icp(local_map.walls, points, guess, width=WIDTH, prior_cov=cov, noise=NOISE)
+    match_from = partial(match_icp, local_map.walls, points, width=WIDTH, noise=NOISE)
+    match = match_from(guess, prior_cov=cov)
     if match.score < GOOD_SCORE:
         found = match_correlative(local_map.field, points, guess, WINDOW, TURN)
         if found is not None:
-            other = match_icp(
-                local_map.walls,
-                points,
-                found.pose,
-                width=WIDTH,
-                prior_cov=cov + SEARCH_COV,
-                noise=NOISE,
-            )
+            other = match_from(found.pose, prior_cov=cov + SEARCH_COV)
             match = other if other.score > match.score + MIN_GAIN else match
     return match if match.score > MIN_SCORE else None
 

@@ -403,3 +403,22 @@ def test_empty_scans_change_nothing_but_the_count_of_steps():
     slam = run(ScanGraphSlam(log.scan, log.truth[0]), log).system
     assert slam.nodes == []
     assert slam.trajectory.shape == (5, 3)
+
+
+@needs_data
+@pytest.mark.parametrize("slip", [(0.0, 1.0, 0.0), (0.0, 0.0, np.deg2rad(15))])
+def test_the_search_finds_back_after_a_slip(slip, monkeypatch):
+    """Once the wheels report a motion that never was. Without the search the path keeps it."""
+    log = read_carmen(Path(DATA) / "freiburg-101-corrected.log.gz", corrected=True)
+
+    def errors():
+        for seed in (1, 2, 3, 4):
+            slipped = drifted(log, np.random.default_rng(seed))
+            u = slipped.u.copy()
+            u[60 * seed] += slip
+            slipped = replace(slipped, u=u)
+            yield ate(run(ScanGraphSlam(log.scan, log.truth[0], loops=False), slipped)).rmse
+
+    assert max(errors()) < 0.06
+    monkeypatch.setattr("slamlab.slam._tracking.match_correlative", lambda *args: None)
+    assert min(errors()) > 0.2
