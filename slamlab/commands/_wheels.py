@@ -40,7 +40,8 @@ def disagreement(wheels: Array, scans: Array) -> str:
         apart.append(f"a turn of 10 degrees by the wheels is {10 * turn:.1f} by the scans")
     aside = float(np.median(np.hypot(*(theirs - ours)[:, :2].T))) if len(ours) >= _LEAST else 0.0
     if not apart and aside > _ASIDE:
-        apart.append(f"after 1 m the scans are {aside:.2f} m beside the wheels")
+        piece = f"{_PIECE[0]:g} m, or {np.rad2deg(_PIECE[1]):.0f} degrees,"
+        apart.append(f"after {piece} the scans are {aside:.2f} m beside the wheels")
     return ", ".join(apart)
 
 

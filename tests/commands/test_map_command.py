@@ -356,7 +356,7 @@ def round_a_block(file, controls=1.0):
     [
         (120, 1.0, "a turn of 10 degrees by the wheels is 6."),
         (270, 1.0, "a turn of 10 degrees by the wheels is 1"),
-        (360, 1.0, "after 1 m the scans are 0.2"),
+        (360, 1.0, "after 1 m, or 29 degrees, the scans are 0.2"),
         (180, 1.4, "1 m of the wheels is 0."),
         (180, 1.0, ""),
         (180, 1.1, ""),
