@@ -40,8 +40,12 @@ def kink(memory):
 
 
 def distances(c, points):
-    """Distance of each point from the nearest place of a cubic."""
-    return cKDTree(Cubic(c)(np.linspace(0, 1, 2001))).query(points)[0]
+    """Distance of each point from a cubic in 400 straight parts: the two at its nearest knot."""
+    knots = Cubic(c)(np.linspace(0, 1, 401))
+    k = np.clip(cKDTree(knots).query(points)[1], 1, 399)
+    a, b = knots[[k - 1, k]], knots[[k, k + 1]]
+    t = np.clip(((points - a) * (b - a)).sum(-1) / ((b - a) ** 2).sum(-1), 0, 1)
+    return np.linalg.norm(a + t[..., None] * (b - a) - points, axis=-1).min(0)
 
 
 def nearer(c, points):
