@@ -2,6 +2,9 @@
 
 Rooms (subpackages) load when first used, so that ``import slamlab`` stays cheap:
 ``slamlab.geometry``, ``slamlab.filters``, ``slamlab.slam`` and so on.
+
+Every public function refuses a wrong argument with a ValueError that names the argument, what was
+expected and what came; `Raises` in a docstring names only what else can happen.
 """
 
 from __future__ import annotations

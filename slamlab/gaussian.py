@@ -46,11 +46,6 @@ class Gaussian:
     cov : array_like, shape (..., n, n)
         Covariance; symmetric and positive semi-definite.
 
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit, a number is not finite, or `cov` is no covariance.
-
     Examples
     --------
     >>> belief = Gaussian([1.0, 2.0], [[0.04, 0.0], [0.0, 0.01]])
@@ -120,11 +115,6 @@ def matrix_sqrt(cov: ArrayLike) -> Array:
         Eigenvectors in the columns, each times the root of its eigenvalue: not the symmetric
         root of `scipy.linalg.sqrtm`.
 
-    Raises
-    ------
-    ValueError
-        If the shape is wrong or a number is not finite.
-
     Examples
     --------
     >>> matrix_sqrt([[4.0, 0.0], [0.0, 9.0]]).tolist()
@@ -165,11 +155,6 @@ def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> Array:
     -------
     ndarray, shape (...)
 
-    Raises
-    ------
-    ValueError
-        If a probability is outside [0, 1), `dof` is negative, or their shapes do not fit.
-
     Examples
     --------
     >>> float(chi2_quantile(0.99, 2).round(3))
@@ -198,11 +183,6 @@ def mahalanobis_squared(residual: ArrayLike, cov: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (...)
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, a number is not finite, or `cov` is not positive definite.
 
     Examples
     --------
@@ -264,11 +244,6 @@ def confidence_ellipse(mean: ArrayLike, cov: ArrayLike, probability: float = 0.9
     Returns
     -------
     Ellipse
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, `cov` is no covariance, or `probability` is outside [0, 1).
 
     Examples
     --------

@@ -29,17 +29,12 @@ def wrap_angle(a: ArrayLike) -> Array:
     Parameters
     ----------
     a : array_like, any shape
-        Angles in radians; NaN, a missing one, stays NaN.
+        Angles in radians, not infinite; NaN, a missing one, stays NaN.
 
     Returns
     -------
     ndarray, same shape
         The equal angles in (-pi, pi].
-
-    Raises
-    ------
-    ValueError
-        If `a` holds no numbers, or infinity.
 
     Examples
     --------
@@ -87,11 +82,6 @@ def tilt(roll: ArrayLike, pitch: ArrayLike) -> Array:
     roll, pitch : array_like, shape (...)
         Right wing down, and nose down (rad); leading axes broadcast.
 
-    Raises
-    ------
-    ValueError
-        If a number is not finite or the shapes do not fit.
-
     Examples
     --------
     Nose straight down, the tree ahead of the nose stands below the aircraft:
@@ -130,11 +120,6 @@ def compose(a: ArrayLike, b: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., 3)
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is not finite.
 
     Examples
     --------

@@ -24,9 +24,9 @@ class Grid:
     Parameters
     ----------
     shape : (int, int)
-        Rows and columns.
+        Rows and columns, at least 1.
     resolution : float
-        Side of a cell (m).
+        Side of a cell (m), positive.
     origin : array_like, shape (2,), default (0, 0)
         Lower left corner in the world (m).
 
@@ -36,11 +36,6 @@ class Grid:
     resolution : float
     origin : ndarray, shape (2,)
         Read-only.
-
-    Raises
-    ------
-    ValueError
-        If there is no cell or a number is out of range.
 
     Examples
     --------
@@ -66,14 +61,14 @@ class Grid:
         Parameters
         ----------
         bounds : array_like, shape (4,)
-            Left, bottom, right, top (m).
+            Left, bottom, right, top (m), left < right and bottom < top.
         resolution : float
-            Side of a cell (m).
+            Side of a cell (m), positive.
 
         Raises
         ------
         ValueError
-            If the rectangle is empty, has more than 64 million cells, or a number is out of range.
+            If there would be more than 64 million cells.
         """
         left, bottom, right, top = as_array("bounds", bounds, (4,))
         resolution = as_scalar("resolution", resolution, 1e-9, 1e9)

@@ -42,16 +42,11 @@ class ScanGeometry:
     Parameters
     ----------
     beam_angles : array_like, shape (n_beams,)
-        Directions of the beams in the frame of the body (rad); copied.
+        Directions of the beams, at least one, in the frame of the body (rad); copied.
     max_range : float, default inf
-        A range of at least this (m) is a beam that met nothing.
+        A range of at least this (m), positive, is a beam that met nothing.
     offset : float, default 0.0
         Distance of the lidar ahead of the body centre (m).
-
-    Raises
-    ------
-    ValueError
-        If there is no beam, a number is not finite, or `max_range` is not positive.
 
     Examples
     --------
@@ -84,7 +79,8 @@ class ScanGeometry:
         Parameters
         ----------
         ranges : array_like, shape (..., n_beams)
-            Measured ranges (m); NaN, or `max_range` and more, is a beam that met nothing.
+            Measured ranges (m), not negative; NaN, or `max_range` and more, is a beam that met
+            nothing.
         poses : array_like, shape (..., 3), optional
             One pose (m, m, rad) a scan.
 
@@ -92,11 +88,6 @@ class ScanGeometry:
         -------
         ndarray, shape (..., n_beams, 2)
             NaN where a beam met nothing.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a range is negative.
         """
         ranges = as_distances("ranges", ranges, ("...", self.n_beams))
         ranges = np.where(ranges < self.max_range, ranges, np.nan)
@@ -170,7 +161,7 @@ class Log:
     covs : sequence of T array_like, shapes (k, 2, 2), optional
         Covariances of single measurements, if they are not the sensor's.
     ranges : array_like, shape (T, n_beams), optional
-        Scans (m); inf is a beam that met nothing, NaN a lost reading.
+        Scans (m), not negative; inf is a beam that met nothing, NaN a lost reading.
     scan : ScanSensor, optional
         How the beams lie; needed with `ranges`.
     truth : array_like, shape (T, 3), optional
@@ -182,12 +173,6 @@ class Log:
     controls : {"velocity", "displacement"}, optional
         What `u` means: velocities of the body, driven for `dt` (`robots.Mecanum`, `Unicycle`), or
         the motion of the whole step (dx, dy, dtheta) of `robots.RelativePose`. None: not recorded.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a number is not finite, a duration or a range is negative; the
-        message names the argument and the step.
 
     Examples
     --------

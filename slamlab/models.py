@@ -73,12 +73,6 @@ class MotionModel(Protocol):
         Returns
         -------
         ndarray, shape (..., 3)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, `control_cov` is no covariance, or `rng`
-            is no generator.
         """
         pose, u = as_array("pose", pose, ("...", 3)), as_array("u", u, ("...", "p"))
         mixing = cached_sqrt("control_cov", control_cov, u.shape[-1])

@@ -100,11 +100,6 @@ def check_motion_model(
     -------
     Verdict
 
-    Raises
-    ------
-    ValueError
-        If `u` or `control_cov` is none.
-
     Examples
     --------
     >>> from slamlab.robots import Unicycle
@@ -184,11 +179,6 @@ def check_estimator(
     Returns
     -------
     Verdict
-
-    Raises
-    ------
-    ValueError
-        If `make` is no function, or `log` is none or too short.
 
     Examples
     --------

@@ -199,6 +199,100 @@ def test_an_import_is_found_in_each_of_its_forms():
     assert fenced("```python\nx = 1\n```\n```text\ny\n```\n") == "x = 1\n"
 
 
+# Every public function refuses wrong arguments, and the parameters say what is right: `Raises`
+# names what else can happen. The checks themselves say what they refuse.
+
+DOOR = re.compile(
+    "|".join(
+        [
+            r"\bshapes? (is|are|do|does|differ)\b",
+            r"\bwrong (shape|value)\b",
+            r"\bnot finite\b",
+            r"\bis negative\b",
+            r"\bnot positive\b(?! semi)",  # as a file's information may be
+            r"\bbelow (one|1)\b",
+            r"\bout of range\b",
+            r"\boutside (its|the|their) range\b",
+            r"\boutside [\[(]",
+            r"\bno (covariance|generator)\b",
+            r"\bis (unknown|no count)\b",
+        ]
+    )
+)
+
+
+def of_the_door(source: str) -> dict[str, str]:
+    """What `Raises` says of arguments alone, by "Class.method" or "function"."""
+    found = {}
+
+    def visit(node: ast.AST, prefix: str) -> None:
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.FunctionDef | ast.ClassDef):
+                doc = ast.get_docstring(child) or ""
+                section = re.search(r"^Raises\n-+\n(.*?)(\n\n|\Z)", doc, re.DOTALL | re.MULTILINE)
+                words = " ".join(section[1].split()) if section else ""
+                if phrase := DOOR.search(words):
+                    found[prefix + child.name] = phrase[0]
+                visit(child, f"{prefix}{child.name}.")
+
+    visit(ast.parse(source), "")
+    return found
+
+
+def test_no_raises_section_repeats_what_every_function_refuses():
+    assert {
+        f"{path} {name}": phrase
+        for path, source in SOURCES.items()
+        if path != "_checks.py"
+        for name, phrase in of_the_door(source).items()
+    } == {}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "If a shape is wrong.",
+        "If shapes do not fit, or the graph is singular.",
+        "If a parameter lies outside its\n            range.",
+        "If a number is not finite.",
+        "If the file is damaged, or `V` is no covariance.",
+    ],
+)
+def test_a_raises_section_of_the_door_would_be_found(words):
+    source = f'''class A:
+    def f(self, z):
+        """Do it.
+
+        Raises
+        ------
+        ValueError
+            {words}
+
+        Examples
+        --------
+        """
+'''
+    assert list(of_the_door(source)) == ["A.f"]
+
+
+def test_what_is_no_fault_of_an_argument_may_be_raised():
+    source = '''def f(z):
+    """Do it, if the shape is wrong.
+
+    Raises
+    ------
+    ValueError
+        If the graph is singular, or information in the file is not positive semi-definite.
+
+    Examples
+    --------
+    Nothing is out of range.
+    """
+'''
+    assert of_the_door(source) == {}
+    assert of_the_door(source.replace("the graph", "a shape is wrong, the graph")) != {}
+
+
 # Who calls compiled code.
 
 USERS = {

@@ -68,7 +68,7 @@ def read_carmen(
     ValueError
         For a line that breaks the format, with its number: an unknown tag, a missing or extra
         field, no finite number, a negative range, another number of beams than before; for a
-        damaged ``.gz``; for a log without any scan; for an argument out of range.
+        damaged ``.gz``; for a log without any scan.
     FileNotFoundError
         If there is no such file.
 

@@ -54,18 +54,13 @@ def manhattan_graph(
         From ``n_poses - 1`` (odometry alone) to ``n_poses (n_poses - 1) / 2`` (every pair).
     rng : numpy.random.Generator
     sigma_position : float, default 0.05
-        Standard deviation of each coordinate of every measurement (m).
+        Standard deviation of each coordinate of every measurement (m), positive.
     sigma_heading : float, default 0.01
-        Standard deviation of its angle (rad).
+        Standard deviation of its angle (rad), positive.
 
     Returns
     -------
     ManhattanGraph
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
 
     Examples
     --------
@@ -137,11 +132,6 @@ def town_with_false_closures(town: int) -> tuple[PoseGraph, NDArray[np.bool_]]:
         200 poses, 61 true closures and six false ones.
     ndarray of bool, shape (266,)
         Which of its edges are false.
-
-    Raises
-    ------
-    ValueError
-        If `town` is no such number.
 
     Examples
     --------

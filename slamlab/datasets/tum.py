@@ -85,11 +85,6 @@ def write_tum(path: str | Path, times: ArrayLike, poses: ArrayLike) -> None:
     poses : array_like, shape (n, 3)
         x, y (m), theta (rad).
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit or a number is not finite.
-
     Examples
     --------
     >>> import tempfile

@@ -69,11 +69,6 @@ def association_scores(run: Run, known_ids: int = 0, since: int = 0) -> Associat
     -------
     AssociationScores
 
-    Raises
-    ------
-    ValueError
-        If the log has no ids, a count is negative, or the reports have no ids.
-
     Examples
     --------
     >>> import numpy as np

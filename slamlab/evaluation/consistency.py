@@ -46,12 +46,6 @@ def nees(
     -------
     ndarray, shape (...)
 
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, a number is not finite, a covariance is not positive definite, or an
-        index in `angles` does not exist.
-
     Examples
     --------
     A heading of -179 degrees estimated as 179 degrees is off by 2 degrees only:
@@ -113,17 +107,12 @@ def invariant_nees(
     ----------
     poses : tuple (estimates, truths) of array_like, shape (..., 3), or Run
     covs : array_like, shape (..., 3, 3), optional
-        Covariances that the filter claimed for its poses. Not with a run.
+        Covariances that the filter claimed for its poses; positive definite. Not with a run.
 
     Returns
     -------
     ndarray, shape (...)
         Of a run: NaN where it claims to know a pose exactly.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, a number is not finite, or a covariance is not positive definite.
 
     Examples
     --------
@@ -164,17 +153,12 @@ def nis(residuals: ArrayLike | Run, covs: ArrayLike | None = None) -> Array:
         Innovations, angles already wrapped (P1 (19), P5 (5)). Of a run: what the `nis` of its
         reports says in each step of its log, NaN where nothing known was measured.
     covs : array_like, shape (..., m, m)
-        Innovation covariances S (P5 (6)). Not with a run.
+        Innovation covariances S (P5 (6)); positive definite. Not with a run.
 
     Returns
     -------
     ndarray, shape (...)
         Mean m if the filter is consistent.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, a number is not finite, or a covariance is not positive definite.
 
     Examples
     --------
@@ -203,21 +187,17 @@ def chi2_band(dim: int, n_runs: int, probability: float = 0.99) -> tuple[float, 
     Parameters
     ----------
     dim : int
-        Degrees of freedom of one value: the dimension of the error or of the innovation.
+        Degrees of freedom of one value, at least 1: the dimension of the error or of the
+        innovation.
     n_runs : int
-        Number of *independent* values in the mean. Successive NEES of one run are correlated:
-        take the mean over runs at one time, not over time.
+        Number of *independent* values in the mean, at least 1. Successive NEES of one run are
+        correlated: take the mean over runs at one time, not over time.
     probability : float, default 0.99
         In [0, 1).
 
     Returns
     -------
     low, high : float
-
-    Raises
-    ------
-    ValueError
-        If a count is below 1 or `probability` is outside [0, 1).
 
     Examples
     --------
@@ -247,7 +227,7 @@ def monte_carlo(
     run : callable
         ``run(rng) -> anything``; takes all its randomness from `rng`.
     n_runs : int
-        How many times.
+        How many times, at least 1.
     seed : int
         Not negative.
     n_jobs : int or None, default 1
@@ -264,8 +244,6 @@ def monte_carlo(
 
     Raises
     ------
-    ValueError
-        If a count or the seed is wrong, or `run` cannot be called.
     ImportError
         If joblib (for `n_jobs` other than 1) or tqdm (for `progress`) is not installed.
 

@@ -46,7 +46,7 @@ def relation_error(
     Raises
     ------
     ValueError
-        If a shape does not fit, or no relation has both its poses.
+        If no relation has both its poses.
 
     Examples
     --------

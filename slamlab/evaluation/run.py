@@ -114,8 +114,8 @@ def run(
     Raises
     ------
     ValueError
-        If `system` is no estimator, or the log lacks what it measures; or what the system says of
-        a step, with its number.
+        If the log lacks what `system` measures; or what the system says of a step, with its
+        number.
     ImportError
         If tqdm is not installed and `progress` is wanted.
 

@@ -58,7 +58,7 @@ def coverage(log: Log, world: World, resolution: float = 0.05) -> Array:
     Raises
     ------
     ValueError
-        If the log lacks scans or truth, the robot does not start on free floor, or there is none.
+        If the robot does not start on free floor, or there is none.
     """
     truth = _truth(log)
     if log.ranges is None or log.scan is None:

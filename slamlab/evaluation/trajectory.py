@@ -77,17 +77,12 @@ def align(estimate: ArrayLike, truth: ArrayLike) -> Array:
     Parameters
     ----------
     estimate, truth : array_like, shape (n, 3)
-        Poses at the same times (m, m, rad).
+        Poses at the same times (m, m, rad), at least one.
 
     Returns
     -------
     ndarray, shape (n, 3)
         The moved estimate.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ, there is no pose, or a number is not finite.
 
     Examples
     --------
@@ -113,7 +108,8 @@ def ate(
     Parameters
     ----------
     estimate, truth : array_like, shape (n, 3)
-        Poses at the same times (m, m, rad). Of a `Run`: its trajectory, and the truth of its log.
+        Poses at the same times (m, m, rad), at least one. Of a `Run`: its trajectory, and the
+        truth of its log.
     aligned : bool, default True
         Align the estimate first (a map is defined up to a rigid motion). With False both paths
         are compared as they are.
@@ -122,11 +118,6 @@ def ate(
     -------
     TrajectoryError
         One entry a pose.
-
-    Raises
-    ------
-    ValueError
-        As `align`.
 
     Examples
     --------
@@ -168,7 +159,7 @@ def rpe(
     Raises
     ------
     ValueError
-        As `align`; or if no stretch is as long as `delta`.
+        If no stretch is as long as `delta`.
 
     Examples
     --------

@@ -117,11 +117,6 @@ def trial(
     -------
     Trial
 
-    Raises
-    ------
-    ValueError
-        If a log has no batch with truth, or what `estimate` returns has another shape.
-
     Examples
     --------
     >>> from slamlab.localization import DeadReckoning

@@ -51,19 +51,13 @@ def wall_scores(found: ArrayLike, walls: ArrayLike, tolerance: float = 0.1) -> W
     found : array_like, shape (k, 2, 2)
         End points of the map's stretches (m), in the frame of the true walls.
     walls : array_like, shape (n, 2, 2)
-        End points of the true walls (m).
+        End points of the true walls (m), none without a length.
     tolerance : float, default 0.1
-        How far (m) a stretch may lie from a wall, and stick out beyond its ends.
+        How far (m) a stretch may lie from a wall, and stick out beyond its ends; not negative.
 
     Returns
     -------
     WallScores
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, a wall has no length or `tolerance` is
-        negative.
 
     Examples
     --------
@@ -89,19 +83,14 @@ def seen_lengths(points: ArrayLike, walls: ArrayLike, tolerance: float = 0.05) -
     points : array_like, shape (k, 2)
         True end points of beams (m); rows with NaN count for nothing.
     walls : array_like, shape (n, 2, 2)
-        End points of the true walls (m).
+        End points of the true walls (m), none without a length.
     tolerance : float, default 0.05
-        How near (m) to a wall a point must lie.
+        How near (m) to a wall a point must lie; not negative.
 
     Returns
     -------
     ndarray, shape (n,)
         Distance (m) between the outermost points met on each wall, 0 if there is none.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a wall has no length.
 
     Examples
     --------
@@ -128,18 +117,13 @@ def line_errors(lines: ArrayLike, walls: ArrayLike) -> Array:
     lines : array_like, shape (k, 2)
         Lines (r, alpha) of the map, in the frame of the true walls (m, rad).
     walls : array_like, shape (n, 2, 2)
-        End points of the true walls (m).
+        End points of the true walls (m), none without a length.
 
     Returns
     -------
     ndarray, shape (k, 2)
         Errors of r and alpha (m, rad), in the name that the line has. Nearest is the wall with
         the least sum of the error of r and three metres times that of alpha.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a wall has no length.
 
     Examples
     --------

@@ -295,11 +295,6 @@ class Check:
         ----------
         year : int
             Any number from 0.
-
-        Raises
-        ------
-        ValueError
-            If it is no such number.
         """
         other = copy.copy(self)
         for known in ("inputs", "due", "_suspects"):

@@ -91,11 +91,6 @@ def check(step: int, own: ModuleType | Mapping[str, Any]) -> Report:
         One row a property; where it fails, what was returned and the likeliest reason. Never
         raises for what the functions do.
 
-    Raises
-    ------
-    ValueError
-        If there is no such step.
-
     Examples
     --------
     >>> check(1, {})

@@ -69,11 +69,6 @@ def draw(step: int, own: ModuleType | Mapping[str, Any]) -> Figure:
     -------
     matplotlib.figure.Figure
         Never raises for what the functions do: then the data stand there alone.
-
-    Raises
-    ------
-    ValueError
-        If there is no such step.
     """
     if step not in STEPS:
         raise ValueError(f"step: expected a whole number from 1 to 8, got {step!r}")

@@ -44,17 +44,12 @@ def draw(lab: str, system: System, seed: int = 0) -> Any:
     system : callable
         As `lab_scores.practise` takes it. Whatever it does is shown, never raised.
     seed : int, default 0
-        Other seeds, other drives.
+        At least 0; other seeds, other drives.
 
     Returns
     -------
     matplotlib.figure.Figure
         A row a drive. A notebook shows it.
-
-    Raises
-    ------
-    ValueError
-        If there is no such lab, or `seed` is no count.
     """
     from matplotlib.figure import Figure
 
@@ -87,7 +82,7 @@ def replay(lab: str, system: System, seed: int = 0, drive: int = 0) -> Any:
     system : callable
         As `lab_scores.practise` takes it.
     seed : int, default 0
-        Other seeds, other drives.
+        At least 0; other seeds, other drives.
     drive : int, default 0
         Which of them.
 
@@ -99,7 +94,7 @@ def replay(lab: str, system: System, seed: int = 0, drive: int = 0) -> Any:
     Raises
     ------
     ValueError
-        If there is no such lab or drive, or the system returns what is none.
+        If the system returns none of what the lab asks for.
     """
     from slamlab import widgets
 

@@ -101,16 +101,11 @@ def practice(lab: str, seed: int = 0) -> list[Task]:
     ----------
     lab : {"I", "II", "III", "IV", "V"}
     seed : int, default 0
-        Other seeds, other drives; those of the score are never among them.
+        At least 0; other seeds, other drives; those of the score are never among them.
 
     Returns
     -------
     list of Task
-
-    Raises
-    ------
-    ValueError
-        If there is no such lab, or `seed` is no count.
 
     Examples
     --------

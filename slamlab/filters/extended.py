@@ -39,11 +39,6 @@ def predict(belief: Gaussian, f: Function, F: ArrayLike | Function, Q: ArrayLike
     -------
     Gaussian
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a number is not finite, or `Q` is no covariance.
-
     Examples
     --------
     >>> turn = lambda x: x + [np.cos(x[2]), np.sin(x[2]), 0.0]
@@ -100,8 +95,7 @@ def update(
     Raises
     ------
     ValueError
-        If a shape does not fit, a number is not finite, `R` is no covariance, or the innovation
-        covariance is singular.
+        If the innovation covariance is singular.
 
     Examples
     --------
@@ -136,15 +130,11 @@ def numerical_jacobian(f: Function, x: ArrayLike, step: float = 1e-6) -> Array:
         ``f(x) -> (m,)``; smooth around x (an angle that jumps there spoils the difference).
     x : array_like, shape (n,)
     step : float, default 1e-6
+        How far from x the differences reach, positive.
 
     Returns
     -------
     ndarray, shape (m, n)
-
-    Raises
-    ------
-    ValueError
-        If `f` is no function or gives no vectors of finite numbers, or `step` is not positive.
 
     Examples
     --------

@@ -21,7 +21,7 @@ def predict(
     Parameters
     ----------
     belief : array_like, shape (..., n)
-        Probability of each of n places in a row.
+        Probability of each of n places in a row; sums to 1.
     kernel : array_like, shape (k,)
         Probability of each possible displacement; sums to 1.
     offsets : array_like of int, shape (k,)
@@ -32,11 +32,6 @@ def predict(
     Returns
     -------
     ndarray, shape (..., n)
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, or `belief` or `kernel` is no distribution.
 
     Examples
     --------
@@ -63,9 +58,9 @@ def update(belief: ArrayLike, likelihood: ArrayLike) -> tuple[Array, Array]:
     Parameters
     ----------
     belief : array_like, shape (..., n)
-        Probability of each place.
+        Probability of each place; sums to 1.
     likelihood : array_like, shape (..., n)
-        P(z | place) of the measurement that came; need not sum to anything.
+        P(z | place) of the measurement that came, not negative; need not sum to anything.
 
     Returns
     -------
@@ -76,8 +71,7 @@ def update(belief: ArrayLike, likelihood: ArrayLike) -> tuple[Array, Array]:
     Raises
     ------
     ValueError
-        If a shape does not fit, `belief` is no distribution, a likelihood is negative, or the
-        measurement is impossible everywhere.
+        If the measurement is impossible everywhere.
 
     Examples
     --------

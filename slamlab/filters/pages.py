@@ -26,6 +26,7 @@ class SharedPages:
     Parameters
     ----------
     n_particles : int
+        At least 1.
     empty : array_like, shape (...)
         What a page holds that nobody has written to; its shape and type are those of all pages.
 
@@ -34,11 +35,6 @@ class SharedPages:
     table : ndarray of int32, shape (M, slots)
         Page in each slot of each particle.
     pages : ndarray, shape (capacity, ...)
-
-    Raises
-    ------
-    ValueError
-        If `n_particles` is below 1.
 
     Examples
     --------

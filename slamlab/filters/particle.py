@@ -84,11 +84,6 @@ class ParticleFilter:
         ignored (weights kept, no resampling): the model excludes it, and a filter that divided
         by that 0 would hold NaN poses from then on.
 
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, or the weights are negative or all zero.
-
     Examples
     --------
     >>> rng = np.random.default_rng(1)
@@ -139,15 +134,16 @@ class ParticleFilter:
         Parameters
         ----------
         propose : callable
-            ``propose(particles, rng) -> particles`` draws from the motion model; the weights
-            stay. A proposal other than the motion model also returns, as a pair, the logarithm of
-            P(x_k | x_{k-1}, u_k) / pi(x_k | ...), shape (M,): the correction in P2 (14).
+            ``propose(particles, rng) -> particles``, of the same shape, draws from the motion
+            model; the weights stay. A proposal other than the motion model also returns, as a
+            pair, the logarithm of P(x_k | x_{k-1}, u_k) / pi(x_k | ...), shape (M,): the
+            correction in P2 (14).
 
         Raises
         ------
         ValueError
-            If the number of particles changes, a coordinate is not finite, or all corrections
-            are minus infinity. The filter and its generator are then as they were.
+            If all corrections are minus infinity. The filter and its generator are then as they
+            were.
         """
         with rollback(self.rng):
             drawn = as_function("propose", propose)(self.particles, self.rng)
@@ -173,18 +169,13 @@ class ParticleFilter:
         Parameters
         ----------
         log_likelihood : callable or array_like, shape (M,)
-            ``log_likelihood(particles)`` or its value: log P(z_k | x_k), minus infinity allowed.
+            ``log_likelihood(particles)`` or its value: log P(z_k | x_k), finite or minus infinity.
 
         Returns
         -------
         float
             The evidence log P(z_k | Z_{k-1}): logarithm of the weighted mean likelihood. Minus
             infinity if no particle explains the measurement (see `degenerate`).
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a value is NaN or plus infinity.
         """
         given = log_likelihood(self.particles) if callable(log_likelihood) else log_likelihood
         values = _log_values("log_likelihood", given, len(self.particles))
@@ -334,11 +325,6 @@ def lineage(ancestors: Sequence[ArrayLike]) -> Indices:
         steps become paths by ``poses[np.arange(T)[:, None], rows]``, and ``np.unique(rows[k])``
         are the particles of step k that have descendants. -1 before a particle without parent.
 
-    Raises
-    ------
-    ValueError
-        If the steps differ in their number of particles, or a parent does not exist.
-
     Examples
     --------
     >>> lineage([[0, 1, 2], [0, 0, 2], [0, 1, 1]]).tolist()
@@ -378,18 +364,13 @@ class KLD:
     Parameters
     ----------
     bins : array_like, shape (d,)
-        Bin size in each coordinate, for example (0.5 m, 0.5 m, 0.2 rad).
+        Bin size in each coordinate, positive, for example (0.5 m, 0.5 m, 0.2 rad).
     epsilon : float, default 0.05
         Allowed distance, positive.
     delta : float, default 0.01
         Allowed probability to miss it, in (0, 1).
     minimum, maximum : int, default 100 and 100 000
         Limits of the number.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is outside its range.
 
     Examples
     --------
@@ -446,11 +427,6 @@ class KLD:
         -------
         int
             Between `minimum` and `maximum`.
-
-        Raises
-        ------
-        ValueError
-            If `particles` has another number of columns than `bins`.
         """
         particles = as_array("particles", particles, ("M", len(self.bins)))
         _, cell = np.unique(np.floor(particles / self.bins), axis=0, return_inverse=True)
@@ -469,17 +445,12 @@ def effective_sample_size(weights: ArrayLike) -> float:
     Parameters
     ----------
     weights : array_like, shape (M,)
-        Not negative; need not sum to 1.
+        Not negative, not all 0; need not sum to 1.
 
     Returns
     -------
     float
         M if all are equal, 1 if one has everything.
-
-    Raises
-    ------
-    ValueError
-        If a weight is negative or not finite, or the sum is 0.
 
     Examples
     --------
@@ -500,21 +471,16 @@ def systematic_resample(
     Parameters
     ----------
     weights : array_like, shape (M,)
-        Not negative; need not sum to 1.
+        Not negative, not all 0; need not sum to 1.
     rng : numpy.random.Generator
         One uniform number is drawn.
     n : int, optional
-        How many indices; M by default.
+        How many indices, at least 1; M by default.
 
     Returns
     -------
     ndarray of int, shape (n,)
         Ascending.
-
-    Raises
-    ------
-    ValueError
-        If a weight is negative or not finite, the sum is 0, or `n` is below 1.
 
     Examples
     --------

@@ -43,11 +43,6 @@ def sigma_points(
         The mean first.
     mean_weights, cov_weights : ndarray, shape (2 n + 1,)
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range or the covariance is singular.
-
     Examples
     --------
     >>> points, weights, _ = sigma_points(Gaussian([1.0], [[4.0]]), alpha=1.0)
@@ -85,11 +80,6 @@ def predict(belief: Gaussian, f: Function, Q: ArrayLike, **scaling: float) -> Ga
     Returns
     -------
     Gaussian
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a number is not finite, or `Q` is no covariance.
 
     Examples
     --------
@@ -133,11 +123,6 @@ def update(
     -------
     Gaussian
     Innovation
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a number is not finite, or a covariance is none.
 
     Examples
     --------

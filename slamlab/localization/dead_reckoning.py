@@ -25,11 +25,6 @@ class DeadReckoning:
     cov : array_like, shape (3, 3), optional
         Covariance of `pose`; zero if left out.
 
-    Raises
-    ------
-    ValueError
-        If `motion` is no motion model, a shape does not fit or a number is not finite.
-
     Examples
     --------
     >>> from slamlab.robots import Unicycle

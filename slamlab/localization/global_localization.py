@@ -50,13 +50,14 @@ class GlobalLocalization:
     Parameters
     ----------
     walls : BitmapWorld
-        Cells with a wall.
+        Cells with a wall, at least one.
     lidar : ScanSensor
     motion : MotionModel
     rng : numpy.random.Generator
     floor : BitmapWorld, optional
-        Its free cells are where the robot may be, `walls` by default. A map of ROS gives both:
-        ``BitmapWorld.from_file(path, unknown="free")`` and ``BitmapWorld.from_file(path)``.
+        Its free cells, at least one, are where the robot may be, `walls` by default. A map of ROS
+        gives both: ``BitmapWorld.from_file(path, unknown="free")`` and
+        ``BitmapWorld.from_file(path)``.
     n_particles : int, optional
         At first; 200 for each square metre of free floor by default, from 1000 to 300 000.
 
@@ -66,11 +67,6 @@ class GlobalLocalization:
         Number of the scan at which one place was found; None while it is searched for.
     fits : list of float
         For each scan the share of its points near a wall (0.1 m, or two cells).
-
-    Raises
-    ------
-    ValueError
-        If an argument is no such thing, the map has no wall or no free floor.
 
     Examples
     --------
@@ -170,7 +166,7 @@ class GlobalLocalization:
         Parameters
         ----------
         ranges : array_like, shape (n_beams,)
-            (m); NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
+            (m), not negative; NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
         ids : None
             Scans have no names.
 
@@ -178,11 +174,6 @@ class GlobalLocalization:
         -------
         float
             Share of the points that lie near a wall; 0 for a scan of fewer than ten.
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a range negative.
         """
         ranges = as_distances("ranges", ranges, (self._lidar.n_beams,))
         ranges = np.where(ranges <= _REACH, ranges, np.nan)

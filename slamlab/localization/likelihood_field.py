@@ -27,7 +27,7 @@ class LikelihoodField(Grid):
     Parameters
     ----------
     occupied : array_like of bool, shape (H, W)
-        Cells with a wall; row 0 is at the bottom (smallest y).
+        Cells with a wall, at least one; row 0 is at the bottom (smallest y).
     resolution : float
         Side of a cell (m).
     origin : array_like, shape (2,), default (0, 0)
@@ -45,11 +45,6 @@ class LikelihoodField(Grid):
     ----------
     distance : ndarray, shape (H, W)
         Distance (m) of each cell centre to the nearest centre of an occupied cell.
-
-    Raises
-    ------
-    ValueError
-        If the grid is empty, not two-dimensional or has no wall, or a parameter is out of range.
 
     Examples
     --------
@@ -99,11 +94,6 @@ class LikelihoodField(Grid):
         Returns
         -------
         ndarray, shape (M,)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a pose is not finite.
         """
         poses, given = as_array("poses", poses, ("M", 3)), as_shaped("points", points, ("k", 2))
         seen = given[np.isfinite(given).all(1)]

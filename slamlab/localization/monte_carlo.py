@@ -62,7 +62,7 @@ class MonteCarloLocalization(PoseParticles):
     Parameters
     ----------
     world : array_like, shape (n, 2), or LikelihoodField
-        The map: landmarks (m), or how well a point fits the walls.
+        The map: landmarks (m), at least one, or how well a point fits the walls.
     motion : MotionModel
     sensor : LandmarkSensor or ScanSensor
         What measures it: a sensor of landmarks with ``log_likelihood`` and
@@ -70,7 +70,7 @@ class MonteCarloLocalization(PoseParticles):
     n_particles : int
         Number of particles; with `adaptive` the initial one.
     bounds : array_like, shape (2, 2)
-        ((x_min, x_max), (y_min, y_max)) of the world (m).
+        ((x_min, x_max), (y_min, y_max)) of the world (m), the smaller first.
     rng : numpy.random.Generator
     injection : tuple of two floats or None, default (0.05, 0.5)
         Rates of the long-term and the short-term average of the likelihood, 0 < slow < fast <= 1.
@@ -91,12 +91,6 @@ class MonteCarloLocalization(PoseParticles):
         Share of particles replaced by uniform ones in the last `update`.
     ancestors : ndarray of int, shape (M,)
         -1 for an injected particle.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, bounds are empty, rates are not ordered, there is no landmark, or the
-        sensor does not fit the map.
 
     Examples
     --------
@@ -176,11 +170,6 @@ class MonteCarloLocalization(PoseParticles):
             Duration (s).
         control_cov : array_like, shape (p, p)
             Covariance of the control.
-
-        Raises
-        ------
-        ValueError
-            As the motion model. The filter is unharmed.
         """
         self._cloud.predict(lambda poses, rng: self.motion.sample(poses, u, dt, control_cov, rng))
 
@@ -195,21 +184,15 @@ class MonteCarloLocalization(PoseParticles):
             Measurements of landmarks; or ranges of the lidar (m), NaN for a lost beam. Nothing
             measured changes nothing.
         ids : array_like of int, shape (k,), optional
-            Row of the landmark of each measurement. Without it each particle takes for each
-            measurement the landmark that explains it best (maximum likelihood).
+            Row of the landmark of each measurement; not with ranges. Without it each particle
+            takes for each measurement the landmark that explains it best (maximum likelihood).
         covs : array_like, shape (k, 2, 2), optional
-            Covariance of each measurement; the sensor's by default.
+            Covariance of each measurement; the sensor's by default. Not with ranges.
 
         Returns
         -------
         float
             Log of the evidence of the measurement.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, an id does not exist, or `ids` or `covs`
-            come with ranges. The filter is then as it was before.
         """
         # 1. Sample the motion: `predict` has done it.
         # 2. Weigh, (14): how well does each pose explain what was measured?

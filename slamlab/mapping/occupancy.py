@@ -34,9 +34,9 @@ class OccupancyGrid(Grid):
     origin : array_like, shape (2,), default (0, 0)
         Lower left corner of the map in the world (m).
     p_hit : float, default 0.7
-        Probability that a cell is occupied, given that one beam ended in it.
+        Probability that a cell is occupied, given that one beam ended in it; in [0.5, 1).
     p_miss : float, default 0.4
-        The same, given that one beam crossed it.
+        The same, given that one beam crossed it; in (0, 0.5].
     clamp : float, default 0.97
         No probability leaves [1 - clamp, clamp], so that the map can still change its mind.
     grow : bool, default True
@@ -46,11 +46,6 @@ class OccupancyGrid(Grid):
     ----------
     log_odds : ndarray, shape (rows, columns)
         Logarithm of p / (1 - p); 0 where nothing was seen.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
 
     Examples
     --------
@@ -110,8 +105,8 @@ class OccupancyGrid(Grid):
         pose : array_like, shape (3,) or (n, 3)
             Poses of the body in the world (m, m, rad).
         ranges : array_like, shape (n_beams,) or (n, n_beams)
-            Measured ranges (m); inf, or ``lidar.max_range`` and more, is a beam that met nothing;
-            NaN is a lost reading and says nothing.
+            Measured ranges (m), not negative; inf, or ``lidar.max_range`` and more, is a beam that
+            met nothing; NaN is a lost reading and says nothing.
         lidar : ScanSensor
             Knows `beam_angles`, `max_range` and `offset`.
         max_range : float, default inf
@@ -125,8 +120,8 @@ class OccupancyGrid(Grid):
         Raises
         ------
         ValueError
-            If a shape does not fit, a pose is not finite, a range is negative, a beam that met
-            nothing should free cells without end, or the map would grow beyond 64 million cells.
+            If a beam that met nothing should free cells without end, or the map would grow beyond
+            64 million cells.
         """
         poses = as_array("pose", pose, ("...", 3))
         angles = np.asarray(as_scan_sensor("lidar", lidar).beam_angles, dtype=float)
@@ -174,11 +169,6 @@ class OccupancyGrid(Grid):
         ----------
         path : str or Path
             Name of the YAML file, ending in ``.yaml``; the image has the same name and ``.pgm``.
-
-        Raises
-        ------
-        ValueError
-            If the name ends in anything else.
         """
         yaml = needed("yaml", "maps of ROS", package="pyyaml")
         Image = needed("PIL.Image", "images", package="pillow")

@@ -42,19 +42,15 @@ def log_density(
     Parameters
     ----------
     s2 : array_like, shape (...)
-        Sample variance (m^2): the sum of squares over nu, not over the number of heights.
+        Sample variance (m^2), positive: the sum of squares over nu, not over the number of
+        heights.
     nu : array_like, shape (...)
-        Degrees of freedom: heights less one.
+        Degrees of freedom, positive: heights less one.
     alpha, beta : array_like, shape (...)
-        Shape and rate (m^2) of the cell.
+        Shape and rate (m^2) of the cell, positive.
     of : {"variances", "heights"}, default "variances"
         Density of s2, or of the nu + 1 heights that gave it. They differ by what does not depend
         on alpha and beta, but on how many heights fell into the cell, and how they lie.
-
-    Raises
-    ------
-    ValueError
-        If a number is not positive.
 
     Examples
     --------
@@ -126,17 +122,12 @@ class VarianceGrid(_CellMap):
     ----------
     grid : Grid
     alpha, beta : float, default 1 and 1e-3
-        Shape and rate (m^2) of a cell that nobody saw.
+        Shape and rate (m^2) of a cell that nobody saw, positive.
 
     Attributes
     ----------
     alpha, beta : ndarray, shape (rows, columns)
         Of each cell now.
-
-    Raises
-    ------
-    ValueError
-        If `grid` is none, or a number not positive.
 
     Examples
     --------
@@ -173,11 +164,6 @@ class VarianceGrid(_CellMap):
             Of the points, above whatever level (m).
         of : {"heights", "variances"}, default "heights"
             Of what; only the first may be compared between poses.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong.
         """
         (row, column), s2, nu = self._variances(pose, points, heights)
         alpha, beta = self.alpha[row, column], self.beta[row, column]
@@ -209,22 +195,17 @@ class HeightGrid(_CellMap):
     ----------
     grid : Grid
     sigma : float, default 0.03
-        Standard deviation of the heights in a cell (m).
+        Standard deviation of the heights in a cell (m), positive.
     level : bool, default False
         Take a plane off each picture before it is weighed or added: the rise, pitch and roll of
         the camera that fit the map best, by weighted least squares.
     prior : float, default 1.0
-        Standard deviation (m) of the height of a cell that nobody saw, around 0.
+        Standard deviation (m) of the height of a cell that nobody saw, around 0; positive.
 
     Attributes
     ----------
     mean, var : ndarray, shape (rows, columns)
         Of the height of each cell now (m, m^2).
-
-    Raises
-    ------
-    ValueError
-        If `grid` is none, or a number out of range.
 
     Examples
     --------

@@ -135,11 +135,6 @@ def fit_cubic(
     -------
     Cubic
 
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, or `t` decreases or stands still.
-
     Examples
     --------
     >>> t = np.array([0.0, 1.0, 2.0, 3.0])
@@ -222,11 +217,6 @@ def refit_by_arc_length(curve: Cubic, t: ArrayLike, points: ArrayLike) -> Cubic:
     -------
     Cubic
         Over arc length (m).
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is not finite.
 
     Examples
     --------

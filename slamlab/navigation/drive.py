@@ -130,7 +130,8 @@ class CoveragePilot:
     body : Body
     lidar : Lidar
     view_range : float, default 2.0
-        Floor nearer to the lidar than this counts as seen (m). Smaller makes a longer drive.
+        Floor nearer to the lidar than this counts as seen (m), at least 0.5. Smaller makes a
+        longer drive.
     max_speed, max_turn : float
         Limits of the command (m/s, rad/s), positive.
     margin : float, default 0.06
@@ -155,11 +156,6 @@ class CoveragePilot:
         How often the guard let it stand still.
     finished : bool
         Whether nothing was left to see, and the robot came home if it was to.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
 
     Examples
     --------

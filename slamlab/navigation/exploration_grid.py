@@ -41,7 +41,7 @@ class ExplorationGrid(Grid):
     Parameters
     ----------
     bounds : array_like, shape (4,)
-        Left, bottom, right, top of the grid (m).
+        Left, bottom, right, top of the grid (m), left < right and bottom < top.
     resolution : float, default 0.05
         Side of a cell (m).
     grow : bool, default False
@@ -53,11 +53,6 @@ class ExplorationGrid(Grid):
         `UNKNOWN`, `FREE` or `OCCUPIED`; row 0 at the bottom.
     blacklisted : ndarray of bool, shape (rows, columns)
         Frontier cells that a scan from close by did not clear up: they are left alone.
-
-    Raises
-    ------
-    ValueError
-        If the grid is empty or a number is out of range.
 
     Examples
     --------
@@ -92,14 +87,10 @@ class ExplorationGrid(Grid):
         pose : array_like, shape (3,)
             Body in the world (m, m, rad).
         ranges : array_like, shape (n_beams,)
-            Measured ranges (m): inf, or ``lidar.max_range`` and more, met nothing up to there;
-            NaN says nothing. Between beams more than 12.5 degrees apart nothing is known.
+            Measured ranges (m), not negative: inf, or ``lidar.max_range`` and more, met nothing up
+            to there; NaN says nothing. Between beams more than 12.5 degrees apart nothing is
+            known.
         lidar : ScanSensor
-
-        Raises
-        ------
-        ValueError
-            If a shape does not fit, the pose is not finite or a range is negative.
         """
         pose = as_array("pose", pose, (3,))
         angles = np.asarray(as_scan_sensor("lidar", lidar).beam_angles, dtype=float)

@@ -165,11 +165,6 @@ class Explorer:
     finished : bool
         Whether the strategy found nothing left to do.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
-
     Examples
     --------
     >>> from slamlab.navigation import LongestBeam

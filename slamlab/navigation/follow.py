@@ -61,11 +61,6 @@ class ReturnLaw:
     mecanum : bool, default False
         Controls are (v_x, v_y, omega) and point at P_f whatever the heading.
 
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its range.
-
     Examples
     --------
     >>> path = PathMemory(0.02)
@@ -100,18 +95,13 @@ class ReturnLaw:
         pose : array_like, shape (..., 3)
             Where the robots think they are, in the frame of the path.
         s : array_like, shape (...)
-            Arc length at which they were (m); they are not looked for beyond it.
+            Arc length at which they were (m), on the path; they are not looked for beyond it.
 
         Returns
         -------
         u : ndarray, shape (..., 2), or (..., 3) for a mecanum robot
         s : ndarray, shape (...)
             Arc length of the nearest point now: never more than before.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, or `s` lies outside the path.
         """
         s, distance, alpha = _look_ahead(path, pose, s, self.lookahead, self.backwards)
         # 2.3: v = k_v |P_f P_r|, omega = k_omega alpha.
@@ -147,11 +137,6 @@ class RegulatedPurePursuit:
         Angle (rad) to P_f beyond which the robot turns on the spot.
     backwards : bool, default False
         Drive tail first.
-
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its range.
 
     Examples
     --------
@@ -231,11 +216,6 @@ class PathFollower:
     ----------
     s : ndarray, shape (...)
         How far it still is along the path (m), for each robot of a batch.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
 
     Examples
     --------
@@ -328,11 +308,6 @@ class ReturnPilot:
         How often the memory was laid anew.
     stuck : bool
         Whether it gave up before an obstacle.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is out of range.
 
     Examples
     --------

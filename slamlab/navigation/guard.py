@@ -28,11 +28,6 @@ class Body:
     length, width : float
         Sizes along and across the body (m), positive.
 
-    Raises
-    ------
-    ValueError
-        If a size is not positive.
-
     Examples
     --------
     >>> Body(0.6, 0.4)
@@ -78,14 +73,9 @@ class CollisionGuard:
     ----------
     body : Body
     margin : float, default 0.06
-        It refuses what would bring the body nearer than this to a point of the scan (m). If the
-        body is nearer than half of it, for no wheel obeys exactly, it goes away from that point,
-        whatever is desired.
-
-    Raises
-    ------
-    ValueError
-        If the margin is negative.
+        It refuses what would bring the body nearer than this to a point of the scan (m); not
+        negative. If the body is nearer than half of it, for no wheel obeys exactly, it goes away
+        from that point, whatever is desired.
 
     Examples
     --------

@@ -67,33 +67,30 @@ class PathMemory:
     Parameters
     ----------
     tolerance : float
-        E of P3 (m): no point lies farther from the path as stored before loops are cut out.
+        E of P3 (m), positive: no point lies farther from the path as stored before loops are cut
+        out.
     variant : str, default "two-points"
         Constraints of a segment: "point", "point-derivative", "two-points" or
         "two-points-derivative". The first segment has no derivative to go on from.
     loop_accuracy : float or None, default 1e-4
         Two places of the path that come as near as this (m) count as one place, and what lies
-        between them as a loop. None keeps all loops.
+        between them as a loop. At most the tolerance; None keeps all loops.
     check_between : bool, default True
         Also hold the curve within the tolerance of the line between two points, halfway. P3 does
         not, and its smooth variant bulges there.
     min_step : float, optional
-        Nearer points than this (m) to the last one kept are not stored; a hundredth of the
-        tolerance without it. What they may hide is taken off the tolerance.
+        Nearer points than this (m) to the last one kept are not stored; at most half of the
+        tolerance, a hundredth of it by default. What they may hide is taken off the tolerance.
     max_step : float, default 1.0
-        A jump of more than this (m) is refused.
+        A jump of more than this (m) is refused; at least the tolerance.
     max_points : int, default 256
-        A segment closes after so many points at the latest, which bounds the time of `add`.
+        A segment closes after so many points, 8 or more, at the latest, which bounds the time of
+        `add`.
 
     Attributes
     ----------
     n_points : int
         Points stored so far, skipped ones not counted.
-
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its range, such as a tolerance of zero.
 
     Examples
     --------
@@ -153,7 +150,7 @@ class PathMemory:
         Raises
         ------
         ValueError
-            As the constructor, and as `add` of a point.
+            If a step is a jump of more than `max_step`.
 
         Examples
         --------
@@ -172,7 +169,7 @@ class PathMemory:
         Raises
         ------
         ValueError
-            If it is no finite point (2,) or a jump of more than `max_step`. What was stored stays.
+            If it is a jump of more than `max_step`. What was stored stays.
         """
         point = as_metres("point", point, (2,))
         before = self._open
@@ -302,12 +299,12 @@ class PathMemory:
         return 8 * numbers
 
     def point_at(self, s: ArrayLike) -> Array:
-        """Points (..., 2) of the path at arc lengths (...) from the start (m).
+        """Points (..., 2) of the path at arc lengths (...) from the start (m), in [0, length].
 
         Raises
         ------
         ValueError
-            If nothing is stored, or an arc length lies outside [0, length].
+            If nothing is stored.
         """
         return self._ask(s, derivative=False)
 
@@ -343,8 +340,8 @@ class PathMemory:
         point : array_like, shape (..., 2)
             Places of the plane (m).
         low, high : array_like, shape (...)
-            Ends of the window (m), low <= high; the whole path without them. Where a path comes
-            near itself the window says which of its branches is meant.
+            Ends of the window (m), on the path and low <= high; the whole path without them. Where
+            a path comes near itself the window says which of its branches is meant.
 
         Returns
         -------
@@ -356,7 +353,7 @@ class PathMemory:
         Raises
         ------
         ValueError
-            If nothing is stored, a shape is wrong, or a window lies outside the path or is empty.
+            If nothing is stored.
         """
         point = as_array("point", point, ("...", 2))
         path = self._path()

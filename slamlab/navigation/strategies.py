@@ -99,11 +99,6 @@ class LongestBeam:
     fraction : float, default 0.5
         Part of the beam to drive, in (0, 1]; "50 per cent, or any other number".
 
-    Raises
-    ------
-    ValueError
-        If `fraction` is out of range.
-
     Examples
     --------
     >>> from slamlab.navigation import Explorer
@@ -208,12 +203,7 @@ class NearestFrontier:
     Parameters
     ----------
     smallest : int, default 3
-        Frontiers of fewer cells are left alone.
-
-    Raises
-    ------
-    ValueError
-        If `smallest` is below one.
+        Frontiers of fewer cells are left alone; at least 1.
 
     Examples
     --------
@@ -258,16 +248,12 @@ class InformationGain:
     Parameters
     ----------
     decay : float, default 0.5
-        How quickly a long way spoils a place (1/m).
+        How quickly a long way spoils a place (1/m), not negative.
     reach : float, default 2.0
-        How far a scan is trusted to show something new (m); never more than the lidar sees.
+        How far a scan is trusted to show something new (m), not negative; never more than the
+        lidar sees.
     smallest : float, default 0.05
-        Places that would show less than this (square metres) are left alone.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is negative.
+        Places that would show less than this (square metres, not negative) are left alone.
 
     Examples
     --------

@@ -34,11 +34,6 @@ def claims(rows: Iterable[Sequence[Any]]) -> Table:
         ``"== 0"``, ``"in [2.18, 3.97]"`` or ``"outside [2.18, 3.97]"``: a comparison with a
         number, then a blank and a unit if you like.
 
-    Raises
-    ------
-    ValueError
-        If a row has not four entries or a criterion cannot be read.
-
     Examples
     --------
     >>> claims([

@@ -38,9 +38,10 @@ def show(
     result : Run, or array_like, shape (T, 3)
         A run of one robot, or poses (m, m, rad) at every step of `log`.
     covs : array_like, shape (T, 3, 3)
-        Covariances of the poses. Not with a run.
+        Covariances of the poses. Needed with poses, not with a run.
     log : Log
-        Where the poses come from; its truth and its landmarks are drawn. Not with a run.
+        Where the poses come from; its truth and its landmarks are drawn. Needed with poses, not
+        with a run.
     map_mean : array_like, shape (n, 2), optional
         Estimated landmarks (m). Of a run: those of its system, if it has some.
     map_cov : array_like, shape (n, 2, 2), optional
@@ -55,11 +56,6 @@ def show(
     Figure
         A notebook shows it where it ends a cell. Its axes are labelled
         "map", "x", "y" and "heading". Without truth there is the map only.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit, or covariances or log are missing, or come beside a run.
 
     Examples
     --------

@@ -100,11 +100,6 @@ def line_style(kind: str) -> dict[str, Any]:
     kind : str
         A key of `COLOURS`.
 
-    Raises
-    ------
-    ValueError
-        If the kind is unknown.
-
     Examples
     --------
     >>> line_style("truth")

@@ -25,11 +25,6 @@ class Table:
     caption : str, optional
         One line above the table.
 
-    Raises
-    ------
-    ValueError
-        If a row has another number of entries than there are columns.
-
     Examples
     --------
     >>> Table(["filter", "NEES"], [["EKF", 2.9], ["printed", 14.0]])

@@ -58,8 +58,6 @@ def scan_as_printed(
 
     Raises
     ------
-    ValueError
-        If an argument is wrong.
     IndexError
         If a beam leaves the picture, as `GetPixel` does.
     """
@@ -89,18 +87,13 @@ def dots_as_printed(distances: ArrayLike) -> Array:
     Parameters
     ----------
     distances : array_like, shape (n,)
-        What `scan_as_printed` returned (px).
+        What `scan_as_printed` returned (px), at least one.
 
     Returns
     -------
     ndarray, shape (n, 2)
         Columns to the right and rows up, from the lidar (px). The angle between two dots is
         ``360 // n`` degrees, in whole numbers: 0 if n is more than 360.
-
-    Raises
-    ------
-    ValueError
-        If there is no distance.
     """
     distances = as_array("distances", distances, ("n",))
     if len(distances) == 0:
@@ -120,19 +113,15 @@ def can_move_as_printed(ranges: ArrayLike, step: float) -> int:
     Parameters
     ----------
     ranges : array_like, shape (n_beams,)
-        A full circle, beam 0 straight ahead. A beam that met nothing is longer than any step.
+        A full circle of at least one beam, beam 0 straight ahead. A beam that met nothing is
+        longer than any step.
     step : float
-        Metres.
+        Metres, not negative.
 
     Returns
     -------
     int
         0 both ways open, 1 blocked backward, 2 blocked forward, 3 blocked both ways.
-
-    Raises
-    ------
-    ValueError
-        If there is no beam or `step` is negative.
     """
     ranges = as_shaped("ranges", ranges, ("n_beams",))
     if len(ranges) == 0:
@@ -163,17 +152,12 @@ def turn_as_printed(before: ArrayLike, after: ArrayLike) -> NDArray[np.intp]:
     Parameters
     ----------
     before, after : array_like, shape (..., n_beams)
-        Ranges of full-circle scans (m); leading axes broadcast.
+        Ranges of full-circle scans (m), at least one beam; leading axes broadcast.
 
     Returns
     -------
     ndarray of int, shape (...)
         Places, in [-n_beams / 2, n_beams / 2]. Half a turn comes back with either sign.
-
-    Raises
-    ------
-    ValueError
-        If the scans have no beams or not equally many.
     """
     before, after = _scans(before, after)
     n_beams = before.shape[-1]
@@ -195,17 +179,13 @@ def displacement_as_printed(before: ArrayLike, after: ArrayLike) -> Array:
     Parameters
     ----------
     before, after : array_like, shape (..., n_beams)
-        Ranges of full-circle scans (m), beam 0 straight ahead; leading axes broadcast.
+        Ranges of full-circle scans (m), at least one beam, beam 0 straight ahead; leading axes
+        broadcast.
 
     Returns
     -------
     ndarray, shape (..., 2)
         Back and front (m): (-s, +s) after a step s forward.
-
-    Raises
-    ------
-    ValueError
-        If the scans have no beams or not equally many.
     """
     before, after = _scans(before, after)
     half = before.shape[-1] // 2

@@ -45,11 +45,6 @@ class Encoders:
     tick : float
         Angle of a tick (rad).
 
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its range.
-
     Examples
     --------
     >>> encoders = Encoders(360)
@@ -86,12 +81,6 @@ class Encoders:
         -------
         ndarray, shape (..., 4)
             Angles (rad).
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, a number is not finite, `dt` is negative, or `rng` is no
-            generator.
         """
         speeds = as_array("wheel_speeds", wheel_speeds, ("...", 4))
         dt, rng = as_scalar("dt", dt, low=0.0, high=1e300), as_rng("rng", rng)
@@ -119,17 +108,12 @@ class Encoders:
         wheel_speeds : array_like, shape (..., T, 4)
             Speeds (rad/s) at which the wheels would roll without slip, interval by interval.
         dt : float
-            Length of an interval (s).
+            Length of an interval (s), not negative.
         rng : numpy.random.Generator
 
         Returns
         -------
         ndarray of int, shape (..., T, 4)
-
-        Raises
-        ------
-        ValueError
-            As `spin`.
         """
         speeds = as_array("wheel_speeds", wheel_speeds, ("...", "T", 4))
         counts = self.ticks(np.cumsum(self.spin(speeds, dt, rng), axis=-2))
@@ -158,11 +142,6 @@ class Encoders:
         -------
         ndarray, shape (..., 4)
             Standard deviations (rad/s), what `Mecanum.control_cov` takes.
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, a number is not finite, or `dt` is not positive.
         """
         speeds = as_array("wheel_speeds", wheel_speeds, ("...", 4))
         dt = as_positive("dt", dt, 1e300)
@@ -198,11 +177,6 @@ def moved(
     tuple of ndarray
         The pose, then each covariance, new arrays.
 
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, or `control_cov` is no covariance.
-
     Examples
     --------
     >>> from slamlab.robots import Unicycle
@@ -231,17 +205,12 @@ def dead_reckoning(motion: MotionModel, pose: ArrayLike, controls: ArrayLike, dt
     controls : array_like, shape (..., T, m)
         Controls of T intervals; leading axes are drives and broadcast with `pose`.
     dt : float
-        Length of an interval (s).
+        Length of an interval (s), not negative.
 
     Returns
     -------
     ndarray, shape (..., T + 1, 3)
         Poses, the first one is `pose`.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, or `dt` is negative.
 
     Examples
     --------
@@ -287,11 +256,6 @@ def dead_reckoning_cov(
     Returns
     -------
     ndarray, shape (..., T + 1, 3, 3)
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, or a covariance is none.
 
     Examples
     --------

@@ -46,11 +46,6 @@ class Mecanum(MotionModel):
     body_map : ndarray, shape (3, 4)
         Its pseudo-inverse, (9a): body velocity of wheel speeds.
 
-    Raises
-    ------
-    ValueError
-        If a length is not positive, or `integration` is none of the three.
-
     Examples
     --------
     A youBot that moves left turns its wheels in the pattern (-, +, +, -):
@@ -94,11 +89,6 @@ class Mecanum(MotionModel):
         -------
         ndarray, shape (..., 3)
             u = (v_x, v_y, omega) in the body frame (m/s, m/s, rad/s).
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a number is not finite.
         """
         return as_array("wheel_speeds", wheel_speeds, ("...", 4)) @ self.body_map.T
 
@@ -114,11 +104,6 @@ class Mecanum(MotionModel):
         -------
         ndarray, shape (..., 4)
             Wheel speeds (rad/s).
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a number is not finite.
         """
         return as_array("u", u, ("...", 3)) @ self.wheel_map.T
 
@@ -138,11 +123,6 @@ class Mecanum(MotionModel):
         -------
         ndarray, shape (..., 4)
             Residual (rad/s) of the least-squares fit; zero where the speeds agree.
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a number is not finite.
 
         Examples
         --------
@@ -165,11 +145,6 @@ class Mecanum(MotionModel):
         -------
         ndarray, shape (3, 3) or (..., 3, 3)
             In (m/s)^2 and (rad/s)^2. Diagonal, as the paper has it, if the wheels are alike.
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, or a number is negative or not finite.
 
         Examples
         --------
@@ -204,11 +179,6 @@ class Mecanum(MotionModel):
         ndarray, shape (..., 3)
             Heading in (-pi, pi].
 
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, or `dt` is negative.
-
         Examples
         --------
         A quarter turn while strafing left at 1 m/s:
@@ -234,11 +204,6 @@ class Mecanum(MotionModel):
         -------
         F_x : ndarray, shape (..., 3, 3)
         F_u : ndarray, shape (..., 3, 3)
-
-        Raises
-        ------
-        ValueError
-            As `step`.
         """
         pose, u, dt = _checked(pose, u, dt, 3)
         move_x, move_y, c, s = self._displacement(pose, u, dt)

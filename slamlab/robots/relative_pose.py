@@ -44,16 +44,11 @@ class RelativePose(MotionModel):
         u : array_like, shape (..., 3)
             Motion in the frame of `pose` (m, m, rad); leading axes broadcast.
         dt : float
-            Not used, but checked as other robots check it.
+            Not used, but checked as other robots check it: not negative.
 
         Returns
         -------
         ndarray, shape (..., 3)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, or `dt` is negative.
         """
         pose, u, _ = _checked(pose, u, dt, 3)
         return compose(pose, u)

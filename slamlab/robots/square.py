@@ -21,7 +21,7 @@ class SquareRobot:
     Parameters
     ----------
     side : float, default 0.30
-        Side of the square (m); P5's robot has 30 pixels of 1 cm.
+        Side of the square (m), positive; P5's robot has 30 pixels of 1 cm.
 
     Attributes
     ----------
@@ -32,11 +32,6 @@ class SquareRobot:
         a full turn needs.
     footprint : ndarray, shape (4, 2)
         Corners in the body frame (m), counterclockwise from the front right one.
-
-    Raises
-    ------
-    ValueError
-        If `side` is not positive.
 
     Examples
     --------
@@ -71,11 +66,6 @@ class SquareRobot:
         Returns
         -------
         ndarray, shape (..., 3)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         pose, angle = as_array("pose", pose, ("...", 3)), as_array("angle", angle)
         theta = wrap_angle(pose[..., 2] + angle)
@@ -94,11 +84,6 @@ class SquareRobot:
         Returns
         -------
         ndarray, shape (..., 3)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         pose, distance = as_array("pose", pose, ("...", 3)), as_array("distance", distance)
         theta = pose[..., 2]
@@ -119,18 +104,13 @@ class SquareRobot:
         distance : array_like, shape (...)
             How far (m), negative for backward.
         margin : float, default 0.0
-            The body is taken this much larger on every side (m).
+            The body is taken this much larger on every side (m); not negative.
 
         Returns
         -------
         ndarray of bool, shape (...)
             True if a point lies inside the area that the body covers on the way, its start
             included. A point on the border is no hit.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, `distance` is not finite, or `margin` is negative.
         """
         x, y, half = self._near(points, margin)
         far = as_array("distance", distance)[..., None]
@@ -153,16 +133,11 @@ class SquareRobot:
         angle : array_like, shape (...)
             Radians, counterclockwise positive.
         margin : float, default 0.0
-            The body is taken this much larger on every side (m).
+            The body is taken this much larger on every side (m); not negative.
 
         Returns
         -------
         ndarray of bool, shape (...)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, `angle` is not finite, or `margin` is negative.
         """
         x, y, half = self._near(points, margin)
         angle = as_array("angle", angle)[..., None]
@@ -183,17 +158,12 @@ class SquareRobot:
         points : array_like, shape (..., k, 2)
             Points in the body frame (m); NaN is no point.
         margin : float, default 0.0
-            The body is taken this much larger on every side (m).
+            The body is taken this much larger on every side (m); not negative.
 
         Returns
         -------
         ndarray, shape (...)
             Metres; inf if no point lies in the way, 0 if one is touched already.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or `margin` is negative.
         """
         x, y, half = self._near(points, margin)
         in_the_way = (np.abs(y) < half) & (x > -half)

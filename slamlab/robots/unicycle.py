@@ -69,11 +69,6 @@ class Unicycle(MotionModel):
         -------
         ndarray, shape (..., 3)
             Heading in (-pi, pi].
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, or `dt` is negative.
         """
         pose, u, dt = _checked(pose, u, dt)
         half_turn = 0.5 * dt * u[..., 1]
@@ -96,11 +91,6 @@ class Unicycle(MotionModel):
         -------
         F_x : ndarray, shape (..., 3, 3)
         F_u : ndarray, shape (..., 3, 2)
-
-        Raises
-        ------
-        ValueError
-            As `step`.
         """
         pose, u, dt = _checked(pose, u, dt)
         theta, v, omega = np.broadcast_arrays(pose[..., 2], u[..., 0], u[..., 1])

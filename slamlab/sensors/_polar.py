@@ -84,8 +84,7 @@ class PolarSensor(ABC):
         Raises
         ------
         ValueError
-            If a shape is wrong, a number is not finite or outside its range, `rng` is no
-            generator, or clutter is asked of a sensor without a finite `max_range`.
+            If clutter is asked of a sensor without a finite `max_range`.
         """
         pose, landmarks = as_array("pose", pose, (3,)), as_array("landmarks", landmarks, ("n", 2))
         rng = as_rng("rng", rng)

@@ -57,11 +57,6 @@ class Lidar:
     beam_angles : ndarray, shape (n_beams,)
         Directions in the frame of the body (rad, in (-pi, pi]), counterclockwise.
 
-    Raises
-    ------
-    ValueError
-        If there is no beam or a parameter lies outside its range.
-
     Examples
     --------
     >>> from slamlab.worlds import BitmapWorld
@@ -121,8 +116,7 @@ class Lidar:
         Raises
         ------
         ValueError
-            If a shape is wrong, a number is not finite, a lidar stands inside an obstacle, or
-            `rng` is missing.
+            If a lidar stands inside an obstacle.
         """
         poses = as_array("poses", poses, ("...", 3))
         if rng is not None or self.sigma_range > 0 or self.p_miss > 0:
@@ -147,7 +141,7 @@ class Lidar:
         Parameters
         ----------
         ranges : array_like, shape (..., n_beams)
-            Measured ranges (m).
+            Measured ranges (m), not negative.
         poses : array_like, shape (..., 3), optional
             One pose (m, m, rad) a scan.
 
@@ -155,11 +149,6 @@ class Lidar:
         -------
         ndarray, shape (..., n_beams, 2)
             NaN where a beam met nothing or its reading was lost.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a range is negative.
         """
         return self.geometry.points(ranges, poses)
 

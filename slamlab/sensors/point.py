@@ -26,12 +26,7 @@ class PointSensor:
     cov : array_like, shape (2, 2)
         Covariance of one measurement (m^2); copied.
     max_range : float, default inf
-        Landmarks further away (m) are not seen.
-
-    Raises
-    ------
-    ValueError
-        If `cov` is no covariance or `max_range` is not positive.
+        Landmarks further away (m) are not seen; positive.
 
     Examples
     --------

@@ -44,11 +44,6 @@ class RangeBearing(PolarSensor):
     cov : ndarray, shape (2, 2)
         Measurement covariance R, P1 (21): diag(sigma_range^2, sigma_bearing^2).
 
-    Raises
-    ------
-    ValueError
-        If a parameter is no number or lies outside its range.
-
     Examples
     --------
     >>> sensor = RangeBearing(0.05, 0.02, offset=0.5)
@@ -70,11 +65,6 @@ class RangeBearing(PolarSensor):
         -------
         ndarray, shape (..., 2)
             Range (m) and bearing (rad, in (-pi, pi]) in the frame of the sensor.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         pose, dx, dy, _, _ = self._to_landmark(pose, landmark)
         # (18): range, and bearing by atan2 of the vector sensor -> landmark.
@@ -97,8 +87,7 @@ class RangeBearing(PolarSensor):
         Raises
         ------
         ValueError
-            If a shape is wrong, a number is not finite, or a landmark sits on the sensor, where
-            the bearing has no derivative.
+            If a landmark sits on the sensor, where the bearing has no derivative.
         """
         pose, dx, dy, c, s = self._to_landmark(pose, landmark)
         squared = dx * dx + dy * dy
@@ -124,17 +113,12 @@ class RangeBearing(PolarSensor):
         ----------
         pose : array_like, shape (..., 3)
         z : array_like, shape (..., 2)
-            Range (m) and bearing (rad).
+            Range (m), not negative, and bearing (rad).
 
         Returns
         -------
         ndarray, shape (..., 2)
             Points in the world (m).
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, or a range is negative.
         """
         pose, z = as_array("pose", pose, ("...", 3)), as_array("z", z, ("...", 2))
         theta, distance = pose[..., 2], z[..., 0]
@@ -157,11 +141,6 @@ class RangeBearing(PolarSensor):
         -------
         G_pose : ndarray, shape (..., 2, 3)
         G_z : ndarray, shape (..., 2, 2)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         pose, z = as_array("pose", pose, ("...", 3)), as_array("z", z, ("...", 2))
         theta, distance = pose[..., 2], z[..., 0]
@@ -219,11 +198,6 @@ class RangeBearing(PolarSensor):
         -------
         ndarray, shape (M,)
             Sum of log N(z_j; h(pose, landmark_j), R_j) over j; zeros if k is 0.
-
-        Raises
-        ------
-        ValueError
-            If shapes do not fit or a number is not finite.
         """
         z = as_array("z", z, ("k", 2))
         landmarks = as_array("landmarks", landmarks, (len(z), 2))
@@ -253,11 +227,6 @@ class RangeBearing(PolarSensor):
         -------
         ndarray, shape (M,)
             Sum over j of the largest log N(z_j; h(pose, landmark_i), R_j) over i.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, or there is no landmark.
         """
         z, landmarks = as_array("z", z, ("k", 2)), as_array("landmarks", landmarks, ("n", 2))
         if len(landmarks) == 0:

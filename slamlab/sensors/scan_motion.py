@@ -25,8 +25,9 @@ def turn_between(before: ArrayLike, after: ArrayLike) -> Array:
     Parameters
     ----------
     before, after : array_like, shape (..., n_beams)
-        Ranges of full-circle scans (m), taken at one place; leading axes broadcast. NaN or inf is
-        a missing return: it counts as the mean of its scan and says nothing.
+        Ranges of full-circle scans (m) of at least one beam, taken at one place; leading axes
+        broadcast. NaN or inf is a missing return: it counts as the mean of its scan and says
+        nothing.
 
     Returns
     -------
@@ -36,7 +37,7 @@ def turn_between(before: ArrayLike, after: ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        If the scans have no beams or not equally many, or a scan has no return at all.
+        If a scan has no return at all.
 
     Examples
     --------

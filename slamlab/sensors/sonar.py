@@ -36,11 +36,6 @@ class Sonar:
         Rays that stand for the cone. A flat wall is found to r d^2 / 8, with d the angle between
         two rays: 1.5e-5 of its distance by default.
 
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its range.
-
     Examples
     --------
     >>> from slamlab.worlds import BitmapWorld
@@ -83,8 +78,7 @@ class Sonar:
         Raises
         ------
         ValueError
-            If a shape is wrong, a number is not finite, a sonar stands inside an obstacle, or
-            `rng` is missing.
+            If a sonar stands inside an obstacle.
         """
         poses = as_array("poses", poses, ("...", 3))
         refuse_walls(world, poses[..., :2])
@@ -113,7 +107,7 @@ class Sonar:
         pose : array_like, shape (3,)
             Pose of the first measurement (m, m, rad).
         n_headings : int
-            Measurements in a full turn; each step means to turn by 2 pi / n_headings.
+            Measurements in a full turn, at least 1; each step means to turn by 2 pi / n_headings.
         sigma_turn : float, default 0.0
             Standard deviation (rad) of a step; the errors of the steps add up.
         rng : numpy.random.Generator, optional
@@ -127,7 +121,7 @@ class Sonar:
         Raises
         ------
         ValueError
-            As `measure`, or if `n_headings` or `sigma_turn` is out of range.
+            As `measure`.
         """
         x, y, heading = as_array("pose", pose, (3,))
         n = as_count("n_headings", n_headings, 1)

@@ -45,11 +45,6 @@ class StereoRig:
         Standard deviation of a range of 1 m (m): a pixel of error in the disparity, over focal
         length (pixels) times base (m).
 
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its range.
-
     Examples
     --------
     >>> rig = StereoRig(100, depth_noise=0.0)
@@ -115,7 +110,7 @@ class StereoRig:
         Parameters
         ----------
         ranges : array_like, shape (..., n_points)
-            Along the rays (m); NaN, or `max_range` and more, met nothing.
+            Along the rays (m), not negative; NaN, or `max_range` and more, met nothing.
         poses : array_like, shape (..., 3), optional
             One pose a picture; without it the points are in the body frame.
 
@@ -123,11 +118,6 @@ class StereoRig:
         -------
         ndarray, shape (..., n_points, 2)
             NaN where a ray met nothing.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a range is negative.
         """
         ranges = as_shaped("ranges", ranges, ("...", self.n_points))
         flat = np.where(ranges < self.max_range, ranges * np.cos(self.depressions), np.inf)
@@ -163,11 +153,6 @@ class StereoRig:
         -------
         ndarray, shape (..., n_points)
             Ranges (m), inf where a ray met nothing.
-
-        Raises
-        ------
-        ValueError
-            If `terrain` is none, a shape is wrong or a number is not finite.
         """
         as_instance("terrain", terrain, Terrain)
         poses = as_array("poses", poses, ("...", 3))

@@ -87,11 +87,6 @@ def rigid_motion(p: ArrayLike, q: ArrayLike) -> tuple[Array, Array]:
     R : ndarray, shape (..., 3, 3)
         A proper rotation, never a reflection.
     t : ndarray, shape (..., 3)
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is not finite.
     """
     p, q = as_array("p", p, ("...", "n", 3)), as_array("q", q, ("...", "n", 3))
     if p.shape != q.shape:
@@ -126,16 +121,11 @@ class StereoOdometer:
     outliers : float
         Share of matches that belong to another point, in [0, 1).
     max_matches : int
-        So many matches at most are used.
+        So many matches at most are used, 3 or more.
     camera_height : float
         Height of the cameras above the floor (m).
     n_trials : int
         Proposals of the random search.
-
-    Raises
-    ------
-    ValueError
-        If a parameter lies outside its range.
 
     Examples
     --------
@@ -340,11 +330,6 @@ class VisualOdometer:
     cov_step, cov_distance, cov_turn : array_like, shape (3, 3)
         Covariances (m, m, rad), for a step, for 1 m and for 1 rad.
 
-    Raises
-    ------
-    ValueError
-        If a matrix is no covariance.
-
     Examples
     --------
     >>> odometer = VisualOdometer.simple(sigma_position=0.001, sigma_heading=0.002)
@@ -410,11 +395,6 @@ class VisualOdometer:
         -------
         ndarray, shape (..., 3)
             The measured increment: pose after, seen from before.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, or `rng` is no generator.
         """
         increment, rng = between(before, after), as_rng("rng", rng)
         # The symmetric root: unlike eigenvectors it has no sign to choose.
@@ -446,16 +426,12 @@ def fit_noise(true_steps: ArrayLike, measured_steps: ArrayLike) -> VisualOdomete
     Parameters
     ----------
     true_steps, measured_steps : array_like, shape (n, 3)
-        Increments, true and as the odometer measured them; of different speeds and turns.
+        At least ten increments, true and as the odometer measured them; of different speeds and
+        turns.
 
     Returns
     -------
     VisualOdometer
-
-    Raises
-    ------
-    ValueError
-        If shapes differ, a number is not finite, or there are fewer than ten steps.
 
     Examples
     --------

@@ -45,11 +45,6 @@ class Wall(PolarSensor):
     cov : ndarray, shape (2, 2)
         Measurement covariance R, P1 (21): diag(sigma_range^2, sigma_bearing^2).
 
-    Raises
-    ------
-    ValueError
-        If a parameter is no number or lies outside its range.
-
     Examples
     --------
     The wall x = 3 from a sensor half a metre ahead of the origin, then from beyond the wall:
@@ -74,11 +69,6 @@ class Wall(PolarSensor):
         ndarray, shape (..., 2)
             Distance to the wall (m, not negative) and bearing of the perpendicular from the
             sensor (rad, in (-pi, pi]).
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         pose, wall, x, y = self._arrays(pose, "landmark", landmark)
         alpha = wall[..., 1]
@@ -98,11 +88,6 @@ class Wall(PolarSensor):
         -------
         H_pose : ndarray, shape (..., 2, 3)
         H_landmark : ndarray, shape (..., 2, 2)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         pose, wall, x, y = self._arrays(pose, "landmark", landmark)
         alpha = wall[..., 1]
@@ -126,11 +111,6 @@ class Wall(PolarSensor):
         -------
         ndarray, shape (..., 2)
             Walls (r, alpha) in the world (m, rad), r not negative, alpha in (-pi, pi].
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         pose, z, x, y = self._arrays(pose, "z", z)
         alpha = pose[..., 2] + z[..., 1]
@@ -148,11 +128,6 @@ class Wall(PolarSensor):
         -------
         G_pose : ndarray, shape (..., 2, 3)
         G_z : ndarray, shape (..., 2, 2)
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         pose, z, x, y = self._arrays(pose, "z", z)
         alpha = pose[..., 2] + z[..., 1]

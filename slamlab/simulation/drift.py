@@ -30,7 +30,7 @@ def drifted(
     Parameters
     ----------
     log : Log
-        With truth; its controls are replaced by increments for `robots.RelativePose`.
+        One run with truth; its controls are replaced by increments for `robots.RelativePose`.
     rng : numpy.random.Generator
     bias : float, default 0.02
         All steps are too long, or all too short, by this part.
@@ -45,11 +45,6 @@ def drifted(
     -------
     Log
         Same scans, same truth; `control_cov` covers noise and bias alike.
-
-    Raises
-    ------
-    ValueError
-        If the log has no truth, or an argument is out of range.
 
     Examples
     --------

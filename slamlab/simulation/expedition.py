@@ -266,11 +266,6 @@ def come_home(out: Outward, way: str) -> Return:
     Returns
     -------
     Return
-
-    Raises
-    ------
-    ValueError
-        If there is no such way.
     """
     way = as_choice("way", way, RETURN_METHODS)
     pilot: CoveragePilot | ReturnPilot

@@ -66,11 +66,6 @@ def field_flights(
         A batch with truth, landmarks and ids. The first step moves nothing; each step tells the
         controls (T, M, 2) of a `Unicycle` and the looks (T, M, n, 2), NaN what is not seen.
 
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
-
     Examples
     --------
     >>> field_flights(2, np.random.default_rng(1))

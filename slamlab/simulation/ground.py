@@ -59,7 +59,7 @@ def ground_laps(
     Raises
     ------
     ValueError
-        If a number is out of range or the circle does not fit on the terrain.
+        If the circle leaves the terrain.
 
     Examples
     --------

@@ -65,11 +65,6 @@ def landmark_drives(
         A batch of T + 1 steps with truth and landmarks. The first step lasts 0 s and sees
         nothing; then u, the same in all runs, and looks (M, n, 2), NaN what is not seen.
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a number is not finite, or a count is below 1.
-
     Examples
     --------
     >>> from slamlab.robots import Unicycle
@@ -149,11 +144,6 @@ def room_drives(
     Log
         As `landmark_drives`.
 
-    Raises
-    ------
-    ValueError
-        If a count is below 1 or a shape does not fit.
-
     Examples
     --------
     >>> room_drives(2, np.random.default_rng(1), n_steps=100)
@@ -206,11 +196,6 @@ def orchard_loop(
     -------
     Log
         With truth, landmarks, and ids, -1 for clutter.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
 
     Examples
     --------

@@ -172,7 +172,7 @@ def record(
     Raises
     ------
     ValueError
-        If an argument is not what it should be, or the body collides at the start.
+        If the body collides at the start.
 
     Examples
     --------

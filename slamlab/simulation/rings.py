@@ -33,7 +33,7 @@ def ring_laps(
     Parameters
     ----------
     size : (float, float)
-        Of the corridor (m); the pillars are the same for all drives of one size.
+        Of the corridor (m), at least 7; the pillars are the same for all drives of one size.
     rng : numpy.random.Generator
     lidar : Lidar
         By default 60 beams over 240 degrees that see 5 m.
@@ -45,11 +45,6 @@ def ring_laps(
     -------
     Log
         Scans, controls as `simulation.drifted` makes them, truth.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
 
     Examples
     --------

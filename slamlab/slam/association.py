@@ -98,11 +98,6 @@ def nearest_euclidean(
     ndarray of int, shape (k,)
         Row of ``slam.landmarks``, `NEW` if no landmark is near, `IGNORED` if it is taken.
 
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, or `gate` is not positive.
-
     Examples
     --------
     >>> from slamlab.robots import Unicycle
@@ -150,7 +145,7 @@ def nearest_neighbour(
     margin : float, default 0.0
         Ambiguous pairs are left out: those with a second candidate, another landmark for the
         measurement or another measurement for the landmark, whose squared distance is larger by
-        less than this. 4.6 asks for odds of ten to one.
+        less than this. Not negative; 4.6 asks for odds of ten to one.
     covs : array_like, shape (k, 2, 2), optional
         Covariances of the measurements, if they are not the sensor's.
 
@@ -158,11 +153,6 @@ def nearest_neighbour(
     -------
     ndarray of int, shape (k,)
         Row of ``slam.landmarks``, `NEW` (-1) or `IGNORED` (-2). No row comes twice.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, or a probability or margin out of range.
 
     Examples
     --------
@@ -280,20 +270,15 @@ def joint_compatibility(
         Measurements are left out on which equally large sets disagree whose joint squared
         distance is larger than that of the best by less than this.
     max_nodes : int, default 1000
-        Hypotheses looked at, at most. The worst case is exponential; beyond the limit the best
-        set found so far is returned and a `SearchLimitWarning` is given. The first set looked at
-        takes the nearest compatible landmark for one measurement after another, so the answer
-        is never worse than that.
+        Hypotheses looked at, at most; positive. The worst case is exponential; beyond the limit
+        the best set found so far is returned and a `SearchLimitWarning` is given. The first set
+        looked at takes the nearest compatible landmark for one measurement after another, so the
+        answer is never worse than that.
 
     Returns
     -------
     ndarray of int, shape (k,)
         As `nearest_neighbour`.
-
-    Raises
-    ------
-    ValueError
-        As `nearest_neighbour`, or if `max_nodes` is no positive whole number.
 
     Examples
     --------
@@ -431,8 +416,8 @@ class Confirmation:
 
     Wraps any association. Measurements that it calls `NEW` first go to a tentative list; when a
     place of that list has been seen often enough the answer is `NEW`, until then `IGNORED`.
-    One object for one `EKFSlam`. (FastSLAM keeps evidence of existence itself: its
-    `detection_probabilities`.)
+    One object for one `EKFSlam`; particles are refused. (FastSLAM keeps evidence of existence
+    itself: its `detection_probabilities`.)
 
     Parameters
     ----------
@@ -445,11 +430,6 @@ class Confirmation:
     probability : float, default 0.999
         Gate around a tentative place. Its covariance is twice the sum of those of the first
         measurement and of the present one: as much again for what the estimated pose moved.
-
-    Raises
-    ------
-    ValueError
-        If a count or probability is out of range; when called, if `slam` is a particle.
 
     Examples
     --------

@@ -65,11 +65,6 @@ class EKFSlamBatch:
     known : ndarray of bool, shape (M, n)
         Which landmarks have been seen.
 
-    Raises
-    ------
-    ValueError
-        If a model is none, a shape does not fit, or `cov` is no covariance.
-
     Examples
     --------
     >>> from slamlab.robots import Unicycle
@@ -158,13 +153,7 @@ class EKFSlamBatch:
         z : array_like, shape (M, k, 2)
             Measurements; NaN where a run did not see the landmark.
         ids : array_like of int, shape (k,)
-            Which landmark each column belongs to.
-
-        Raises
-        ------
-        ValueError
-            If a shape does not fit, or `ids` are missing, repeated or out of range. The filters
-            are then as they were.
+            Which landmark each column belongs to, each once; always needed.
         """
         z = self._as_measurements(z, ids)
         seen = np.isfinite(z).all(-1)

@@ -122,12 +122,7 @@ class CompressedEKFSlam:
         Parameters
         ----------
         ids : sequence of hashable
-            Landmarks of the map. New ones join the region when they are first seen.
-
-        Raises
-        ------
-        ValueError
-            If a name is not in the map or comes twice; the region then stays as it was.
+            Landmarks of the map, each once. New ones join the region when they are first seen.
         """
         names = as_names("ids", ids)
         self.global_update().rows_of(names)

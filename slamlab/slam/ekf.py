@@ -107,7 +107,7 @@ class EKFSlam:
         Covariance of `mean`; zero if left out: the robot starts where the map begins. Nothing
         has to be invertible, whatever P1 says after its (5): S = H P H^T + R is.
     ids : sequence of hashable, default ()
-        Names of the n landmarks in `mean`.
+        Names of the n landmarks in `mean`, each once.
     associate : callable, optional
         ``associate(slam, z) -> rows (k,)``, asked when an update comes without ids: for each
         measurement the row of `landmarks`, -1 to start a new landmark, -2 to leave it out. If
@@ -133,12 +133,6 @@ class EKFSlam:
         Predictions since each landmark was last seen.
     next_id : int
         Name of the next landmark that the association starts.
-
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a number is not finite, `cov` is no covariance, or `ids` repeats
-        a name.
 
     Examples
     --------
@@ -195,11 +189,6 @@ class EKFSlam:
             Duration (s).
         control_cov : array_like, shape (l, l)
             V of P1 (15): covariance of the control.
-
-        Raises
-        ------
-        ValueError
-            If a shape does not fit, a number is not finite, or `control_cov` is no covariance.
         """
         u = as_array("u", u, ("l",))
         V = as_one_covariance("control_cov", control_cov, len(u))
@@ -245,8 +234,7 @@ class EKFSlam:
         Raises
         ------
         ValueError
-            If a shape does not fit, a number is not finite, `covs` is no covariance, an id comes
-            twice, or the correction overflows. The filter is then as it was.
+            If the correction overflows. The filter is then as it was.
         """
         z, R = as_landmarks(z, covs, self.sensor.cov)
         names = as_names("ids", self._associated(z, R, covs) if ids is None else ids, len(z))
@@ -297,12 +285,7 @@ class EKFSlam:
         Parameters
         ----------
         ids : sequence of hashable
-            Names in the map.
-
-        Raises
-        ------
-        ValueError
-            If a name is not in the map or comes twice; the filter is then as it was.
+            Names in the map, each once.
         """
         keep = np.ones(self.n_landmarks, bool)
         keep[self.rows_of(ids)] = False
@@ -321,14 +304,9 @@ class EKFSlam:
         Parameters
         ----------
         steps : int
-            Remove only what has not been seen for at least this many predictions.
+            Remove only what has not been seen for at least this many predictions, 0 or more.
         n_observations : int, default 1
-            Remove only what was seen at most this often.
-
-        Raises
-        ------
-        ValueError
-            If a count is no whole number, `steps` negative or `n_observations` below 1.
+            Remove only what was seen at most this often, 1 or more.
         """
         steps = as_count("steps", steps)
         n_observations = as_count("n_observations", n_observations, 1)

@@ -101,11 +101,6 @@ class FastSlam(PoseParticles):
     is_new : ndarray of bool, shape (M, k)
         Which of these began a landmark.
 
-    Raises
-    ------
-    ValueError
-        If an argument has a wrong shape or value.
-
     Examples
     --------
     >>> from slamlab.robots import Unicycle
@@ -161,15 +156,9 @@ class FastSlam(PoseParticles):
         u : array_like, shape (p,)
             Control of the motion model.
         dt : float
-            Duration (s).
+            Duration (s), not negative.
         control_cov : array_like, shape (p, p)
             Covariance of the control; singular is allowed.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, `dt` is negative or `control_cov` is no
-            covariance. The filter is unharmed.
         """
         u = as_array("u", u, ("p",)).copy()
         A = cached_sqrt("control_cov", control_cov, len(u))
@@ -203,10 +192,9 @@ class FastSlam(PoseParticles):
         Raises
         ------
         ValueError
-            If a shape is wrong, a number is not finite, the sensor cannot locate a new landmark,
-            a name comes twice, `ids` are given to a filter that ran without or the reverse,
-            `associate` answers something else than rows, or no particle explains the measurements
-            (all weights are zero). The filter is then as it was before.
+            If the sensor cannot locate a new landmark, `ids` are given to a filter that ran
+            without or the reverse, or no particle explains the measurements (all weights are
+            zero). The filter is then as it was.
         """
         z, R = as_landmarks(z, covs, self.sensor.cov)
         names = self._checked_ids(ids, len(z))
@@ -419,13 +407,7 @@ class FastSlam(PoseParticles):
         return self._maps.mixture(self.weights, len(self._names))
 
     def landmark_cov(self, id: Hashable) -> Array:
-        """Covariance (2, 2) of one named landmark over all particles.
-
-        Raises
-        ------
-        ValueError
-            If no landmark has this name.
-        """
+        """Covariance (2, 2) of one named landmark over all particles."""
         names = self._names or {}
         if as_names("id", [id])[0] not in names:
             raise ValueError(f"id: expected the name of a landmark, got {id!r}")
@@ -468,11 +450,6 @@ class FastSlam(PoseParticles):
         Returns
         -------
         ParticleView
-
-        Raises
-        ------
-        ValueError
-            If there is no such particle.
         """
         if as_count("i", i) >= self.n_particles:
             raise ValueError(f"i: expected a particle below {self.n_particles}, got {i}")

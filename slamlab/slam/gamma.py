@@ -57,11 +57,6 @@ class GammaSlam(MapParticles):
     map_bytes : int
         Memory of all maps together.
 
-    Raises
-    ------
-    ValueError
-        If an argument has a wrong shape or value.
-
     Examples
     --------
     >>> from slamlab.sensors import StereoRig
@@ -105,7 +100,8 @@ class GammaSlam(MapParticles):
         Parameters
         ----------
         ranges : array_like, shape (n_beams,)
-            Along the rays (m); NaN is a lost one, inf or ``rig.max_range`` one that met nothing.
+            Along the rays (m), not negative; NaN is a lost one, inf or ``rig.max_range`` one that
+            met nothing.
         ids : None
             Pictures have no names.
 
@@ -114,11 +110,6 @@ class GammaSlam(MapParticles):
         float
             Logarithm of the weighted mean of the tempered likelihood; 0 for a picture that shows
             nothing, which changes nothing.
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a range negative. The filter is then as it was before.
         """
         ranges = as_shaped("ranges", ranges, (self.rig.n_beams,))
         points, heights = self.rig.points(ranges), self.rig.heights(ranges)
@@ -159,7 +150,7 @@ class GammaSlam(MapParticles):
         Raises
         ------
         ValueError
-            If there is no such particle, or nothing was seen yet.
+            If nothing was seen yet.
         """
         row = self._row(particle)
         if not self._maps.size.any():

@@ -91,11 +91,6 @@ class GridFastSlam(MapParticles):
     map_bytes : int
         Memory of all maps together.
 
-    Raises
-    ------
-    ValueError
-        If an argument has a wrong shape or value.
-
     Examples
     --------
     >>> from slamlab.sensors import Lidar
@@ -145,8 +140,8 @@ class GridFastSlam(MapParticles):
         Parameters
         ----------
         ranges : array_like, shape (n_beams,)
-            (m); NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing. Only beams
-            that met something count, 180 of them at most, evenly chosen.
+            (m), not negative; NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
+            Only beams that met something count, 180 of them at most, evenly chosen.
         ids : None
             Scans have no names.
 
@@ -155,11 +150,6 @@ class GridFastSlam(MapParticles):
         float
             Logarithm of the weighted mean of the tempered likelihood; 0 for the first scan, and
             for one of fewer than ten points, which changes nothing.
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a range negative. The filter is then as it was before.
         """
         points = self.lidar.points(as_shaped("ranges", ranges, (self.lidar.n_beams,)))
         points = points[np.isfinite(points[:, 0])]
@@ -215,11 +205,6 @@ class GridFastSlam(MapParticles):
             row 0 is at the bottom.
         origin : ndarray, shape (2,)
             Lower left corner (m).
-
-        Raises
-        ------
-        ValueError
-            If there is no such particle.
         """
         return self._maps.dense(self._row(particle)), self._maps.frame[1:]
 

@@ -107,7 +107,7 @@ class HectorSlam(ScanSystem):
         Parameters
         ----------
         ranges : array_like, shape (n_beams,)
-            (m); NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
+            (m), not negative; NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
         ids : None
             Scans have no names.
 
@@ -116,11 +116,6 @@ class HectorSlam(ScanSystem):
         Match
             `score` is the mean probability of a wall under the points; 0.5 is "never seen". A
             scan of fewer than ten points matches nothing (score 0) and changes nothing.
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a range negative.
         """
         ranges = self._taken(ranges)
         points = self._lidar.points(ranges)

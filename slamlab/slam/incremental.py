@@ -114,12 +114,6 @@ class IncrementalGraph:
         -------
         int
             Row of the new pose.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, the information is not positive
-            definite, or there is no such pose.
         """
         n = len(self._x)
         previous = n - 1 if previous is None else self._row("previous", previous)
@@ -139,17 +133,11 @@ class IncrementalGraph:
         Parameters
         ----------
         i, j : int
-            Rows of two poses.
+            Rows of two different poses.
         measurement : array_like, shape (3,)
             Pose j seen from pose i (m, m, rad).
         information : array_like, shape (3, 3)
-            Inverse covariance.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, the information is not positive
-            semi-definite, or a pose does not exist or is joined with itself.
+            Inverse covariance; positive semi-definite.
         """
         i, j = self._row("i", i), self._row("j", j)
         if i == j:

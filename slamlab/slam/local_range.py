@@ -69,12 +69,6 @@ class AdaptiveRange:
     n_seen : int, or ndarray (M,) of a batch
         Landmarks seen at the last update.
 
-    Raises
-    ------
-    ValueError
-        If `system` is none that measures landmarks, a number is out of range, or a region is
-        wanted of a system that has none.
-
     Examples
     --------
     >>> from slamlab.robots import Unicycle

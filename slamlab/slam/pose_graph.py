@@ -135,13 +135,14 @@ class PoseGraph:
     poses : array_like, shape (n, 3)
         Initial poses x, y (m), theta (rad) in the world.
     edges : array_like of int, shape (m, 2)
-        Rows (i, j) of the poses that each measurement joins.
+        Rows (i, j) of the two different poses that each measurement joins.
     measurements : array_like, shape (m, 3)
         Pose of j seen from i, as measured.
     information : array_like, shape (m, 3, 3) or (3, 3)
-        Inverse covariances Omega of the measurements; one matrix serves all edges.
+        Inverse covariances Omega of the measurements, positive semi-definite; one matrix serves
+        all edges.
     ids : sequence of int, optional
-        Names of the poses, for messages and files; 0, 1, ... by default.
+        Names of the poses, each once, for messages and files; 0, 1, ... by default.
     fixed : sequence of int, default (0,)
         Rows of the poses that stay where they are.
     scans : Scans, optional
@@ -153,15 +154,10 @@ class PoseGraph:
     landmark_measurements : array_like, shape (s, 2)
         Landmark as seen: x ahead, y to the left of the pose (m).
     landmark_information : array_like, shape (s, 2, 2) or (2, 2)
-        Inverse covariances of these measurements (1/m^2).
+        Inverse covariances of these measurements (1/m^2), positive semi-definite.
     landmark_ids : sequence of int, optional
-        Names of the landmarks; by default the numbers after those of the poses.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is not finite, an edge names no pose or joins a pose with
-        itself, an id stands twice, or an information matrix is not positive semi-definite.
+        Names of the landmarks, each once and none a pose's; by default the numbers after those of
+        the poses.
 
     Examples
     --------
@@ -250,7 +246,8 @@ class PoseGraph:
         Parameters
         ----------
         log : Log
-            A step with dt = 0 adds no pose. Measurements need ids; those below 0 are left out.
+            Of one run. A step with dt = 0 adds no pose. Measurements need ids; those below 0 are
+            left out.
         motion : MotionModel
             Its noise must reach all three coordinates.
         sensor : LandmarkSensor, optional
@@ -266,8 +263,7 @@ class PoseGraph:
         Raises
         ------
         ValueError
-            If the log is a batch, has no ids, or a motion or a measurement without noise in some
-            direction.
+            If a motion or a measurement has no noise in some direction.
         """
         return cls(**graph_of(log, motion, sensor, as_array("start", start, (3,))))
 
@@ -322,11 +318,6 @@ class PoseGraph:
         Returns
         -------
         PoseGraph
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         other, stacked = copy(self), self._stack(poses, landmarks)
         n = len(self.poses)
@@ -466,8 +457,8 @@ class PoseGraph:
         Raises
         ------
         ValueError
-            If an argument is out of range, or if the measurements do not hold every pose: the
-            graph is not connected to a fixed pose, or is singular. The message names the poses.
+            If the measurements do not hold every pose: the graph is not connected to a fixed pose,
+            or is singular. The message names the poses.
         """
         as_choice("method", method, list(METHODS))
         robust = None if kernel is None else KERNELS[as_choice("kernel", kernel, list(KERNELS))]
@@ -542,7 +533,7 @@ class PoseGraph:
         Raises
         ------
         ValueError
-            If a row is unknown or the graph is disconnected or singular.
+            If the graph is disconnected or singular.
         """
         return self._marginals(i, len(self.poses), 0, self._stack(poses, landmarks))
 
@@ -567,7 +558,7 @@ class PoseGraph:
         Raises
         ------
         ValueError
-            If a row is unknown or the graph is disconnected or singular.
+            If the graph is disconnected or singular.
         """
         k, n = len(self.landmarks), len(self.poses)
         return self._marginals(i, k, n, self._stack(poses, landmarks))[..., :2, :2]

@@ -147,7 +147,7 @@ class ScanGraphSlam(ScanSystem):
         Parameters
         ----------
         ranges : array_like, shape (n_beams,)
-            (m); NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
+            (m), not negative; NaN is a lost beam, inf or ``lidar.max_range`` one that met nothing.
         ids : None
             Scans have no names.
 
@@ -155,11 +155,6 @@ class ScanGraphSlam(ScanSystem):
         -------
         Match
             `score` 0: the scan matched nothing (too few points, or a bad fit).
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a range negative.
         """
         points = scan_points(self._taken(ranges), self._lidar)
         chain, enough = self._chain, len(points) >= LEAST_POINTS

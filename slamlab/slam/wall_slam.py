@@ -95,11 +95,6 @@ class WallSlam:
     filter : EKFSlam
         Pose and lines (r, alpha), with their covariance.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range or a shape does not fit.
-
     Examples
     --------
     A wall two metres ahead of the lidar, seen twice:
@@ -190,19 +185,13 @@ class WallSlam:
         Parameters
         ----------
         measurement : array_like, shape (n_beams,)
-            Ranges of one scan (m); NaN or inf is a beam without return.
+            Ranges of one scan (m), not negative; NaN or inf is a beam without return.
         ids : None
             Walls are told apart by their lines; nobody can name them.
 
         Returns
         -------
         WallSighting
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong, a range is negative or `ids` are given. The filter is then as
-            it was.
         """
         if ids is not None:
             raise ValueError(f"ids: expected None, walls have no names in a scan, got {ids!r}")

@@ -59,11 +59,6 @@ class Sighting(Figure):
     payload : dict
         What the browser gets.
 
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
-
     Examples
     --------
     >>> Sighting(heading=10)
@@ -120,7 +115,7 @@ class ScanDrag(Figure):
     Parameters
     ----------
     reference : array_like, shape (m, 2), or PointsWithNormals
-        Points of the first scan (m); those off walls are left out.
+        Points of the first scan (m), at least 3 of them on walls; those off walls are left out.
     points : array_like, shape (k, 2)
         Points of the second scan in the frame of the robot (m).
     truth : array_like, shape (3,)
@@ -140,11 +135,6 @@ class ScanDrag(Figure):
     ----------
     payload : dict
         What the browser gets.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number out of range, or no wall is among the reference.
 
     Examples
     --------
@@ -229,11 +219,6 @@ class WallDrag(Figure):
     ----------
     payload : dict
         What the browser gets.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number out of range.
 
     Examples
     --------

@@ -65,12 +65,6 @@ class Paths(Layer):
     covs : array_like (T, 2, 2) or (T, 3, 3), optional
         Covariances of the estimate, which must stand beside them.
 
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, the numbers of steps differ, a number is not finite, a matrix is no
-        covariance, or there is no estimate to the covariances.
-
     Examples
     --------
     >>> drive = Paths(truth=[[0, 0, 0], [1, 0, 0]], estimate=[[0, 0, 0], [1.2, 0.1, 0]])
@@ -109,13 +103,7 @@ class Landmarks(Layer):
     estimates : array_like (T, m, 2), optional
         Where the robot believes them, NaN where not yet seen.
     covs : array_like (T, m, 2, 2), optional
-        Covariances of the estimates, NaN where not yet seen.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a true landmark is not finite, a matrix is no covariance, or there
-        are no estimates to the covariances.
+        Covariances of the estimates, which must stand beside them; NaN where not yet seen.
 
     Examples
     --------
@@ -150,11 +138,6 @@ class Particles(Layer):
     poses : array_like (T, M, 2) or (T, M, 3)
         Positions, or poses: then each is drawn with its heading.
 
-    Raises
-    ------
-    ValueError
-        If the shape is wrong or a number is not finite.
-
     Examples
     --------
     >>> cloud = Particles(np.zeros((12, 100, 3)))
@@ -178,11 +161,6 @@ class LidarPoints(Layer):
         Draw the beams from the robot to the points of the step.
     accumulate : bool, default False
         Keep the points of all steps so far, so that the scans draw a map.
-
-    Raises
-    ------
-    ValueError
-        If the shape is wrong or a number is infinite.
 
     Examples
     --------
@@ -209,11 +187,6 @@ class WallSegments(Layer):
     segments : array_like (k, 2, 2)
         From point to point, as in `WallWorld.segments`.
 
-    Raises
-    ------
-    ValueError
-        If the shape is wrong or a number is not finite.
-
     Examples
     --------
     >>> corridor = WallSegments([[[0, 0], [9, 0]], [[0, 2], [9, 2]]])
@@ -234,15 +207,9 @@ class Occupancy(Layer):
     probability : array_like (H, W) or (S, H, W)
         Probability in [0, 1] that a cell is occupied, row 0 at the bottom; S maps over time.
     extent : sequence of four floats
-        x low, x high, y low, y high of the map.
+        x low, x high, y low, y high of the map, low < high.
     steps : array_like (S,), optional
         The first step at which each of the S maps holds, increasing; 0, 1, ... without it.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a number is no probability, the extent spans no area, or the steps
-        do not increase.
 
     Examples
     --------

@@ -68,12 +68,6 @@ class Replay(Figure):
     payload : dict
         What the browser gets.
 
-    Raises
-    ------
-    ValueError
-        If something is no layer, has another number of steps than the rest, nothing varies with
-        time, or a number is out of range. The message names it.
-
     Examples
     --------
     >>> path = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]

@@ -34,7 +34,7 @@ class Simulator(Figure):
     Parameters
     ----------
     worlds : mapping of str to BitmapWorld
-        Rooms by name; the reader chooses.
+        Rooms by name, at least one; the reader chooses.
     starts : mapping of str to array_like (3,), optional
         Pose (m, m, rad) at which the robot starts in a room. Without it, the free place nearest
         to the middle.
@@ -59,8 +59,7 @@ class Simulator(Figure):
     Raises
     ------
     ValueError
-        If there is no room, a room has no place for the robot, a start is blocked, or the lidar
-        is not of the kind described.
+        If a room has no place for the robot, or a start is blocked.
 
     Examples
     --------

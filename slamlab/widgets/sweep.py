@@ -234,7 +234,7 @@ class Sweep(Figure):
         One or two sliders: name with unit, such as ``"noise (m)"``, and the values it takes.
         Their lengths are the grid of all results, in this order.
     panels : sequence of Curves, Bars, Scatter or Image
-        What is drawn, side by side where there is room.
+        What is drawn, one panel at least, side by side where there is room.
     numbers : mapping of str to array_like of shape ``(*grid)``, optional
         Numbers shown in a table: label with unit, and the value for each slider position.
     start : sequence of int, optional
@@ -252,8 +252,7 @@ class Sweep(Figure):
     Raises
     ------
     ValueError
-        If there are other than one or two sliders, no panel, or an array that fits neither the
-        grid nor a constant. The message names it.
+        If an array fits neither the grid nor a constant. The message names it.
 
     Examples
     --------

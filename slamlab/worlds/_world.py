@@ -34,7 +34,7 @@ def free_poses(world: World, n: int, rng: np.random.Generator, clearance: float 
     Raises
     ------
     ValueError
-        If there is (next to) no such place, or an argument is out of range.
+        If there is (next to) no such place.
 
     Examples
     --------
@@ -78,11 +78,6 @@ class Solid(ABC):
         -------
         ndarray of bool, shape (...)
             Touching is no collision.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite or the footprint is not convex.
         """
         footprint = checked_footprint(footprint)
         poses = as_array("poses", poses, ("...", 3)).astype(float)
@@ -106,12 +101,6 @@ class Solid(ABC):
         -------
         ndarray of bool, shape (...)
             Exact for the whole swept area; touching is no collision.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite, the footprint is not convex, or a motion
-            both drives and turns.
         """
         footprint = checked_footprint(footprint)
         start, end = as_array("start", start, ("...", 3)), as_array("end", end, ("...", 3))

@@ -32,8 +32,8 @@ class BitmapWorld(Grid, Solid):
     Parameters
     ----------
     occupied : array_like of bool, shape (rows, columns)
-        Row 0 is at the bottom, column 0 at the left. A point on the line between two cells
-        belongs to the right or upper one.
+        At least one cell; row 0 is at the bottom, column 0 at the left. A point on the line
+        between two cells belongs to the right or upper one.
     resolution : float
         Side of a cell (m).
     origin : array_like, shape (2,), default (0, 0)
@@ -45,11 +45,6 @@ class BitmapWorld(Grid, Solid):
         Read-only.
     resolution : float
     origin : ndarray, shape (2,)
-
-    Raises
-    ------
-    ValueError
-        If there is no cell, an entry is neither 0 nor 1, or a number is out of range.
 
     Examples
     --------
@@ -162,17 +157,12 @@ class BitmapWorld(Grid, Solid):
         angles : array_like, shape (...)
             Directions in the world (rad); leading axes broadcast with `origins`.
         max_range : float or array_like, shape (...), default inf
-            Farther than this (m) nothing is met.
+            Farther than this (m, not negative) nothing is met.
 
         Returns
         -------
         ndarray, shape (...)
             In metres; inf where a beam met nothing.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite or `max_range` is negative.
         """
         x, y, angles, reach = checked_beams(origins, angles, max_range)
         x = ((x - self.origin[0]) / self.resolution).ravel()
@@ -190,7 +180,7 @@ class BitmapWorld(Grid, Solid):
         angles : array_like, shape (n_angles,)
             Directions in the world (rad).
         max_range : float, default inf
-            Farther than this (m) nothing is met.
+            Farther than this (m, not negative) nothing is met.
         stride : int, default 1
             Take every `stride`-th row and column, from 0 on.
 
@@ -198,11 +188,6 @@ class BitmapWorld(Grid, Solid):
         -------
         ndarray, shape (n_angles, rows, columns)
             Distances (m) from ``centres(stride)``; 0 in occupied cells, inf where nothing is met.
-
-        Raises
-        ------
-        ValueError
-            If an argument is out of range.
         """
         angles = as_array("angles", angles, ("n_angles",))
         max_range, centres = as_scalar("max_range", max_range, 0.0), self.centres(stride)

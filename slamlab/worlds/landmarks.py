@@ -23,11 +23,6 @@ class LandmarkWorld:
     points : ndarray, shape (n, 2)
         Read-only.
 
-    Raises
-    ------
-    ValueError
-        If there is no landmark or a number is not finite.
-
     Examples
     --------
     >>> LandmarkWorld([[0, 0], [4, 3]]).bounds

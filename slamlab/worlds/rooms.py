@@ -212,11 +212,6 @@ def ring_corridor(size: tuple[float, float], rng: np.random.Generator) -> WallWo
         Outer sides along x and y (m), at least 7.
     rng : numpy.random.Generator
 
-    Raises
-    ------
-    ValueError
-        If a side is too short or `rng` no generator.
-
     Examples
     --------
     >>> ring_corridor((12.0, 8.0), np.random.default_rng(5)).bounds

@@ -27,11 +27,6 @@ class Terrain:
     relief : array_like, shape (rows, columns), optional
         The smooth part of it, on which a vehicle rides; all of it if left out.
 
-    Raises
-    ------
-    ValueError
-        If `grid` is none, or the heights do not fit it.
-
     Examples
     --------
     >>> ground = Terrain.rough(np.random.default_rng(1), size=(6.0, 4.0))
@@ -64,7 +59,7 @@ class Terrain:
         ----------
         rng : numpy.random.Generator
         size : (float, float), default (20, 20)
-            Along x and y (m).
+            Along x and y (m), positive.
         resolution : float, default 0.05
             Side of a cell (m).
         roughness : float, default 0.03
@@ -72,14 +67,9 @@ class Terrain:
         spread : float, default 0.9
             Standard deviation of the logarithm of that standard deviation; 0: all alike.
         patch : float, default 0.5
-            Side of a patch (m).
+            Side of a patch (m), at least that of a cell.
         relief : float, default 0.2
             Standard deviation of the hills (m); they are some metres wide.
-
-        Raises
-        ------
-        ValueError
-            If a size is not positive, another number negative, or `rng` no generator.
         """
         width, depth = as_array("size", size, (2,))
         grid = Grid.over([0.0, 0.0, width, depth], resolution)

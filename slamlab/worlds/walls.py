@@ -35,7 +35,7 @@ class WallWorld(Solid):
     Parameters
     ----------
     segments : array_like, shape (k, 2, 2)
-        End points of each wall in the world (m).
+        End points of each wall in the world (m); at least one wall, each with a length.
 
     Attributes
     ----------
@@ -43,11 +43,6 @@ class WallWorld(Solid):
         Read-only.
     closed : bool
         Whether the segments form closed outlines.
-
-    Raises
-    ------
-    ValueError
-        If there is no wall, one has no length, or a number is not finite.
 
     Examples
     --------
@@ -79,13 +74,8 @@ class WallWorld(Solid):
         Parameters
         ----------
         *polygons : array_like, shape (k, 2)
-            Vertices of each outline in order (m); the last is joined to the first. Outlines may
-            not cross each other.
-
-        Raises
-        ------
-        ValueError
-            If there is no outline or one has fewer than three vertices.
+            At least one outline, each of three vertices or more in order (m); the last is joined
+            to the first. Outlines may not cross each other.
         """
         outlines = [as_array("polygons", polygon, ("k", 2)) for polygon in polygons]
         if not outlines or min(map(len, outlines)) < 3:
@@ -99,12 +89,7 @@ class WallWorld(Solid):
         Parameters
         ----------
         bitmap : BitmapWorld
-            No free cell may lie at the edge of the bitmap.
-
-        Raises
-        ------
-        ValueError
-            If no cell is free, or a free cell lies at the edge.
+            With a free cell, but none at its edge.
         """
         free = ~as_instance("bitmap", bitmap, BitmapWorld).occupied
         edge = np.concatenate([free[0], free[-1], free[:, 0], free[:, -1]])
@@ -133,7 +118,7 @@ class WallWorld(Solid):
         Raises
         ------
         ValueError
-            If a number is out of range or the bitmap would have more than 64 million cells.
+            If there would be more than 64 million cells.
         """
         resolution = as_scalar("resolution", resolution, 1e-9, 1e9)
         margin = as_scalar("margin", margin, 0.0, 1e9)
@@ -209,17 +194,12 @@ class WallWorld(Solid):
         angles : array_like, shape (...)
             Directions in the world (rad); leading axes broadcast with `origins`.
         max_range : float or array_like, shape (...), default inf
-            Farther than this (m) nothing is met.
+            Farther than this (m, not negative) nothing is met.
 
         Returns
         -------
         ndarray, shape (...)
             In metres; inf where a beam met nothing.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, a number is not finite or `max_range` is negative.
         """
         x, y, angles, reach = checked_beams(origins, angles, max_range)
         beams = x.ravel(), y.ravel(), angles.ravel()
