@@ -614,7 +614,7 @@ SYSTEMS = {
     "pose graph, robust": (
         partial(pose_graph, "levenberg-marquardt", kernel="dcs"),
         ("slam/least_squares.py",),
-        OWN + 6,  # 15 of them: what Levenberg-Marquardt has beyond Gauss-Newton, and the kernel
+        OWN,
     ),
     "pose graph, made": (made_graph, ("slam/pose_graph.py",), OWN),
     "pose graph, incremental": (incremental_graph, ("slam/incremental.py",), OWN),

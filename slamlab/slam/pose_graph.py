@@ -51,6 +51,7 @@ from slamlab.slam.least_squares import (
     Outcome,
     edge_error,
     gauss_newton,
+    likeliest,
     quadratic,
 )
 
@@ -160,8 +161,7 @@ class PoseGraph:
     Raises
     ------
     ValueError
-        If a shape is wrong, a number is not finite, an edge names no pose or joins a pose with
-        itself, an id stands twice, or an information matrix is not positive semi-definite.
+        If an edge names no pose or joins a pose with itself, or an id stands twice.
 
     Examples
     --------
@@ -322,11 +322,6 @@ class PoseGraph:
         Returns
         -------
         PoseGraph
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a number is not finite.
         """
         other, stacked = copy(self), self._stack(poses, landmarks)
         n = len(self.poses)
@@ -466,8 +461,8 @@ class PoseGraph:
         Raises
         ------
         ValueError
-            If an argument is out of range, or if the measurements do not hold every pose: the
-            graph is not connected to a fixed pose, or is singular. The message names the poses.
+            If the measurements do not hold every pose: the graph is not connected to a fixed
+            pose, or is singular. The message names the poses.
         """
         as_choice("method", method, list(METHODS))
         robust = None if kernel is None else KERNELS[as_choice("kernel", kernel, list(KERNELS))]
@@ -484,7 +479,10 @@ class PoseGraph:
         with np.errstate(over="ignore", invalid="ignore"):
             for width in widths if robust else widths[:1]:
                 rho = quadratic if robust is None else partial(robust, width=width)
-                own = Edges(edges, measurements, information, rho, groups)
+                if groups:
+                    log_det = np.linalg.slogdet(information)[1]
+                    rho = partial(likeliest, kernel=rho, groups=groups, log_det=log_det)
+                own = Edges(edges, measurements, information, rho)
                 if equations.N == 0:
                     here = own.at(x)
                     found = Outcome(here, [here.cost], True, "every pose is fixed")
@@ -542,7 +540,7 @@ class PoseGraph:
         Raises
         ------
         ValueError
-            If a row is unknown or the graph is disconnected or singular.
+            If the graph is disconnected or singular.
         """
         return self._marginals(i, len(self.poses), 0, self._stack(poses, landmarks))
 
@@ -567,7 +565,7 @@ class PoseGraph:
         Raises
         ------
         ValueError
-            If a row is unknown or the graph is disconnected or singular.
+            If the graph is disconnected or singular.
         """
         k, n = len(self.landmarks), len(self.poses)
         return self._marginals(i, k, n, self._stack(poses, landmarks))[..., :2, :2]
