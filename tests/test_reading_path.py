@@ -430,6 +430,20 @@ def icp():
     return step
 
 
+def normals():
+    """Scans of a room, some points of which are as near as others, in one frame."""
+    poses = np.array([[2.0, 4.0, 0.3], [2.1, 4.0, 0.3]])
+    scans = [ROOM.points(ROOM.scan(rooms.office(), pose)) for pose in poses]
+    scans[0][:11] = np.column_stack([np.arange(11) / 10, np.ones(11)])
+
+    def step():
+        walls = [PointsWithNormals.estimate(scan) for scan in scans]
+        walls = [wall.transformed(pose) for wall, pose in zip(walls, poses, strict=True)]
+        assert len(PointsWithNormals.concatenated(walls).on_lines().points) > 100
+
+    return step
+
+
 def hector():
     """A scan of a room that the maps have, drawn into them."""
     slam = HectorSlam(ROOM, [2.0, 4.0, 0.0], levels=2)
@@ -622,11 +636,9 @@ SYSTEMS = {
     "path memory, a point": (path_point, ("navigation/path_memory.py",), OWN),
     "path memory, a segment": (path_segment, ("navigation/path_memory.py",), OWN),
     "signatures": (signatures, ("localization/signature.py",), OWN + 8),
-    "ICP": (
-        icp,
-        ("matching/icp.py",),
-        OWN + 24,
-    ),  # 48: normals, covariance after Censi; 12: a prior
+    "ICP": (icp, ("matching/icp.py",), OWN),
+    "normals of a scan": (normals, ("matching/normals.py",), OWN),
+    "covariance of a match": (icp, ("matching/_covariance.py",), OWN),
     "Hector": (hector, ("slam/hector.py",), OWN),
     "scan graph": (
         scan_graph,
@@ -652,6 +664,8 @@ PARTS = {  # with the lessons that show them
     "mapping/occupancy.py",  # 08
     "matching/field.py",  # 14
     "matching/icp.py",  # 14
+    "matching/normals.py",  # 14 has a use for them, 14b their noise
+    "matching/_covariance.py",  # 14b
     "matching/correlative.py",  # 14
     "slam/least_squares.py",  # 13
     "navigation/boxes.py",  # 17d
