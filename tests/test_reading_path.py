@@ -599,8 +599,9 @@ SYSTEMS = {
     "compressed EKF-SLAM": (compressed_ekf_slam, ("slam/compressed.py",), OWN),
     "adaptive range": (adaptive_range, ("slam/local_range.py",), OWN),
     "WallSlam": (wall_slam, ("slam/wall_slam.py",), OWN),
-    # Six stages (runs, split, merge, corners, join, clean) of 9 to 20 lines each, and covariances.
-    "walls of a scan": (walls, ("mapping/walls.py",), OWN + 90),
+    "walls of a scan": (walls, ("mapping/walls.py",), OWN),
+    "split-and-merge": (walls, ("mapping/_split_and_merge.py",), OWN),
+    "line of a wall": (walls, ("mapping/lines.py",), OWN),
     "EKF-SLAM, side by side": (ekf_slam_batch, ("slam/batch.py", "slam/linearisation.py"), OWN),
     "FastSLAM 1": (partial(fast_slam, 1), ("slam/fast.py",), OWN),
     "FastSLAM 2": (partial(fast_slam, 2), ("slam/fast.py",), OWN),
@@ -674,7 +675,12 @@ PARTS = {  # with the lessons that show them
 INSIDE = {
     "joint compatibility": {"slam/ekf.py", "slam/linearisation.py"},
     "adaptive range": {"slam/ekf.py"},
-    "WallSlam": {"slam/ekf.py", "mapping/walls.py"},
+    "WallSlam": {
+        "slam/ekf.py",
+        "mapping/walls.py",
+        "mapping/_split_and_merge.py",
+        "mapping/lines.py",
+    },
     "global localization, found": {"localization/monte_carlo.py"},
     "sessions, a place": {"slam/_closures.py"},
     "sessions, a drive": {"slam/_closures.py", "slam/_joining.py", "slam/pose_graph.py"},

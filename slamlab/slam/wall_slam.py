@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import Array, as_array, as_count, as_instance, as_positive, as_scalar
 from slamlab.gaussian import chi2_quantile
 from slamlab.geometry import transform
-from slamlab.mapping.walls import Walls, extract_walls, in_name_of, on_line
+from slamlab.mapping.lines import in_name_of, on_line
+from slamlab.mapping.walls import Walls, extract_walls
 from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
 from slamlab.sensors import Wall
 from slamlab.slam.association import IGNORED, NEW
@@ -94,11 +95,6 @@ class WallSlam:
         "scan": scans.
     filter : EKFSlam
         Pose and lines (r, alpha), with their covariance.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range or a shape does not fit.
 
     Examples
     --------
@@ -201,8 +197,7 @@ class WallSlam:
         Raises
         ------
         ValueError
-            If the shape is wrong, a range is negative or `ids` are given. The filter is then as
-            it was.
+            If `ids` are given. The filter is then as it was.
         """
         if ids is not None:
             raise ValueError(f"ids: expected None, walls have no names in a scan, got {ids!r}")
