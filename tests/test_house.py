@@ -396,6 +396,7 @@ def lettered(path: str) -> set[str]:
 # Formulas that a page of ours derives bear its letter.
 
 LETTERS = {
+    "matching/normals.py estimate": "14b (D)",
     "slam/_closures.py verify": "14b (E)",
     "slam/_closures.py chain_chi2": "13 (A)",
     "slam/_closures.py pairwise_consistent": "13b (I)",

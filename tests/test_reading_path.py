@@ -430,6 +430,20 @@ def icp():
     return step
 
 
+def normals():
+    """Scans of a room, some points of which are as near as others, in one frame."""
+    poses = np.array([[2.0, 4.0, 0.3], [2.1, 4.0, 0.3]])
+    scans = [ROOM.points(ROOM.scan(rooms.office(), pose)) for pose in poses]
+    scans[0][:11] = np.column_stack([np.arange(11) / 10, np.ones(11)])
+
+    def step():
+        walls = [PointsWithNormals.estimate(scan) for scan in scans]
+        walls = [wall.transformed(pose) for wall, pose in zip(walls, poses, strict=True)]
+        assert len(PointsWithNormals.concatenated(walls).on_lines().points) > 100
+
+    return step
+
+
 def hector():
     """A scan of a room that the maps have, drawn into them."""
     slam = HectorSlam(ROOM, [2.0, 4.0, 0.0], levels=2)
@@ -585,8 +599,9 @@ SYSTEMS = {
     "compressed EKF-SLAM": (compressed_ekf_slam, ("slam/compressed.py",), OWN),
     "adaptive range": (adaptive_range, ("slam/local_range.py",), OWN),
     "WallSlam": (wall_slam, ("slam/wall_slam.py",), OWN),
-    # Six stages (runs, split, merge, corners, join, clean) of 9 to 20 lines each, and covariances.
-    "walls of a scan": (walls, ("mapping/walls.py",), OWN + 90),
+    "walls of a scan": (walls, ("mapping/walls.py",), OWN),
+    "split-and-merge": (walls, ("mapping/_split_and_merge.py",), OWN),
+    "line of a wall": (walls, ("mapping/lines.py",), OWN),
     "EKF-SLAM, side by side": (ekf_slam_batch, ("slam/batch.py", "slam/linearisation.py"), OWN),
     "FastSLAM 1": (partial(fast_slam, 1), ("slam/fast.py",), OWN),
     "FastSLAM 2": (partial(fast_slam, 2), ("slam/fast.py",), OWN),
@@ -614,7 +629,7 @@ SYSTEMS = {
     "pose graph, robust": (
         partial(pose_graph, "levenberg-marquardt", kernel="dcs"),
         ("slam/least_squares.py",),
-        OWN + 6,  # 15 of them: what Levenberg-Marquardt has beyond Gauss-Newton, and the kernel
+        OWN,
     ),
     "pose graph, made": (made_graph, ("slam/pose_graph.py",), OWN),
     "pose graph, incremental": (incremental_graph, ("slam/incremental.py",), OWN),
@@ -622,11 +637,9 @@ SYSTEMS = {
     "path memory, a point": (path_point, ("navigation/path_memory.py",), OWN),
     "path memory, a segment": (path_segment, ("navigation/path_memory.py",), OWN),
     "signatures": (signatures, ("localization/signature.py",), OWN + 8),
-    "ICP": (
-        icp,
-        ("matching/icp.py",),
-        OWN + 24,
-    ),  # 48: normals, covariance after Censi; 12: a prior
+    "ICP": (icp, ("matching/icp.py",), OWN),
+    "normals of a scan": (normals, ("matching/normals.py",), OWN),
+    "covariance of a match": (icp, ("matching/_covariance.py",), OWN),
     "Hector": (hector, ("slam/hector.py",), OWN),
     "scan graph": (
         scan_graph,
@@ -652,6 +665,8 @@ PARTS = {  # with the lessons that show them
     "mapping/occupancy.py",  # 08
     "matching/field.py",  # 14
     "matching/icp.py",  # 14
+    "matching/normals.py",  # 14 has a use for them, 14b their noise
+    "matching/_covariance.py",  # 14b
     "matching/correlative.py",  # 14
     "slam/least_squares.py",  # 13
     "navigation/boxes.py",  # 17d
@@ -660,7 +675,12 @@ PARTS = {  # with the lessons that show them
 INSIDE = {
     "joint compatibility": {"slam/ekf.py", "slam/linearisation.py"},
     "adaptive range": {"slam/ekf.py"},
-    "WallSlam": {"slam/ekf.py", "mapping/walls.py"},
+    "WallSlam": {
+        "slam/ekf.py",
+        "mapping/walls.py",
+        "mapping/_split_and_merge.py",
+        "mapping/lines.py",
+    },
     "global localization, found": {"localization/monte_carlo.py"},
     "sessions, a place": {"slam/_closures.py"},
     "sessions, a drive": {"slam/_closures.py", "slam/_joining.py", "slam/pose_graph.py"},

@@ -8,7 +8,8 @@ from slamlab.matching.eight_point import (
     hartley_transform,
 )
 from slamlab.matching.field import LikelihoodGrid, match_field
-from slamlab.matching.icp import PointsWithNormals, estimate_normals, match_icp, voxel_downsample
+from slamlab.matching.icp import match_icp
+from slamlab.matching.normals import PointsWithNormals, estimate_normals, voxel_downsample
 
 __all__ = [
     "LikelihoodGrid",

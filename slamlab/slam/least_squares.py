@@ -61,11 +61,6 @@ def edge_error(pose_i: ArrayLike, pose_j: ArrayLike, measurement: ArrayLike) -> 
         R_z^T (R_i^T (t_j - t_i) - t_z) and the angle theta_j - theta_i - theta_z in (-pi, pi].
         Zero where the measurement fits.
 
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is not finite.
-
     Examples
     --------
     >>> edge_error([0, 0, 0], [1, 0, 0], [0.9, 0, 0.3]).round(3).tolist()
@@ -88,11 +83,6 @@ def edge_jacobians(
     -------
     A, B : ndarray, shape (..., 3, 3)
         d e / d pose_i and d e / d pose_j.
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong or a number is not finite.
 
     Examples
     --------
@@ -165,6 +155,20 @@ def max_mixture(x: Array, width: float) -> tuple[Array, Array]:
     return rho, np.where(false, scale, 1.0)
 
 
+def likeliest(
+    x: Array, kernel: Kernel, groups: Sequence[np.ndarray], log_det: Array
+) -> tuple[Array, Array]:
+    """Of each group of edges only the likeliest counts (Olson and Agarwal 2013), by `kernel`.
+
+    `log_det` (m,) is that of Omega, of each edge.
+    """
+    rho, weight = kernel(x)
+    for group in groups:
+        others = np.delete(group, np.argmin((x - log_det)[group]))
+        weight[others] = rho[others] = 0.0
+    return rho, weight
+
+
 KERNELS: dict[str, Kernel] = {"huber": huber, "dcs": dcs, "max-mixture": max_mixture}
 
 
@@ -191,8 +195,6 @@ class Edges:
     information : ndarray, shape (m, 3, 3)
     kernel : callable
         Cost and weight of each e^T Omega e.
-    groups : list of ndarray of int
-        Edges of which one each is true.
     """
 
     def __init__(
@@ -201,12 +203,10 @@ class Edges:
         measurements: Array,
         information: Array,
         kernel: Callable[[Array], tuple[Array, Array]] = quadratic,
-        groups: Sequence[np.ndarray] = (),
     ) -> None:
         (self.i, self.j), self.z = edges.T, measurements.T.copy()
         self.information = np.moveaxis(information, 0, -1).copy()  # (3, 3, m)
-        self.kernel, self.groups = kernel, groups
-        self.log_information = np.linalg.slogdet(information)[1] if groups else None
+        self.kernel = kernel
 
     def at(self, x: Array) -> Estimate:
         """Errors, cost and weights of the edges where the vertices are at x (n, 3)."""
@@ -214,9 +214,6 @@ class Edges:
         # Rounding may leave an edge of singular information a hair below zero.
         squared = np.einsum("am,abm,bm->m", e, self.information, e).clip(0.0)
         rho, weights = self.kernel(squared)
-        for group in self.groups:  # the likeliest counts
-            others = np.delete(group, np.argmin((squared - self.log_information)[group]))
-            weights[others] = rho[others] = 0.0
         return Estimate(x, e, squared, float(rho.sum()), weights)
 
     def linearise(self, here: Estimate) -> tuple[Array, Array, Array]:
@@ -256,7 +253,7 @@ class NormalEquations:
         self.last = self.H.indptr[1:] - 1  # of each column: the diagonal
         self.H.data = np.arange(self.H.nnz)  # numbered: where in H each used entry is summed
         self.entry = np.asarray(self.H[row, column]).ravel()
-        self.damped, self.probe = self.H.copy(), np.cos(np.arange(float(self.N)))
+        self.probe = np.cos(np.arange(float(self.N)))
         self.factors: Any = None
 
     def fill(self, e: Array, J: Array, information: Array) -> None:
@@ -269,14 +266,9 @@ class NormalEquations:
             raise ValueError("poses: expected a graph of moderate size, the equations overflow")
         self.H.data, self.g = data, g[: self.N].astype(np.float64, copy=False)
 
-    def diagonal(self) -> Array:
-        """Diagonal of H: the last entry of each column of an upper triangle."""
-        return self.H.data[self.last]
-
     def factorise(self, damping: float = 0.0) -> None:
         """Factorise H + damping diag H; its order is found once."""
-        H, probe, first = self.damped, self.probe, self.factors is None
-        H.data = self.H.data.copy()
+        H, probe, first = self.H.copy(), self.probe, self.factors is None
         H.data[self.last] *= 1 + damping
         # Rounding hides an exact zero, so ask for a known vector back: sound graphs of 20000 poses
         # return it to 1e-5, singular ones miss it by its own size.
@@ -303,9 +295,9 @@ class NormalEquations:
 
     def singular(self) -> ValueError:
         """Error that names the vertices that can move freely: the null space of H."""
-        H, diagonal = self.H.copy(), self.diagonal()
+        H, diagonal = self.H.copy(), self.H.diagonal()
         H.data[self.last] += 1e-12 * np.where(diagonal > 0, diagonal, 1.0)
-        factors, v = factorised(H), np.cos(np.arange(float(self.N)))
+        factors, v = factorised(H), self.probe
         for _ in range(3):  # inverse iteration
             v = factors.solve(v)
             v /= np.abs(v).max()
@@ -384,7 +376,7 @@ def levenberg_marquardt(
             if damping > LARGEST_DAMPING:
                 return Outcome(here, history, False, "no step lowers the cost")
         # model: -2 g.dx - dx.H dx with (H + damping D) dx = -g
-        promised = float(dx @ (damping * equations.diagonal() * dx - equations.g))
+        promised = float(dx @ (damping * equations.H.diagonal() * dx - equations.g))
         change, small = here.cost - there.cost, tolerance * here.cost + rounding
         here = there
         history.append(here.cost)

@@ -51,6 +51,7 @@ from slamlab.slam.least_squares import (
     Outcome,
     edge_error,
     gauss_newton,
+    likeliest,
     quadratic,
 )
 
@@ -475,7 +476,10 @@ class PoseGraph:
         with np.errstate(over="ignore", invalid="ignore"):
             for width in widths if robust else widths[:1]:
                 rho = quadratic if robust is None else partial(robust, width=width)
-                own = Edges(edges, measurements, information, rho, groups)
+                if groups:
+                    log_det = np.linalg.slogdet(information)[1]
+                    rho = partial(likeliest, kernel=rho, groups=groups, log_det=log_det)
+                own = Edges(edges, measurements, information, rho)
                 if equations.N == 0:
                     here = own.at(x)
                     found = Outcome(here, [here.cost], True, "every pose is fixed")

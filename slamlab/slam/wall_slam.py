@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from slamlab._checks import Array, as_array, as_count, as_instance, as_positive, as_scalar
 from slamlab.gaussian import chi2_quantile
 from slamlab.geometry import transform
-from slamlab.mapping.walls import Walls, extract_walls, in_name_of, on_line
+from slamlab.mapping.lines import in_name_of, on_line
+from slamlab.mapping.walls import Walls, extract_walls
 from slamlab.models import MotionModel, ScanSensor, as_scan_sensor
 from slamlab.sensors import Wall
 from slamlab.slam.association import IGNORED, NEW

@@ -83,31 +83,6 @@ def test_the_match_moves_with_the_world():
     np.testing.assert_allclose(moved.cov, turn @ found.cov @ turn.T, rtol=1e-3, atol=1e-12)
 
 
-def test_an_outline_that_moves_is_the_outline_of_the_moved_points():
-    a, _ = pair_of_scans()
-    frame = np.array([1.0, -2.0, 0.7])
-    moved, other = (
-        PointsWithNormals.estimate(a).transformed(frame),
-        PointsWithNormals.estimate(transform(frame, a)),
-    )
-    same = np.abs((moved.normals * other.normals).sum(-1))
-    assert np.array_equal(np.isnan(moved.normals[:, 0]), np.isnan(other.normals[:, 0]))
-    np.testing.assert_allclose(same[np.isfinite(same)], 1.0)
-    both = PointsWithNormals.concatenated([moved, other])
-    assert len(both.points) == 2 * len(a)
-
-
-def test_normals_stand_across_walls_and_corners_have_none():
-    x = np.linspace(0, 2, 21)
-    wall = np.column_stack([x, np.full(21, 3.0)])
-    post = np.array([[10.0, 10.0]])
-    found = estimate_normals(np.concatenate([wall, post]))
-    np.testing.assert_allclose(np.abs(found[:21]), np.tile([0.0, 1.0], (21, 1)), atol=1e-12)
-    assert np.isnan(found[21]).all()
-    cross = np.array([[0, 0], [0.1, 0], [-0.1, 0], [0, 0.1], [0, -0.1]])
-    assert np.isnan(estimate_normals(cross)[0]).all()
-
-
 def nees_of(room, lidar, pose, motion, n_runs=150):
     rng = np.random.default_rng(0)
     found, weakest = [], []
@@ -136,28 +111,6 @@ def test_a_corridor_flags_its_length():
     assert flagged.mean() > 0.9
     along = np.angle(np.exp(2j * (weakest[flagged, 1] + 0.4))) / 2
     assert np.abs(along).max() < 0.1
-
-
-def test_thinning_keeps_one_point_a_square():
-    points = np.random.default_rng(0).uniform(-1, 1, (2000, 2))
-    kept = voxel_downsample(points, 0.25)
-    assert len(kept) == 64
-    assert len(np.unique(np.floor(kept / 0.25), axis=0)) == 64
-    assert len(voxel_downsample(np.full((5, 2), np.nan))) == 0
-
-
-@pytest.mark.parametrize("size", [1.0, 1e3, 1e6, 1e300])
-def test_thinning_is_the_same_however_far_apart_points_are(size):
-    """From 2000 squares a side on it takes another way."""
-    points = np.random.default_rng(1).uniform(-3, 3, (500, 2)).round(1)
-    points = size * np.vstack([points, points[::-1]])
-    seen, first = set(), []
-    for k, square in enumerate(map(tuple, np.floor(points / 0.25).tolist())):
-        if square not in seen:
-            seen.add(square)
-            first.append(k)
-    assert 0 < len(first) < len(points)
-    np.testing.assert_array_equal(voxel_downsample(points, 0.25), points[first])
 
 
 def test_no_pairs_is_a_match_that_knows_nothing():
@@ -226,8 +179,6 @@ def test_without_pairs_the_prior_is_all_there_is():
         (lambda a: match_icp(a, a, np.zeros(3), prior_cov=np.zeros((3, 3))), "prior_cov.*regular"),
         (lambda a: match_icp(a, a, np.zeros(3), prior_cov=np.eye(2)), "prior_cov"),
         (lambda a: match_icp(a, a, np.zeros(3), noise=0.0), "noise"),
-        (lambda a: estimate_normals([[np.nan, 0.0]]), "points"),
-        (lambda a: voxel_downsample(a, 0.0), "spacing"),
     ],
 )
 def test_bad_input_is_named(call, message):
@@ -282,7 +233,7 @@ def test_one_wrong_pair_at_the_end_of_a_corridor_does_not_hold_its_length(monkey
         points = scan(now, rng, lidar, rooms.long_corridor())
         guess = now - [rng.uniform(0.1, 0.5), 0.0, 0.0]
         for few in sure:
-            monkeypatch.setattr("slamlab.matching.icp.FEW", few)
+            monkeypatch.setattr("slamlab.matching._covariance.FEW", few)
             match = match_icp(walls, points, guess)
             error = abs(match.pose[0] - x)
             sure[few].append(error > 0.1 and error > 4 * np.sqrt(match.cov[0, 0]))
