@@ -38,7 +38,7 @@ def match_correlative(
     field : LikelihoodGrid
         Shifts are whole cells of it.
     points : array_like, shape (k, 2)
-        The scan in the frame of the body (m); rows with NaN are left out.
+        The scan in the frame of the body (m), at least one point; rows with NaN are left out.
     guess : array_like, shape (3,)
         Middle of the window (m, m, rad).
     window : float
@@ -58,11 +58,6 @@ def match_correlative(
         None if no pose scores more than `min_score`. Its `score` is the mean of the field, in
         steps of 1/255, at the cells in which the points lie; `cov` that of the grid
         of poses searched: a step's width.
-
-    Raises
-    ------
-    ValueError
-        If there is no point, or an argument is out of range.
 
     Examples
     --------

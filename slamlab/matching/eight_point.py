@@ -24,11 +24,6 @@ def hartley_transform(points: ArrayLike) -> Array:
     points : array_like, shape (n, 2)
         Points of one image (pixels), not all the same.
 
-    Raises
-    ------
-    ValueError
-        If the shape is wrong, a number is not finite, or all points are one.
-
     Examples
     --------
     >>> hartley_transform([[0.0, 0.0], [200.0, 0.0]]).round(4).tolist()
@@ -128,7 +123,7 @@ def epipolar_distances(F: ArrayLike, first: ArrayLike, second: ArrayLike) -> Arr
     Raises
     ------
     ValueError
-        If a shape does not fit, a number is not finite, or `F` allows a point no line.
+        If `F` allows a point no line.
 
     Examples
     --------

@@ -43,9 +43,10 @@ class LikelihoodGrid(Grid):
     Parameters
     ----------
     values : array_like, shape (rows, columns)
-        Values at the cell centres, copied; row 0 is at the bottom. Beyond the grid they are 0.
+        Values at the cell centres, at least one, copied; row 0 is at the bottom. Beyond the grid
+        they are 0.
     resolution : float
-        Side of a cell (m).
+        Side of a cell (m), positive.
     origin : array_like, shape (2,), default (0, 0)
         Lower left corner of cell (0, 0) in the world (m).
     log_odds : bool, default False
@@ -58,11 +59,6 @@ class LikelihoodGrid(Grid):
         What the grid was made of (m), none without `of_points`.
     sigma : float
         Width of the slope on both sides of a wall (m), NaN without `of_points`.
-
-    Raises
-    ------
-    ValueError
-        If there is no cell, a number is not finite or the resolution is not positive.
 
     Examples
     --------
@@ -94,17 +90,16 @@ class LikelihoodGrid(Grid):
         Parameters
         ----------
         points : array_like, shape (k, 2)
-            In the world (m); rows with NaN (lost beams) are left out.
+            In the world (m), at least one; rows with NaN (lost beams) are left out.
         sigma : float, default 0.1
-            Width of the slope on both sides of a wall (m).
+            Width of the slope on both sides of a wall (m), positive.
         resolution : float, default 0.05
-            Side of a cell (m).
+            Side of a cell (m), positive.
 
         Raises
         ------
         ValueError
-            If there is no point, a parameter is out of range or the grid would be beyond 64
-            million cells.
+            If there would be more than 64 million cells.
 
         Examples
         --------
@@ -188,7 +183,7 @@ def match_field(
     field : LikelihoodGrid or sequence of LikelihoodGrid
         A sequence is refined in its order: coarse first.
     points : array_like, shape (k, 2)
-        The scan in the frame of the body (m); rows with NaN are left out.
+        The scan in the frame of the body (m), at least three points; rows with NaN are left out.
     guess : array_like, shape (3,)
         Where to begin (m, m, rad).
     prior_cov : array_like, shape (3, 3), optional
@@ -201,11 +196,6 @@ def match_field(
     -------
     Match
         `cov` is s^2 H^-1 with s^2 the mean square of 1 - M.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than three points, or a shape is wrong.
 
     Examples
     --------

@@ -48,7 +48,7 @@ def match_icp(
     reference : array_like, shape (m, 2), or PointsWithNormals
         Points of the map (m); a `PointsWithNormals` brings its normals along.
     points : array_like, shape (k, 2)
-        The scan in the frame of the body (m); rows with NaN are left out.
+        The scan in the frame of the body (m), at least three points; rows with NaN are left out.
     guess : array_like, shape (3,)
         Where to begin (m, m, rad).
     metric : {"line", "point"}
@@ -79,7 +79,7 @@ def match_icp(
     Raises
     ------
     ValueError
-        If fewer than three points, or reference points on walls, are there.
+        If the reference has fewer than three points; for lines, fewer than three on walls.
 
     Examples
     --------
