@@ -638,7 +638,7 @@ SYSTEMS = {
     "sessions, a drive": (sessions, ("slam/sessions.py", "slam/_drive.py"), OWN),
     "scan on a field": (field, ("matching/field.py",), OWN),
     "correlative search": (correlative, ("matching/correlative.py",), OWN),
-    "Kalman series": (kalman_series, ("filters/kalman.py",), OWN + 9),  # 48 of them: shapes, gaps
+    "Kalman series": (kalman_series, ("filters/kalman.py",), OWN),
     "occupancy map": (occupancy, ("mapping/occupancy.py",), OWN),
     "exploration grid": (exploration_grid, ("navigation/exploration_grid.py",), OWN),
     "shared maps": (shared_maps, ("slam/_landmark_maps.py", "filters/pages.py"), OWN),
