@@ -621,7 +621,7 @@ SYSTEMS = {
     "pose graph, certified": (certificate, ("slam/certificate.py",), OWN),
     "path memory, a point": (path_point, ("navigation/path_memory.py",), OWN),
     "path memory, a segment": (path_segment, ("navigation/path_memory.py",), OWN),
-    "signatures": (signatures, ("localization/signature.py",), OWN + 8),
+    "signatures": (signatures, ("localization/signature.py",), OWN),
     "ICP": (
         icp,
         ("matching/icp.py",),
