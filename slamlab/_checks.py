@@ -77,6 +77,14 @@ def as_shaped(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
     return array
 
 
+def as_finite_or_nan(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
+    """Like `as_shaped`, but of a missing number alone: NaN may pass; ValueError at infinity."""
+    array = as_shaped(name, value, shape)
+    if np.isinf(array).any():
+        raise ValueError(f"{name}: expected finite numbers or NaN, got infinity")
+    return array
+
+
 def as_distances(name: str, value: ArrayLike, shape: Shape | None = None) -> Array:
     """Like `as_shaped`, and no number is negative; ValueError otherwise."""
     array = as_shaped(name, value, shape)

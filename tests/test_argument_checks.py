@@ -12,6 +12,7 @@ from slamlab._checks import (
     as_choice,
     as_count,
     as_covariance,
+    as_finite_or_nan,
     as_rng,
     as_scalar,
     as_shaped,
@@ -105,6 +106,9 @@ def test_the_first_number_that_is_not_finite_is_shown():
     with pytest.raises(ValueError, match=r"z: expected finite numbers, got nan at index \(1, 0\)"):
         as_array("z", [[1, 2], [np.nan, np.inf]])
     assert np.isnan(as_shaped("z", [1, np.nan])[1])
+    assert np.isnan(as_finite_or_nan("z", [1, np.nan])[1])
+    with pytest.raises(ValueError, match="z: expected finite numbers or NaN, got infinity"):
+        as_finite_or_nan("z", [1, -np.inf])
 
 
 # Covariances.

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from slamlab._checks import Array, as_array, as_batch, as_count, as_covariance, as_shaped
+from slamlab._checks import Array, as_array, as_batch, as_count, as_covariance, as_finite_or_nan
 from slamlab.gaussian import Gaussian, as_belief
 
 __all__ = [
@@ -90,11 +89,6 @@ def predict(
     -------
     Gaussian
 
-    Raises
-    ------
-    ValueError
-        If a shape does not fit, a number is not finite, or `Q` is no covariance.
-
     Examples
     --------
     >>> belief = predict(Gaussian([2.0], [[1.0]]), F=[[1.0]], Q=[[0.5]])
@@ -139,8 +133,7 @@ def update(
     Raises
     ------
     ValueError
-        If a shape does not fit, a number is not finite, `R` is no covariance, or the innovation
-        covariance S is singular.
+        If the innovation covariance S is singular.
 
     Examples
     --------
@@ -297,8 +290,7 @@ def filter(
     Raises
     ------
     ValueError
-        If a shape does not fit, a number is not finite (NaN in `z` excepted), Q or R is no
-        covariance, or an innovation covariance is singular.
+        If an innovation covariance is singular.
 
     Examples
     --------
@@ -307,17 +299,15 @@ def filter(
     >>> run.means[:, 0].round(3).tolist(), run.covs[:, 0, 0].round(3).tolist()
     ([0.5, 0.5, 0.733], [0.5, 0.5, 0.333])
     """
-    z = as_shaped("z", z, ("...", "T", "m"))
-    if np.isinf(z).any():
-        raise ValueError("z: expected finite numbers or NaN for missing, got infinity")
+    z = as_finite_or_nan("z", z, ("...", "T", "m"))
     (length, m), n = z.shape[-2:], as_belief("initial", initial).dim
     if length == 0:
         raise ValueError(f"z: expected at least one step, got shape {z.shape}")
-    batch = _batch_shape(z, initial, u, F=F, H=H, Q=Q, R=R, B=B)
-    F, H = _model("F", F, (n, n), length), _model("H", H, (m, n), length)
+    F, H = as_array("F", F, ("...", n, n)), as_array("H", H, ("...", m, n))
     Q, R = as_covariance("Q", Q, n), as_covariance("R", R, m)
-    Q, R = _model("Q", Q, (n, n), length), _model("R", R, (m, m), length)
-    push = _controls(B, u, n, length)
+    push = _control(B, u, n, length)
+    batch = _batch_shape(z, initial, push, F=F, H=H, Q=Q, R=R)
+    F, H, Q, R = (_in_steps(matrix, length) for matrix in (F, H, Q, R))
     seen = ~np.isnan(z)
     z, H, R = np.where(seen, z, z.dtype.type(0)), *_without_missing(H, R, seen)
     x, P, I, steps = initial.mean, initial.cov, np.eye(n, dtype=initial.cov.dtype), []
@@ -388,11 +378,6 @@ def fixed_lag(result: FilterResult, lag: int) -> SmootherResult:
     Returns
     -------
     SmootherResult
-
-    Raises
-    ------
-    ValueError
-        If `lag` is no count.
 
     Examples
     --------
@@ -473,34 +458,23 @@ def _unchanged(P: Array, before: Array) -> bool:
     return bool((np.abs(P - before) <= limit).all())
 
 
-def _batch_shape(z: Array, initial: Gaussian, u: Any, **matrices: Any) -> tuple[int, ...]:
-    """Leading axes of all arguments together; a matrix has time, too, before its own two."""
-    batch = as_batch("initial", initial.mean.shape[:-1], z.shape[:-2])
-    batch = as_batch("initial", initial.cov.shape[:-2], batch)
+def _batch_shape(z: Array, initial: Gaussian, push: Array, **matrices: Array) -> tuple[int, ...]:
+    """Leading axes of all arguments together; all but `initial` have time, too, as the last."""
+    lead = z.shape[:-1]
     for name, matrix in matrices.items():
-        batch = as_batch(name, np.shape(matrix)[:-3], batch)
-    return as_batch("u", np.shape(u)[:-2], batch)
+        lead = as_batch(name, matrix.shape[:-2], lead)
+    lead = as_batch("u, B", push.shape[:-1], lead)
+    if lead[-1] > z.shape[-2]:
+        raise ValueError(f"z: expected {lead[-1]} steps, as many as the model has, got 1")
+    batch = as_batch("initial", initial.mean.shape[:-1], lead[:-1])
+    return as_batch("initial", initial.cov.shape[:-2], batch)
 
 
-def _model(name: str, matrix: ArrayLike, shape: tuple[int, int], length: int) -> Array:
+def _in_steps(matrix: Array, length: int) -> Array:
     """Bring a model matrix to two axes, or to a third from the end that is time, of length T."""
-    matrix = as_array(name, matrix, ("...", *shape))
     if matrix.ndim == 2:
         return matrix
-    if matrix.shape[-3] not in (1, length):
-        raise ValueError(
-            f"{name}: expected {length} steps (or 1) on the third axis from the end, "
-            f"got shape {matrix.shape}"
-        )
-    return np.broadcast_to(matrix, (*matrix.shape[:-3], length, *shape))
-
-
-def _controls(B: ArrayLike | None, u: ArrayLike | None, n: int, length: int) -> Array:
-    """B u of every step, shape (..., T, n)."""
-    if B is None or u is None:
-        return np.broadcast_to(np.float32(_control(B, u, n)), (length, n))
-    u = as_array("u", u, ("...", length, "l"))
-    return apply(_model("B", B, (n, u.shape[-1]), length), u)
+    return np.broadcast_to(matrix, (*matrix.shape[:-3], length, *matrix.shape[-2:]))
 
 
 def _at(matrix: Array, k: int) -> Array:
@@ -509,11 +483,10 @@ def _at(matrix: Array, k: int) -> Array:
 
 def _in_time(steps: Sequence[Array], batch: tuple[int, ...], axes: int) -> Array:
     """Join what T steps gave, time before the last `axes` axes; one for all series if shared."""
-    full = steps[-1].shape
-    if steps[0].shape != full:  # the first steps do not know yet that the series differ
-        steps = [np.broadcast_to(step, full) for step in steps]
+    # The first step does not know yet that the series differ.
+    steps = [np.broadcast_to(steps[0], steps[-1].shape), *steps[1:]]
     joined = np.stack(steps, -1 - axes)
-    return np.broadcast_to(joined, (*batch, *joined.shape[joined.ndim - 1 - axes :]))
+    return np.broadcast_to(joined, (*batch, *joined.shape[-1 - axes :]))
 
 
 def _shared(matrices: Array, batch: tuple[int, ...]) -> Array:
@@ -559,8 +532,7 @@ def steady_state(F: ArrayLike, H: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Stea
     Raises
     ------
     ValueError
-        If a shape does not fit, a number is not finite, or the covariances do not settle (an
-        unstable state that is never seen).
+        If the covariances do not settle (an unstable state that is never seen).
 
     Examples
     --------
@@ -602,10 +574,13 @@ def _singular(S: Array) -> ValueError:
     )
 
 
-def _control(B: ArrayLike | None, u: ArrayLike | None, n: int) -> Array | float:
+def _control(B: ArrayLike | None, u: ArrayLike | None, n: int, *time: int) -> Array:
+    """Push B u of a control, shape (..., *time, n); none if both are left out."""
     if (B is None) != (u is None):
         raise ValueError(f"{'B' if B is None else 'u'}: expected B and u together, got one alone")
     if B is None or u is None:
-        return 0.0
-    u = as_array("u", u, ("...", "l"))
-    return apply(as_array("B", B, ("...", n, u.shape[-1])), u)
+        return np.zeros((*time, n), np.float32)  # no number becomes wider by it
+    u = as_array("u", u, ("...", *time, "l"))
+    B = as_array("B", B, ("...", n, u.shape[-1]))
+    as_batch("B", B.shape[:-2], u.shape[:-1])
+    return apply(B, u)

@@ -74,7 +74,7 @@ def autocorrelation(scan: ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        If there is no beam or a number is not finite.
+        If there is no beam.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def spectrum(scan: ArrayLike, n_harmonics: int | None = None) -> Array:
     Raises
     ------
     ValueError
-        If there is no beam, a number is not finite, or `n_harmonics` is below 1.
+        If there is no beam.
 
     Examples
     --------
@@ -151,7 +151,7 @@ def three_numbers(scan: ArrayLike, form: str = "printed") -> Array:
     Raises
     ------
     ValueError
-        If there is no beam, a number is not finite, or `form` is unknown.
+        If there is no beam.
 
     Examples
     --------
@@ -250,8 +250,7 @@ class SignatureMap:
     Raises
     ------
     ValueError
-        If there is no place, a shape does not fit, there are fewer than three beams, or a number
-        is out of range.
+        If there is no place, there are fewer than three beams, or a return was missed.
 
     Examples
     --------
@@ -320,8 +319,8 @@ class SignatureMap:
         Raises
         ------
         ValueError
-            If the lidar does not see the full circle, `stride` is below 1, the resolution is
-            missing or one too many, or no cell is free.
+            If the lidar does not see the full circle, the resolution is missing or one too many,
+            or no cell is free.
         """
         stride = as_count("stride", stride, low=1)
         as_instance("world", world, World)
@@ -376,17 +375,15 @@ class SignatureMap:
         Raises
         ------
         ValueError
-            If the number of beams differs, a range is negative, or fewer than three returns came.
+            If a scan has fewer than three returns.
         """
         scan = as_distances("scan", scan, ("...", self.n_beams))
         n_candidates = as_count("n_candidates", n_candidates, low=1)
         ranges = np.minimum(scan, self.reach).reshape(-1, self.n_beams)
-        few = np.flatnonzero((~np.isnan(ranges)).sum(1) < 3)
-        if few.size:
-            raise ValueError(
-                f"scan: expected at least three returns, scan {few[0]} has "
-                f"{(~np.isnan(ranges[few[0]])).sum()}"
-            )
+        returns = (~np.isnan(ranges)).sum(1)
+        if (returns < 3).any():
+            k = int(np.argmax(returns < 3))
+            raise ValueError(f"scan: expected at least three returns, scan {k} has {returns[k]}")
         # A few scans at a time: their candidates then stay in the cache.
         eights = range(0, max(len(ranges), 1), 8)
         parts = [self._locate(ranges[i : i + 8], n_candidates) for i in eights]
@@ -471,15 +468,14 @@ class SignatureMap:
 
         Sum over the known beams of (scan[i] - stored[i + shift])^2, multiplied out.
         """
-        n_beams = self.n_beams
         stored = self.scans[candidates].astype(float)
         scan = np.where(known, ranges, 0.0)[:, None]
         product = np.conj(np.fft.rfft(scan)) * np.fft.rfft(stored)
-        squares = (scan**2).sum(-1)[..., None] - 2 * np.fft.irfft(product, n_beams)
+        squares = (scan**2).sum(-1)[..., None] - 2 * np.fft.irfft(product, self.n_beams)
         if known.all():
             return squares + (stored**2).sum(-1)[..., None]
         votes = np.conj(np.fft.rfft(known.astype(float)))[:, None]
-        return squares + np.fft.irfft(votes * np.fft.rfft(stored**2), n_beams)
+        return squares + np.fft.irfft(votes * np.fft.rfft(stored**2), self.n_beams)
 
     def _distinct(self, candidates: NDArray[np.intp], shifts: Array, best: Array) -> Bools:
         """Whether candidates (M, k) stand elsewhere than the best one, or look elsewhere."""
@@ -500,11 +496,10 @@ class SignatureMap:
         """
         trials = shifts[..., None] + np.linspace(-0.5, 0.5, 21)
         residuals = self._residuals(ranges, known, candidates, trials)
-        least = residuals.argmin(-1)[..., None]
-        shift = np.take_along_axis(trials, least, -1)
+        shift = np.take_along_axis(trials, residuals.argmin(-1)[..., None], -1)
         heading = wrap_angle(shift * (2 * np.pi / self.n_beams))
         poses = np.concatenate([self.places[candidates], heading], -1)
-        return poses, np.take_along_axis(residuals, least, -1)[..., 0]
+        return poses, residuals.min(-1)
 
     def _residuals(
         self, ranges: Array, known: Bools, candidates: NDArray[np.intp], shifts: Array
@@ -513,14 +508,11 @@ class SignatureMap:
 
         Between whole beams the stored ring is interpolated.
         """
-        stored = self.scans[candidates]
-        rings = np.concatenate([stored, stored[..., :1]], -1)
         whole = np.floor(shifts).astype(np.intp)[..., None]
-        beam = (np.arange(self.n_beams) + whole) % self.n_beams
-        first = np.arange(candidates.size).reshape(*candidates.shape, 1, 1) * rings.shape[-1]
         part = shifts[..., None] - whole
-        predicted = (1 - part) * rings.ravel()[first + beam]
-        predicted += part * rings.ravel()[first + beam + 1]
+        beam = (np.arange(self.n_beams) + whole) % self.n_beams
+        turned = np.take(self.scans, candidates[..., None, None] * self.n_beams + beam)
+        predicted = (1 - part) * turned + part * np.roll(turned, -1, -1)
         misfit = np.minimum(np.abs(predicted - ranges[:, None, None]), CAP * self.pitch)
         votes = known.sum(1)[:, None, None]
         return np.asarray(np.where(known[:, None, None], misfit, 0.0).sum(-1) / votes)
@@ -558,10 +550,9 @@ def _as_scan(scan: ArrayLike, name: str = "scan") -> Array:
 
 def _bridged(ranges: Array, known: Bools) -> Array:
     """Missed returns filled in between their neighbours on the circle."""
-    if known.all():
-        return ranges
     beams, rows = np.arange(ranges.shape[1]), zip(ranges, known, strict=True)
-    return np.array([np.interp(beams, beams[k], row[k], period=len(beams)) for row, k in rows])
+    whole = [np.interp(beams, beams[k], row[k], period=len(beams)) for row, k in rows]
+    return np.reshape(whole, ranges.shape)
 
 
 def _full_circle(lidar: Lidar) -> Array:

@@ -11,6 +11,7 @@ from slamlab._checks import Array, as_instance
 from slamlab.geometry import between, compose
 from slamlab.logs import Log, ScanGeometry
 from slamlab.matching import PointsWithNormals
+from slamlab.slam._chain import Chain
 from slamlab.slam._closures import Closure
 from slamlab.slam.scan_graph import ScanGraphSlam
 
@@ -53,9 +54,10 @@ class Drive:
     closures: list[Closure]
 
     @property
-    def travel(self) -> Array:
-        """Metres driven to each node, shape (N,)."""
-        return np.append(0.0, np.cumsum(np.hypot(self.z[:, 0], self.z[:, 1])))
+    def chain(self) -> Chain:
+        """Its nodes, with the metres driven to each."""
+        travel = np.append(0.0, np.cumsum(np.hypot(self.z[:, 0], self.z[:, 1])))
+        return Chain(self.nodes, self.poses, travel)
 
     @property
     def trajectory(self) -> Array:

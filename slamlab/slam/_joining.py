@@ -50,9 +50,9 @@ class Alignment:
     places: int
 
 
-def together(old: Chain, new: Chain, frame: Array) -> Chain:
-    """Both chains as one, the new one moved to where its frame lies in that of the old one."""
-    poses = np.vstack([old.poses, compose(frame, new.poses)])
+def together(old: Chain, new: Chain) -> Chain:
+    """Both chains as one, with a gap of travel between them."""
+    poses = np.vstack([old.poses, new.poses])
     travel = np.concatenate([old.travel, old.travel[-1] + GAP + new.travel])
     return Chain(old.nodes + new.nodes, poses, travel)
 
@@ -80,7 +80,8 @@ def recognised(old: Chain, new: Chain, progress: Progress) -> Alignment:
         progress(done, len(places))
         if match is None or match.second_peak > MAX_SECOND_PEAK:
             continue
-        both = together(old, new, _frame(match.pose, new.poses[k]))
+        moved = compose(_frame(match.pose, new.poses[k]), new.poses)
+        both = together(old, Chain(new.nodes, moved, new.travel))
         j = int(np.hypot(*(old.poses[:, :2] - match.pose[:2]).T).argmin())
         one = verify(j, len(old.nodes) + k, MIN_SEARCH_RADIUS, both, False)
         if one is None:
@@ -114,7 +115,7 @@ def _frame(there: Array, here: Array) -> Array:
 def _agreed(old: Chain, new: Chain, found: list[Closure]) -> Array | None:
     """Confirm what is consistent; the frame on which twice as many agree as speak against it."""
     n = len(old.nodes)
-    both = together(old, new, np.zeros(3))
+    both = together(old, new)
     for one in found:
         agrees = pairwise_consistent(one, found, both)
         one.state = "confirmed" if agrees else "waiting"

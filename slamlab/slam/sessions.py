@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from slamlab.logs import Log, ScanGeometry
 from slamlab.slam._chain import Chain
 from slamlab.slam._closures import CLOSURE_SPACING, N_QUERY_SCANS, chain_graph, confirm, optimized
 from slamlab.slam._drive import Drive, drive_of, lidar_of
-from slamlab.slam._joining import GAP, Alignment, more, recognised
+from slamlab.slam._joining import Alignment, more, recognised, together
 from slamlab.slam._sessions_file import arrays_of, contents_of
 from slamlab.slam.pose_graph import PoseGraph
 from slamlab.slam.scan_graph import ScanGraphSlam
@@ -141,10 +142,8 @@ class Sessions:
     def check_lidar(self, log: Log) -> None:
         """ValueError if the scans of a log are not those of the lidar of this map."""
         own, other = self.scan, lidar_of(log)
-        numbers = [np.r_[one.beam_angles, one.max_range, one.offset] for one in (own, other)]
-        if len(numbers[0]) != len(numbers[1]) or not np.allclose(
-            numbers[0], numbers[1], 0.0, _SAME_LIDAR
-        ):
+        mine, theirs = (np.r_[one.beam_angles, one.max_range, one.offset] for one in (own, other))
+        if len(mine) != len(theirs) or not np.allclose(mine, theirs, 0.0, _SAME_LIDAR):
             raise ValueError(
                 f"log: expected the lidar of the map, {_said(own)}; got {_said(other)}"
             )
@@ -153,19 +152,13 @@ class Sessions:
 
     def _chain(self) -> Chain:
         """Nodes of the map, with gaps of travel between the drives."""
-        travel, end = [], 0.0
-        for one in self.drives:
-            travel.append(end + one.travel)
-            end = float(travel[-1][-1]) + GAP
-        nodes = [node for one in self.drives for node in one.nodes]
-        poses = np.concatenate([one.poses for one in self.drives])
-        return Chain(nodes, poses, np.concatenate(travel))
+        return reduce(together, (one.chain for one in self.drives))
 
     def _joined(self, new: Drive, progress: Callable[[int, int], object]) -> Alignment:
         """Join a drive to the map if its places agree on where it began."""
         old = self._chain()
         n = len(old.nodes)
-        alignment = recognised(old, Chain(new.nodes, new.poses, new.travel), progress)
+        alignment = recognised(old, new.chain, progress)
         if alignment.frame is None:
             return alignment
         trial = copy(self)

@@ -17,7 +17,7 @@ import anywidget
 import numpy as np
 import traitlets
 
-from slamlab._checks import Array, as_array, as_covariance, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_covariance, as_finite_or_nan, as_scalar, as_shaped
 from slamlab.gaussian import chi2_quantile
 
 MISSING = -32768
@@ -154,10 +154,8 @@ def points(name: str, value: Any, shape: tuple[int | str, ...], missing: bool = 
     if given.ndim == len(shape):
         given = given[..., None]
     other = given.ndim == len(shape) + 1 and given.shape[-1] in (1, 3)
-    check = as_shaped if missing else as_array
+    check = as_finite_or_nan if missing else as_array
     given = check(name, given, (*shape, given.shape[-1] if other else 2))
-    if np.isinf(given).any():
-        raise ValueError(f"{name}: expected finite numbers or NaN, got infinity")
     if given.shape[-1] == 1:
         given = np.concatenate([given, np.zeros_like(given)], axis=-1)
     return given.astype(np.float64, copy=False)

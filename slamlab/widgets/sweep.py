@@ -14,7 +14,7 @@ import numpy as np
 import traitlets
 from numpy.typing import ArrayLike
 
-from slamlab._checks import Array, as_array, as_choice, as_scalar, as_shaped
+from slamlab._checks import Array, as_array, as_choice, as_finite_or_nan, as_scalar, as_shaped
 from slamlab.widgets import _pack
 from slamlab.widgets._pack import Figure, script
 
@@ -342,10 +342,7 @@ def _on_grid(
     """Return the array if it is (*grid, *rest) or the constant (*rest); name it otherwise."""
     values = as_shaped(name, given)
     wanted = rest if values.ndim == len(rest) else (*grid, *rest)
-    fitting = as_shaped(name, values, wanted)
-    if np.isinf(fitting).any():
-        raise ValueError(f"{name}: expected finite numbers or NaN, got infinity")
-    return fitting
+    return as_finite_or_nan(name, values, wanted)
 
 
 def _frame(
