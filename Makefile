@@ -136,9 +136,10 @@ notebooks: $(VENV)/.dev-installed  ## Run every notebook and compare its outputs
 	@echo "== Notebooks, cell by cell"
 	$(NBVAL) $(NOTEBOOKS)
 
-same: $(VENV)/.dev-installed  ## Run the book as on a machine without AVX, compare its numbers
+SETTING ?= plain
+same: $(VENV)/.dev-installed  ## Run the book as on a machine without AVX (SETTING=haswell: AVX2), compare its numbers
 	@echo "== The book under another setting: every number as in the notebooks"
-	@$(BIN)/python tools/build_book.py --setting plain --strict --no-pages
+	@$(BIN)/python tools/build_book.py --setting $(SETTING) --strict --no-pages
 
 # One process reads all pages before others help to write them, and figures that play are waited for.
 pages-and-figures:
