@@ -60,12 +60,18 @@ PICTURES = [
 ]
 
 
+def unclosed(outline):
+    """Vertices of an outline without the last if it is the first: rounding decides whether."""
+    closed = len(outline) > 1 and np.allclose(outline[0], outline[-1], rtol=0, atol=1e-9)
+    return unclosed(outline[:-1]) if closed else outline
+
+
 def drawn(axes):
     """All that was drawn into axes and those within, as numbers."""
     parts = [drawn(within) for within in axes.child_axes]
     parts += [np.asarray(line.get_xydata(), float).ravel() for line in axes.lines]
     placed = [p.get_patch_transform().transform(p.get_path().vertices) for p in axes.patches]
-    parts += [np.ravel(vertices) for vertices in placed]
+    parts += [np.ravel(unclosed(vertices)) for vertices in placed]
     parts += [np.ma.filled(image.get_array(), np.nan).ravel() for image in axes.images]
     bars = [one.get_segments() for one in axes.collections if hasattr(one, "get_segments")]
     parts += [np.ravel(segment) for segments in bars for segment in segments]
@@ -148,7 +154,7 @@ def test_the_right_answer_looks_as_it_should(check):
         (ch04.check_renew, lambda x, w, *a: (x, w)),
         (ch04.check_best_place, lambda x, w, radius: (w @ x, 1.0)),
         (ch04.check_localize, lambda *a: ch04.localize(*a[:5], 0 * a[5], *a[6:])),
-        (ch.check_jacobian, lambda p, q, m: ch.jacobian(p, 0 * q, m)),
+        (ch.check_jacobian, lambda p, q, m: ch.jacobian(p, q, m)[:, [0, 1, 2, 0, 1, 5, 6]]),
         (ch.check_add_landmark, lambda *a: np.diag(np.diag(ch.add_landmark(*a)))),
         (ch.check_wall, lambda p, w, L: np.abs(ch.observe_wall(p, w, L))),
         (ch.check_update, lambda m, P, z, i, R: (m, P)),
