@@ -685,8 +685,7 @@ check_free_step.mistakes = {
 # points, at all its edges.
 
 # %% [markdown] tags=["solution"]
-# Whoever plays safe and lets every point ahead stop the robot has no collisions, and no doors
-# either:
+# A guard that lets every point ahead stop the robot has no collisions, and no doors either:
 
 # %% active="ipynb" tags=["solution"]
 # def timid(points, half, margin):
@@ -699,7 +698,7 @@ check_free_step.mistakes = {
 # ## Exercise 5: the frontier
 #
 # No beam of a scan says that a building is done. A map does: as long as somewhere free floor
-# borders on floor that nobody has seen, there is something left, and the robot can stand right
+# borders on floor that was never seen, there is something left, and the robot can stand right
 # beside it. Write the rule that finds these cells. It is the whole difference between a robot that
 # wanders and one that stops; in exercise 6 yours drives.
 #
