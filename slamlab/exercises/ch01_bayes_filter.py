@@ -834,8 +834,9 @@ check_wander.mistakes = {
 #   belief fits where it was before the dark: three steps left and four right end elsewhere, most
 #   often one place on. The blind robot, which never measured anything, is found more often.
 # - **Seven invented answers cost most of what the eye was worth.** The robot that takes the dark
-#   for a wall is found hardly more often than the blind one, and in other sets of 500 patrols now
-#   and then less often. First and last are the same two there.
+#   for a wall is found hardly more often than the blind one here. In 38 other sets of 500 patrols
+#   (5 to 42 for the 4 of the seed) it is 5 points more on average, where the eye is worth 16. In each
+#   of them the right robot is found most often, and the one that stops predicting least often.
 # - **A robot that trusts its eye too much** is found a little less often: 41 %, not 45.
 # - **Blind is better than chance**, which finds one of twelve, or 8 of 100. It is exercise 1
 #   again: a robot that walks against a wall stands there, so the two ends gather the belief,

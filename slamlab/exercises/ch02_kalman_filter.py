@@ -1465,8 +1465,8 @@ check_track.mistakes = {
 # **And a dirty laser?** 60 tight shuttles whose laser has a dirty window, three times its σ, are
 # all reported, and none of them as (1, 1). (They stand still; that is enough here.) $R$ alone up is
 # (1, -1), but most of them land at (1, 0), both noises up: of the laser the test says that something
-# is too small, and seldom which. (With ten other seeds 5 to 18 of the 60 were (1, -1), and all the
-# others (1, 0).)
+# is too small, and seldom which. (With the seeds 1 to 10 between 10 and 16 of the 60 are (1, -1),
+# and all others (1, 0).)
 
 # %% active="ipynb" tags=["solution"]
 # H, rng, said = np.array([[1.0, 0.0, 0.0]]), np.random.default_rng(0), {}
