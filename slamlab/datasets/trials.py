@@ -56,7 +56,8 @@ TRIALS = {
         'many "count" at the first tree'
     ),
     "orchard_returns": (
-        'the same where the names are given until then, and "sigma" of the place on return (m)'
+        'the same where the names are given until then, and "sigma" of the place on return (m); '
+        'a hundred drives more at the drift of the lesson, "1.25, other drives"'
     ),
     "park_fitted": (
         'Victoria Park with a noise fitted by parts, error of the "trees" (m) by the '

@@ -915,7 +915,8 @@ def observe_landmark(
         means = means + Ph * (y / s)[:, None]
         covs = covs - Ph[:, :, None] * Ph[:, None, :] / s[:, None, None]
         log = log - 0.5 * (y**2 / s + np.log(s))
-    new = weights * np.exp(log - log.max())
+    # A weight may have been rounded to 0 before; then log.max() may be that particle's.
+    new = np.maximum(weights, 1e-300) * np.exp(log - log.max())
     return new / new.sum(), means.copy(), covs.copy()
 
 
@@ -1141,7 +1142,7 @@ check_observe_landmark.mistakes = {
     "the densities underflow: subtract the largest logarithm before the exponential": (
         "np.exp(log - log.max()) => np.exp(log)"
     ),
-    "the old weights are forgotten": "weights * np.exp => np.exp",
+    "the old weights are forgotten": "np.maximum(weights, 1e-300) * np.exp => np.exp",
     "the weights do not sum to one: divide by their sum": "new / new.sum(), => new,",
     "r is missing in s": " + r[number] => ",
     "r is a variance already: it is not squared": "r[number] => r[number] ** 2",

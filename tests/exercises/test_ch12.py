@@ -170,6 +170,14 @@ def test_the_pair_is_for_the_particle_that_either_number_alone_is_against():
     np.testing.assert_allclose(left, [0.43, 0.38, 0.86], atol=0.005)
 
 
+def test_the_weights_sum_to_one_after_one_was_rounded_to_zero():
+    """The particle of weight zero expects the range that comes, the other one is 40 sigma off."""
+    means, covs = np.array([[2.0, 0.0], [6.0, 0.0]]), np.tile(1e-4 * np.eye(2), (2, 1, 1))
+    z, r = np.array([2.0, np.nan]), np.array([1e-2, 1e-2])
+    weights = ch.observe_landmark(np.zeros((2, 3)), np.array([0.0, 1.0]), means, covs, z, r)[0]
+    assert weights.sum() == pytest.approx(1.0)
+
+
 def test_the_trees_of_the_pair_are_where_the_page_says():
     d = np.array([1.211 - 0.9, 2.581])
     np.testing.assert_allclose([np.hypot(*d), np.degrees(np.arctan2(*d))], [2.6, 6.9], atol=0.05)
