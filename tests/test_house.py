@@ -216,6 +216,7 @@ DOOR = re.compile(
             r"\boutside [\[(]",
             r"\bno (covariance|generator)\b",
             r"\bis (unknown|no count)\b",
+            r"\bthere (is|are) no (beams?|places?|points?)\b",
         ]
     )
 )
@@ -256,6 +257,7 @@ def test_no_raises_section_repeats_what_every_function_refuses():
         "If a parameter lies outside its\n            range.",
         "If a number is not finite.",
         "If the file is damaged, or `V` is no covariance.",
+        "If there is no beam.",
     ],
 )
 def test_a_raises_section_of_the_door_would_be_found(words):

@@ -64,17 +64,12 @@ def autocorrelation(scan: ArrayLike) -> Array:
     Parameters
     ----------
     scan : array_like, shape (..., n_beams)
-        Ranges, evenly spread over the full circle, every one finite.
+        Ranges of at least one beam, evenly spread over the full circle, every one finite.
 
     Returns
     -------
     ndarray, shape (..., n_beams)
         In squared units of the scan; index 0 is the shift 0.
-
-    Raises
-    ------
-    ValueError
-        If there is no beam.
 
     Examples
     --------
@@ -99,19 +94,15 @@ def spectrum(scan: ArrayLike, n_harmonics: int | None = None) -> Array:
     Parameters
     ----------
     scan : array_like, shape (..., n_beams)
-        Ranges, evenly spread over the full circle.
+        Ranges of at least one beam, evenly spread over the full circle, every one finite.
     n_harmonics : int, optional
-        How many to keep, the mean (harmonic 0) included; all ``n_beams // 2 + 1`` without it.
+        How many to keep, at least 1, the mean (harmonic 0) included; all ``n_beams // 2 + 1``
+        without it.
 
     Returns
     -------
     ndarray, shape (..., n_harmonics)
         Scaled so that the squares of all harmonics sum to the squares of the ranges.
-
-    Raises
-    ------
-    ValueError
-        If there is no beam.
 
     Examples
     --------
@@ -137,7 +128,7 @@ def three_numbers(scan: ArrayLike, form: str = "printed") -> Array:
     Parameters
     ----------
     scan : array_like, shape (..., n_beams)
-        Ranges, evenly spread over the full circle.
+        Ranges of at least one beam, evenly spread over the full circle, every one finite.
     form : {"printed", "modular", "autocorrelation"}
         "printed": of the raw scan, indices subtracted as they are. "modular": the difference
         modulo n_beams, so that it survives a turn. "autocorrelation": of the autocorrelation,
@@ -147,11 +138,6 @@ def three_numbers(scan: ArrayLike, form: str = "printed") -> Array:
     Returns
     -------
     ndarray, shape (..., 3)
-
-    Raises
-    ------
-    ValueError
-        If there is no beam.
 
     Examples
     --------
@@ -225,14 +211,14 @@ class SignatureMap:
     Parameters
     ----------
     places : array_like, shape (n, 2)
-        Where the lidar stood (m).
+        Where the lidar stood (m), at least one.
     scans : array_like, shape (n, n_beams)
-        Noise-free ranges (m) with heading 0; beam i at the angle 2 pi i / n_beams. Kept as
-        float32.
+        Noise-free ranges (m) of three beams or more with heading 0, none missed; beam i at the
+        angle 2 pi i / n_beams. Kept as float32.
     pitch : float
-        Distance of neighbouring places (m).
+        Distance of neighbouring places (m), positive.
     reach : float
-        Range (m) that stands for a beam that met nothing.
+        Range (m) that stands for a beam that met nothing, positive.
     offset : float, default 0.0
         Distance of the lidar ahead of the body centre (m).
     signature : {"spectrum", "autocorrelation", "three numbers", "modular", "printed"}
@@ -246,11 +232,6 @@ class SignatureMap:
     signature : str
     tree : scipy.spatial.cKDTree
         Over the signatures, row for row.
-
-    Raises
-    ------
-    ValueError
-        If there is no place, there are fewer than three beams, or a return was missed.
 
     Examples
     --------
@@ -306,9 +287,9 @@ class SignatureMap:
             Full circle, beam 0 straight ahead. Its noise is left out; `max_range` and `offset`
             count.
         stride : int, default 2
-            P5 takes every second pixel of every second row.
+            P5 takes every second pixel of every second row; at least 1.
         resolution : float, optional
-            Side of a cell (m), for worlds without cells such as `WallWorld`.
+            Side of a cell (m), for worlds without cells such as `WallWorld`, and only for them.
         progress : bool, default False
             Show a progress bar; ImportError without tqdm.
 
@@ -319,8 +300,7 @@ class SignatureMap:
         Raises
         ------
         ValueError
-            If the lidar does not see the full circle, the resolution is missing or one too many,
-            or no cell is free.
+            If no cell is free.
         """
         stride = as_count("stride", stride, low=1)
         as_instance("world", world, World)

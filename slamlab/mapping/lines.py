@@ -36,8 +36,7 @@ def fit_line(points: ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        If there are fewer than two points, or they scatter alike in all directions, so that no
-        line is better than another.
+        If the points scatter alike in all directions, so that no line is better than another.
 
     Examples
     --------
@@ -69,6 +68,7 @@ def line_cov(points: ArrayLike, covs: ArrayLike) -> Array:
     Parameters
     ----------
     points : array_like, shape (..., k, 2)
+        At least two (m).
     covs : array_like, shape (..., k, 2, 2)
         Covariance of each point (m^2); points are independent.
 

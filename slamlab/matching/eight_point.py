@@ -63,7 +63,7 @@ def fundamental_matrix(first: ArrayLike, second: ArrayLike, *, normalised: bool 
     Parameters
     ----------
     first, second : array_like, shape (n, 2)
-        The same points in two images (pixels).
+        The same points in two images (pixels), at least eight, not all at one place.
     normalised : bool, default True
         Centre and scale both images first. Without, the numbers of A differ by the square of an
         image's width, and so does what an error of a pixel does to F.
@@ -76,9 +76,9 @@ def fundamental_matrix(first: ArrayLike, second: ArrayLike, *, normalised: bool 
     Raises
     ------
     ValueError
-        If there are fewer than eight pairs, the points of one image are one, or the pairs do not
-        determine F: the camera stood still or only turned, or all points lie in one plane or
-        come again. With noise in the points this is not seen: then s_8 of the rows is small.
+        If the pairs do not determine F: the camera stood still or only turned, or all points lie
+        in one plane or come again. With noise in the points this is not seen: then s_8 of the
+        rows is small.
 
     Examples
     --------
